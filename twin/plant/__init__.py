@@ -1,0 +1,67 @@
+"""Torque to motion: the plants, and what every plant offers to the twin.
+
+    kernel.py      the compiled loop: drives and MuJoCo together, up to the first switch edge
+    mujoco.py      the MuJoCo plant around it (default)
+    kinematic.py   the carriage follows the counter exactly; switches still work
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Plant"]
+
+
+class Plant(Protocol):
+    """A plant advances the machine and reports where it is.
+
+    Coordinates: machine coordinates in mm, 0 at the motor-end switch's nominal trip point of each axis, increasing away
+    from the motor; the rotor in microsteps of the stage, same sense. Steps handed to `advance` are in the sense of the
+    motor (the twin has applied the controller's direction setting).
+
+    Time: the plant runs on a fixed grid of sub-steps counted from power-on, so how a stretch of time is cut into calls
+    never changes a bit of the result. Pulses after the last whole sub-step are kept for the next call.
+    """
+
+    time_ns: int
+    """Time reached: a multiple of the sub-step."""
+
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+        """Advance to until_ns or to the end of the first sub-step in which a switch changed; return the time reached.
+
+        t_ns, code [n]: all pulses in (last until_ns or time reached, until_ns], see isel_twin.motion for the packing.
+        When it returns early (at time t), the pulses after t have not been made and must be handed in again if they
+        still happen. Returns until_ns otherwise.
+        """
+
+    def trips(self) -> NDArray[np.bool_]:
+        """bool [m], which of the position switches given to the plant are struck now, in the order given."""
+
+    def set_power(self, stages: bool, brake_released: bool, current_fraction: float) -> None:
+        """Stages on or off (phases open: the motors go limp), holding brake, phase current as a fraction of nominal."""
+
+    def set_trip_point(self, switch: int, position_mm: float) -> None:
+        """Move the trip point of one position switch (its repeatability, drawn by the wiring for each approach)."""
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions X, Y, Z in machine coordinates."""
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities X, Y, Z."""
+
+    @property
+    def commanded(self) -> NDArray[np.int64]:
+        """int64 [4], sum of the pulses received since power-on, in microsteps."""
+
+    @property
+    def rotor(self) -> NDArray[np.float64]:
+        """float64 [4], rotor positions in microsteps; equals `commanded` for an unloaded motor that has lost nothing."""
+
+    @property
+    def at_rest(self) -> bool:
+        """True when nothing moves and nothing will before the next pulse or setting: time may be skipped."""
