@@ -7,12 +7,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Plant"]
+__all__ = ["Plant", "Switch"]
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A position switch as the plant sees it: struck while sense * (position - trip_mm) > 0, with hysteresis.
+
+    Released again when the carriage is hysteresis_mm back from the trip point.
+    """
+
+    axis: int
+    """0 X, 1 Y, 2 Z."""
+    trip_mm: float
+    """Trip point in machine coordinates."""
+    sense: int
+    """-1: motor end, struck below the trip point; +1: far end, struck above it."""
+    hysteresis_mm: float
 
 
 class Plant(Protocol):
@@ -45,6 +62,12 @@ class Plant(Protocol):
 
     def set_trip_point(self, switch: int, position_mm: float) -> None:
         """Move the trip point of one position switch (its repeatability, drawn by the wiring for each approach)."""
+
+    def apply_force(self, axis: int, force_n: float) -> None:
+        """Push one carriage (0 X .. 2 Z) along its axis from outside, in N, until told otherwise: a hand, a cut."""
+
+    def set_phase_lost(self, axis: int, phases: str) -> None:
+        """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them."""
 
     @property
     def position_mm(self) -> NDArray[np.float64]:

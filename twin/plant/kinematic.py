@@ -1,0 +1,122 @@
+"""The kinematic plant: the carriage follows the counter exactly, switches still work.
+
+    position = start + commanded * lead / steps_per_rev
+
+For host tests that want only protocol and timing. No time passes between a pulse and the motion it makes, so a switch
+changes at the very pulse that strikes it:
+
+    motor end:  struck while position <  trip, free again from trip + hysteresis on
+    far end:    struck while position >  trip, free again from trip - hysteresis on
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from isel_twin.machine import Machine
+from isel_twin.plant import Switch
+
+_AXES = 4
+
+
+@njit(cache=True)
+def _follow(code, commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Make ticks until a switch changes; commanded and struck change in place. Return the number of ticks made."""
+    for k in range(code.shape[0]):
+        byte = code[k]
+        changed = False
+        for i in range(4):
+            field = (byte >> (2 * i)) & 3
+            if field == 0:
+                continue
+            commanded[i] += 1 if field == 1 else -1
+            for s in range(axis.shape[0]):
+                if axis[s] != i:
+                    continue
+                beyond = sense[s] * commanded[i]
+                if struck[s]:
+                    if beyond <= release[s]:
+                        struck[s] = False
+                        changed = True
+                elif beyond > strike[s]:
+                    struck[s] = True
+                    changed = True
+        if changed:
+            return k + 1
+    return code.shape[0]
+
+
+class KinematicPlant:
+    """Implements `isel_twin.plant.Plant` without physics; forces, power and brake have no effect."""
+
+    def __init__(self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64]) -> None:
+        """Place the carriages at start_mm [3] in machine coordinates."""
+        self.time_ns = 0
+        self._start_mm = np.array(start_mm, dtype=np.float64)
+        self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in machine.axes])
+        self._switches = tuple(switches)
+        self._axis = np.array([switch.axis for switch in switches], dtype=np.int64)
+        self._sense = np.array([switch.sense for switch in switches], dtype=np.int64)
+        self._strike = np.empty(len(switches))
+        self._release = np.empty(len(switches))
+        self._commanded = np.zeros(_AXES, dtype=np.int64)
+        self._struck = np.zeros(len(switches), dtype=np.bool_)
+        for number, switch in enumerate(switches):
+            self.set_trip_point(number, switch.trip_mm)
+            self._struck[number] = 0.0 > self._strike[number]
+
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+        """See Plant.advance."""
+        before = self._struck.copy()
+        made = _follow(code, self._commanded, self._axis, self._sense, self._strike, self._release, self._struck)
+        self.time_ns = int(t_ns[made - 1]) if (before != self._struck).any() else until_ns
+        return self.time_ns
+
+    def trips(self) -> NDArray[np.bool_]:
+        """See Plant.trips."""
+        return self._struck.copy()
+
+    def set_power(self, stages: bool, brake_released: bool, current_fraction: float) -> None:
+        """Without physics there is nothing to power."""
+
+    def apply_force(self, axis: int, force_n: float) -> None:
+        """Without physics there is nothing to push."""
+
+    def set_phase_lost(self, axis: int, phases: str) -> None:
+        """Without physics there are no phases."""
+
+    def set_trip_point(self, switch: int, position_mm: float) -> None:
+        """See Plant.set_trip_point. Kept in steps from the start position, in the sense of the switch."""
+        geometry = self._switches[switch]
+        step_mm, start_mm = self._step_mm[geometry.axis], self._start_mm[geometry.axis]
+        self._strike[switch] = geometry.sense * (position_mm - start_mm) / step_mm
+        self._release[switch] = self._strike[switch] - geometry.hysteresis_mm / step_mm
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """See Plant.position_mm."""
+        return self._start_mm + self._commanded[:3] * self._step_mm
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """Zero: a carriage that jumps from step to step has no velocity."""
+        return np.zeros(3)
+
+    @property
+    def commanded(self) -> NDArray[np.int64]:
+        """See Plant.commanded."""
+        return self._commanded.copy()
+
+    @property
+    def rotor(self) -> NDArray[np.float64]:
+        """The rotor is where it is told to be."""
+        return self._commanded.astype(np.float64)
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing moves by itself."""
+        return True

@@ -1,0 +1,149 @@
+"""The control cabinet: operator elements, hood, safety relay and spindle contactor, as hardware without software.
+
+Goal: whatever the firmware believes, the machine loses power when a person needs it to. The cabinet is a small state
+machine with two states; the transitions are all in `Cabinet._settle`:
+
+                       power_request rises, or the operator's power key,
+                       and every condition to close holds
+            +---------------------------------------------------+
+            |                                                   v
+        [ relay open ]                                    [ relay closed ]
+            ^                                                   |
+            +---------------------------------------------------+
+                       a circuit opens: E-stop 1 or 2, over-temperature, supply off,
+                       or the hood is open in automatic while axes move or the spindle runs
+
+Conditions to close: supply on, both E-stop circuits closed, stages cool, and the hood closed or the key on setup.
+The spindle runs while the relay is closed, the controller asks for it and the hood is closed.
+
+Sources: programming manual iMC 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the operator's
+side. Decisions W1 to W4 in docs/decisions.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from isel_twin.controller import UnknownNameError
+
+USER_INPUTS = tuple(f"user_{bit}" for bit in range(8))
+
+ELEMENTS: Mapping[str, tuple[str, ...]] = {
+    "hood": ("closed", "open", "forced"),
+    "estop": ("released", "pressed"),
+    "key": ("automatic", "setup"),
+    "power": ("on", "off"),
+    "start": ("up", "down"),
+    "stop": ("up", "down"),
+    "overtemperature": ("normal", "hot"),
+    "probe": ("free", "touched"),
+    **dict.fromkeys(USER_INPUTS, ("low", "high")),
+}
+"""Elements that can be operated from outside and their states; the first one is the state at power-on."""
+
+SIGNALS = (
+    "estop_1",
+    "estop_2",
+    "overtemperature",
+    "start",
+    "stop",
+    "probe",
+    "spindle",
+    "power_ok",
+    "hood_automatic",
+    "hood_setup",
+    "key",
+    *USER_INPUTS,
+)
+"""Contacts of the cabinet, as machine files name them."""
+
+
+class Cabinet:
+    """Elements and relays of the cabinet. Feed it with `operate`, `output` and `broken`, read contacts and relays."""
+
+    def __init__(self) -> None:
+        self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
+        self.relay = True
+        """Safety relay: the power stages and the spindle contactor have supply."""
+        self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
+        self._estop_closed = (True, True)
+
+    @property
+    def spindle_runs(self) -> bool:
+        """Spindle contactor on."""
+        return self.relay and bool(self._outputs["spindle"]) and self.state["hood"] == "closed"
+
+    def operate(self, element: str, state: str) -> str:
+        """Operate an element; return the state it has now: a locked hood stays closed unless it is forced.
+
+        Raises UnknownNameError for an element or a state that does not exist.
+        """
+        if element not in ELEMENTS:
+            raise UnknownNameError(f"unknown input {element!r}; there are: {', '.join(ELEMENTS)}")
+        if state not in ELEMENTS[element]:
+            raise UnknownNameError(f"input {element!r} cannot be {state!r}; it can be: {', '.join(ELEMENTS[element])}")
+        if element == "hood" and state == "open" and self.locked:
+            return self.state["hood"]
+        self.state[element] = "open" if state == "forced" else state
+        if element == "power" and state == "on":
+            self._close_relay()
+        self._settle()
+        return self.state[element]
+
+    def output(self, name: str, value: int) -> None:
+        """A controller output changes; only those the cabinet is wired to matter."""
+        if name not in self._outputs:
+            return
+        rising = value and not self._outputs[name]
+        self._outputs[name] = value
+        if name == "power_request" and rising:
+            self._close_relay()
+        self._settle()
+
+    def estop_circuits(self, first: bool, second: bool) -> None:
+        """Tell which of the two E-stop circuits are closed behind the button: a broken wire opens one."""
+        self._estop_closed = (first, second)
+        self._settle()
+
+    @property
+    def locked(self) -> bool:
+        """The hood lock holds: the hood is closed and the controller does not release it."""
+        return self.state["hood"] == "closed" and not self._outputs["hood_release"]
+
+    def contacts(self) -> dict[str, bool]:
+        """Closed (True) or open, for every contact in SIGNALS."""
+        released = self.state["estop"] == "released"
+        closed = self.state["hood"] == "closed"
+        setup = self.state["key"] == "setup"
+        return {
+            "estop_1": released,
+            "estop_2": released,
+            "overtemperature": self.state["overtemperature"] == "normal",
+            "start": self.state["start"] == "down",
+            "stop": self.state["stop"] == "up",
+            "probe": self.state["probe"] == "touched",
+            "spindle": self.spindle_runs,
+            "power_ok": self.relay,
+            "hood_automatic": closed and not setup,
+            "hood_setup": closed or setup,
+            "key": setup,
+            **{name: self.state[name] == "high" for name in USER_INPUTS},
+        }
+
+    def _circuits_closed(self) -> bool:
+        return (
+            self.state["power"] == "on"
+            and self.state["estop"] == "released"
+            and all(self._estop_closed)
+            and self.state["overtemperature"] == "normal"
+        )
+
+    def _close_relay(self) -> None:
+        if self._circuits_closed() and (self.state["hood"] == "closed" or self.state["key"] == "setup"):
+            self.relay = True
+
+    def _settle(self) -> None:
+        hood_open_in_automatic = self.state["hood"] != "closed" and self.state["key"] == "automatic"
+        dangerous = self._outputs["moving"] or self._outputs["spindle"]
+        if not self._circuits_closed() or (hood_open_in_automatic and dangerous):
+            self.relay = False

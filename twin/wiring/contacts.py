@@ -1,0 +1,115 @@
+"""From contacts to terminal levels: switch types, series circuits, bounce and broken wires.
+
+A contact is closed or open. At a terminal hang one or more contacts in series; the terminal reads high while all of
+them are closed (a contact marked `inverted` in the machine file reads high while it is open). An end switch is an
+opener: it is closed while nothing strikes it.
+
+Bounce: a struck or released position switch changes at once and then chatters for at most `bounce_ms`:
+
+    struck    ____|~|_|~~~~~~~~~~~          t0: first change, the instant the controller is told
+                  t0      t0 + bounce       an even number of further changes, seeded
+
+Faults of one contact: `broken` (a wire is off: open for ever), `stuck_open`, `stuck_closed`, `ok` (healed).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from isel_twin.controller import UnknownNameError
+from isel_twin.machine import Contact
+
+FAULTS: Mapping[str, bool | None] = {"ok": None, "broken": False, "stuck_open": False, "stuck_closed": True}
+"""Fault names, and the state in which each holds the contact."""
+
+_MAX_BOUNCES = 3
+
+
+class Contacts:
+    """State of every contact of a machine and the levels they make at the controller's terminals."""
+
+    def __init__(
+        self,
+        contacts: Sequence[Contact],
+        wiring: Mapping[str, tuple[str, ...]] | None,
+        random: np.random.Generator,
+    ) -> None:
+        """Wire `contacts` as the machine file says, or as `wiring` (terminal -> contacts in series) does instead."""
+        self._contacts = {contact.name: contact for contact in contacts}
+        if wiring is None:
+            wiring = {contact.terminal: (contact.name,) for contact in contacts if contact.terminal}
+        for terminal, names in wiring.items():
+            for name in names:
+                if name not in self._contacts:
+                    raise UnknownNameError(f"terminal {terminal!r} is wired to {name!r}, a contact the machine lacks")
+        self._terminals = {terminal: tuple(names) for terminal, names in wiring.items()}
+        self._closed = {contact.name: contact.type == "opener" for contact in contacts}
+        self._faults: dict[str, str] = {}
+        self._random = random
+        self._pending: list[tuple[int, int, str, bool]] = []
+        self._sequence = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all contacts."""
+        return tuple(self._contacts)
+
+    @property
+    def next_ns(self) -> int | None:
+        """Time of the next bounce, None if nothing is bouncing."""
+        return self._pending[0][0] if self._pending else None
+
+    def closed(self, name: str) -> bool:
+        """Is the contact closed, its fault included?"""
+        held = FAULTS[self._faults.get(name, "ok")]
+        return self._closed[name] if held is None else held
+
+    def fault(self, name: str) -> str:
+        """Name of the contact's fault, `ok` for none."""
+        return self._faults.get(name, "ok")
+
+    def levels(self) -> dict[str, bool]:
+        """Level (True: high) of every wired terminal."""
+        return {
+            terminal: all(self.closed(name) != self._contacts[name].inverted for name in names)
+            for terminal, names in self._terminals.items()
+        }
+
+    def set_fault(self, name: str, fault: str) -> None:
+        """Give a contact a fault, or heal it with `ok`."""
+        if fault == "ok":
+            self._faults.pop(name, None)
+        else:
+            self._faults[name] = fault
+
+    def set_closed(self, name: str, closed: bool) -> None:
+        """A contact without bounce changes; a name the machine has no contact for is not wired and is ignored."""
+        if name in self._closed:
+            self._closed[name] = closed
+
+    def strike(self, name: str, struck: bool, t_ns: int) -> None:
+        """A position switch is struck or released at t_ns: change now, chatter for a while."""
+        contact = self._contacts[name]
+        closed = struck != (contact.type == "opener")
+        self._pending = [entry for entry in self._pending if entry[2] != name]
+        heapq.heapify(self._pending)
+        self._closed[name] = closed
+        bounce_ns = int(contact.bounce_ms * 1e6)
+        if bounce_ns > 0:
+            changes = 2 * int(self._random.integers(0, _MAX_BOUNCES + 1))
+            for i, delay in enumerate(sorted(self._random.integers(1, bounce_ns + 1, changes).tolist())):
+                state = closed if i % 2 else not closed
+                heapq.heappush(self._pending, (t_ns + delay, self._sequence, name, state))
+                self._sequence += 1
+
+    def advance(self, t_ns: int) -> bool:
+        """Apply the bounces due at t_ns; say whether there were any."""
+        due = False
+        while self._pending and self._pending[0][0] <= t_ns:
+            _, _, name, closed = heapq.heappop(self._pending)
+            self._closed[name] = closed
+            due = True
+        return due

@@ -1,0 +1,94 @@
+"""The serial line between host and controller, 8N1, in virtual time.
+
+With `timed` a byte takes ten bit times, one after the other in each direction; without, bytes arrive at the instant
+they are sent (right for tests of logic, where the line is not what is looked at).
+
+    host sends  |b0|b1|b2|            at 19200 baud: 520.833 us a byte
+    arrives        b0 b1 b2           each at the end of its stop bit
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+_BITS_PER_BYTE = 10
+
+
+class _Direction:
+    """One direction of the line: a queue of (arrival time, byte)."""
+
+    def __init__(self) -> None:
+        self.queue: deque[tuple[int, int]] = deque()
+        self._free_ns = 0
+
+    def send(self, t_ns: int, data: bytes, byte_ns: int) -> None:
+        arrival = max(t_ns, self._free_ns)
+        for byte in data:
+            arrival += byte_ns
+            self.queue.append((arrival, byte))
+        self._free_ns = arrival
+
+    def receive(self, t_ns: int) -> bytes:
+        data = bytearray()
+        while self.queue and self.queue[0][0] <= t_ns:
+            data.append(self.queue.popleft()[1])
+        return bytes(data)
+
+    @property
+    def next_ns(self) -> int | None:
+        return self.queue[0][0] if self.queue else None
+
+
+class SerialLine:
+    """Both directions of the line. All methods take the present time and never look ahead of it."""
+
+    def __init__(self, timed: bool, random: np.random.Generator) -> None:
+        self._timed = timed
+        self._random = random
+        self.noise = 0.0
+        """Chance of one flipped bit in each byte."""
+        self._to_controller = _Direction()
+        self._to_host = _Direction()
+
+    def from_host(self, t_ns: int, data: bytes, baud: int) -> None:
+        """The host sends bytes at t_ns."""
+        self._to_controller.send(t_ns, self._disturbed(data), self._byte_ns(baud))
+
+    def from_controller(self, t_ns: int, data: bytes, baud: int) -> None:
+        """The controller sends bytes at t_ns."""
+        self._to_host.send(t_ns, self._disturbed(data), self._byte_ns(baud))
+
+    def at_controller(self, t_ns: int) -> bytes:
+        """Take the bytes that have arrived at the controller by t_ns."""
+        return self._to_controller.receive(t_ns)
+
+    def at_host(self, t_ns: int) -> bytes:
+        """Take the bytes that have arrived at the host by t_ns."""
+        return self._to_host.receive(t_ns)
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next byte arrives at the controller."""
+        return self._to_controller.next_ns
+
+    @property
+    def next_reply_ns(self) -> int | None:
+        """When the next byte arrives at the host."""
+        return self._to_host.next_ns
+
+    @property
+    def quiet_ns(self) -> int:
+        """Time at which everything sent so far has arrived at the host."""
+        return self._to_host.queue[-1][0] if self._to_host.queue else 0
+
+    def _byte_ns(self, baud: int) -> int:
+        return round(_BITS_PER_BYTE * 1e9 / baud) if self._timed else 0
+
+    def _disturbed(self, data: bytes) -> bytes:
+        if self.noise <= 0.0 or not data:
+            return data
+        hit = self._random.random(len(data)) < self.noise
+        bit = self._random.integers(0, 8, len(data))
+        return bytes(byte ^ (1 << int(b)) if h else byte for byte, h, b in zip(data, hit, bit, strict=True))
