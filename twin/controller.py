@@ -128,6 +128,12 @@ class Controller(Protocol):
         None: the terminals that the machine's own wiring table names.
         """
 
+    def machine_overrides(self) -> Mapping[str, Any]:
+        """Machine parameters this controller sets, such as the microsteps of the stages it is built for.
+
+        Keys as for `isel_twin.machine.with_overrides`: {"axes.all.steps_per_rev": 400}. Empty for none.
+        """
+
 
 ControllerFactory = Callable[..., Controller]
 """factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""

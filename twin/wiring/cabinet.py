@@ -59,14 +59,14 @@ SIGNALS = (
 
 
 class Cabinet:
-    """Elements and relays of the cabinet. Feed it with `operate`, `output` and `broken`, read contacts and relays."""
+    """Elements and relays of the cabinet. Feed it with `operate`, `output` and `estop_circuits`, read contacts and relays."""
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
         self.relay = True
         """Safety relay: the power stages and the spindle contactor have supply."""
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
-        self._estop_closed = (True, True)
+        self._estop_closed = True
 
     @property
     def spindle_runs(self) -> bool:
@@ -100,9 +100,9 @@ class Cabinet:
             self._close_relay()
         self._settle()
 
-    def estop_circuits(self, first: bool, second: bool) -> None:
-        """Tell which of the two E-stop circuits are closed behind the button: a broken wire opens one."""
-        self._estop_closed = (first, second)
+    def estop_circuits(self, closed: bool) -> None:
+        """Tell whether both E-stop circuits are closed as wired: a broken wire opens one without the button."""
+        self._estop_closed = closed
         self._settle()
 
     @property
@@ -133,8 +133,7 @@ class Cabinet:
     def _circuits_closed(self) -> bool:
         return (
             self.state["power"] == "on"
-            and self.state["estop"] == "released"
-            and all(self._estop_closed)
+            and self._estop_closed
             and self.state["overtemperature"] == "normal"
         )
 

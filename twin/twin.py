@@ -1,0 +1,463 @@
+"""The twin: one virtual clock for controller, plant, wiring and serial line.
+
+Goal: at every instant each part has seen exactly what has happened before it. The loop is
+
+    settle:   hand over everything that is due now (bytes, scenario events, bounces, the controller's own deadlines)
+              until nobody has anything more to do at this instant
+    advance:  let the plant run to the next time at which somebody has something to do, or to the end of the sub-step
+              in which a switch changes, whichever comes first
+
+so no part ever has to take anything back. See docs/one_move.md for one command followed through all of it.
+
+What time means: `time_ns` counts virtual nanoseconds since power-on. It advances only inside `run`, `run_until` and
+`query`; nothing here knows a wall clock. Same arguments and same calls give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.controller import (
+    AXES,
+    NANOSECOND,
+    CounterSet,
+    Event,
+    FlashWrite,
+    Output,
+    Reply,
+    create_controller,
+)
+from isel_twin.machine import AXIS_NAMES, Machine, load_machine, with_overrides
+from isel_twin.motion import Run, Steps
+from isel_twin.plant import Plant, Switch
+from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
+
+PLANTS = ("mujoco", "kinematic")
+
+_CHUNK = 1 << 16
+"""Most ticks handed to the plant at once; bounds the memory of long moves."""
+_MOVING_SLICE_NS = 10_000_000
+"""While something moves by itself, whoever paces the twin should look again after this time."""
+_FULL_STEPS_PER_PERIOD = 4
+"""A two-phase motor loses steps in multiples of four full steps: one period of its torque."""
+_FULL_STEPS_PER_REV = 200
+_ENDLESS = 100_000
+"""Most rounds in which one instant may settle; a controller that needs more is broken."""
+
+
+class Twin:
+    """A digital twin of a controller and the gantry it drives.
+
+    Axes are in the order X, Y, Z (A). Counts are steps of the controller; positions are in mm in the zero and direction
+    of the counters, as the controller last set them (reference run).
+    """
+
+    def __init__(
+        self,
+        machine: str | Path | Machine = "4030",
+        controller: str = "imc-s8",
+        plant: str = "mujoco",
+        seed: int = 0,
+        *,
+        flash: bytes | None = None,
+        scenario: str | Path | None = None,
+        line_speed: bool = False,
+        overrides: Mapping[str, Any] | None = None,
+        start_mm: tuple[float, float, float] | None = None,
+    ) -> None:
+        """Build a twin and switch it on.
+
+        machine: name of a machine, folder of a user's own, or a loaded Machine.
+        controller: name of an installed controller, see `isel-twin controllers`.
+        plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
+        seed: of power-on positions, switch repeatability, bounce and line noise.
+        flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
+        scenario: file of timed events, see isel_twin.wiring.scenario.
+        line_speed: bytes take their time on the serial line (True) or arrive at once (False).
+        overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
+        start_mm: carriage positions at power-on in machine coordinates instead of random ones.
+
+        Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong.
+        """
+        if plant not in PLANTS:
+            raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
+        self.machine = machine if isinstance(machine, Machine) else load_machine(machine)
+        self._controller = create_controller(controller, flash=flash, settings=self.machine.controller)
+        changes = {**self._controller.machine_overrides(), **(overrides or {})}
+        if changes:
+            self.machine = with_overrides(self.machine, changes)
+        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
+
+        self.time_ns = 0
+        self.flash = flash
+        self.on_flash: Callable[[bytes], None] | None = None
+        """Called with each new flash image, for whoever keeps it."""
+        self._outputs: dict[str, int] = {}
+        self._line = SerialLine(line_speed, noise)
+        self._cabinet = Cabinet()
+        self._contacts = Contacts(self.machine.contacts, self._controller.wiring(), bounces)
+        self._switches = self.machine.switches
+        self._trip_random = trips
+        self._plant = self._build_plant(plant, start_mm or _power_on_mm(self.machine, start))
+        self._zero_mm = self._plant.position_mm
+        self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
+        period = _FULL_STEPS_PER_PERIOD / _FULL_STEPS_PER_REV
+        self._period = np.array([axis.steps_per_rev * period for axis in self.machine.axes] + [1.0])
+        self._slip = np.zeros(AXES)
+        self._scenario = list(load_scenario(scenario, self._contacts.names)) if scenario is not None else []
+        self._observers: list[_Observer] = []
+
+        self._struck = self._plant.trips()
+        for switch, struck in zip(self._switches, self._struck, strict=True):
+            self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
+        for name, closed in self._cabinet.contacts().items():
+            self._contacts.set_closed(name, closed)
+        self._levels = self._contacts.levels()
+        self._run: Run | None = None
+        self._ticks = 0
+        self._steps = Steps()
+        self._controller.power_on(0, self._levels)
+        self._settle()
+
+    # The host's side
+
+    def write(self, data: bytes) -> None:
+        """The host sends bytes now."""
+        self._line.from_host(self.time_ns, data, self.baud)
+        self._settle()
+
+    def read(self) -> bytes:
+        """Take the bytes that have arrived at the host by now."""
+        return self._line.at_host(self.time_ns)
+
+    def query(self, text: str, timeout_s: float = 3600.0) -> str:
+        """Send text and a carriage return, run until the controller has answered and is idle, return the reply.
+
+        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time.
+        """
+        self.read()
+        self.write(text.encode("latin-1") + b"\r")
+        deadline = self.time_ns + round(timeout_s * NANOSECOND)
+        self._advance(deadline, lambda: self.idle)
+        if not self.idle:
+            raise TimeoutError(f"no complete reply to {text!r} within {timeout_s:g} s of virtual time")
+        self._advance(max(self.time_ns, self._line.quiet_ns))
+        return self.read().decode("latin-1")
+
+    @property
+    def baud(self) -> int:
+        """Speed of the serial line in bit/s."""
+        return self._controller.baud
+
+    @property
+    def idle(self) -> bool:
+        """Every byte sent has been dealt with and answered, and the controller makes no motion."""
+        return self._controller.idle and self._line.next_ns is None
+
+    # Time
+
+    def run(self, seconds: float) -> None:
+        """Let virtual time pass."""
+        self.run_until(self.time_ns + round(seconds * NANOSECOND))
+
+    def run_until(self, time_ns: int) -> None:
+        """Let virtual time pass to time_ns; a time in the past does nothing."""
+        self._advance(time_ns)
+
+    @property
+    def next_event_ns(self) -> int | None:
+        """When something may happen without anybody's doing; None if only the outside can change anything."""
+        times = [t for t in (self._next_ns(), self._line.next_reply_ns) if t is not None]
+        if self._run is not None or not self._plant.at_rest:
+            times.append(self.time_ns + _MOVING_SLICE_NS)
+        return min(times, default=None)
+
+    # What there is to see
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """int64 [4], the controller's step counters X Y Z A."""
+        return np.array(self._controller.counts, dtype=np.int64)
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in mm, in the zero and direction of the counters."""
+        commanded, direction = self._commanded()
+        zero = self._zero_mm + (commanded - direction * self.counts - self._slip)[:3] * self._step_mm
+        return direction[:3] * (self._plant.position_mm - zero)
+
+    @property
+    def lost_steps(self) -> NDArray[np.float64]:
+        """float64 [4], counter minus rotor position in steps since each counter was set; meaningful at rest."""
+        commanded, direction = self._commanded()
+        return direction * (commanded - self._plant.rotor - self._slip)
+
+    @property
+    def machine_position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in machine coordinates: 0 at the motor-end switch."""
+        return self._plant.position_mm
+
+    @property
+    def steps(self) -> Steps:
+        """The step stream made since power-on: `.t_ns` int64 [n], `.delta` int8 [n, 4]."""
+        return self._steps.until(self.time_ns)
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """State of everything `set_input` can set, and of the end switches (`free`, `struck` or a fault)."""
+        states = dict(self._cabinet.state)
+        for switch, struck in zip(self._switches, self._struck, strict=True):
+            states[switch.name] = "struck" if struck else "free"
+        for name in self._contacts.names:
+            if self._contacts.fault(name) != "ok":
+                states[name] = self._contacts.fault(name)
+        return states
+
+    @property
+    def outputs(self) -> Mapping[str, int]:
+        """Controller outputs, and the relays they act on: `power` (safety relay) and `spindle_runs`."""
+        relays = {"power": int(self._cabinet.relay), "spindle_runs": int(self._cabinet.spindle_runs)}
+        return {**self._outputs, **relays}
+
+    @property
+    def levels(self) -> Mapping[str, bool]:
+        """Electrical level (True: high) of every wired input terminal of the controller."""
+        return dict(self._levels)
+
+    # What can be done to it
+
+    def set_input(self, name: str, state: str) -> str:
+        """Operate an element or give a contact a fault, now; return the state it is in afterwards.
+
+        Elements: hood (closed, open, forced), estop (released, pressed), key (automatic, setup), power (on, off),
+        start and stop (up, down), overtemperature (normal, hot), probe (free, touched), user_0 .. user_7 (low, high).
+        A locked hood does not open unless it is forced. Contacts: ok, broken, stuck_open, stuck_closed.
+
+        Raises ValueError for a name or state that does not exist.
+        """
+        check_input(name, state, self._contacts.names, "set_input")
+        self._operate(name, state)
+        self._settle()
+        return self.inputs.get(name, state)
+
+    def apply_force(self, axis: int, force_n: float) -> None:
+        """Push a carriage (0 X .. 2 Z) with force_n newton along its axis, until told otherwise."""
+        self._plant.apply_force(axis, force_n)
+
+    def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
+        """Call `callback(twin)` every interval_ns of virtual time, beginning now, and at every input or output change."""
+        if interval_ns <= 0:
+            raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
+        self._observers.append(_Observer(callback, interval_ns, self.time_ns))
+        self._observe(changed=False)
+
+    # The clock
+
+    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
+        while self.time_ns < until_ns and not (stop is not None and stop()):
+            horizon = min(t for t in (until_ns, self._next_ns()) if t is not None)
+            self._advance_plant(max(horizon, self.time_ns))
+            self._settle()
+
+    def _next_ns(self) -> int | None:
+        """Time of the next thing that somebody has to do."""
+        times = [self._controller.next_ns, self._line.next_ns, self._contacts.next_ns]
+        if self._scenario:
+            times.append(self._scenario[0].at_ns)
+        times.extend(observer.next_ns for observer in self._observers)
+        return min((t for t in times if t is not None), default=None)
+
+    def _advance_plant(self, until_ns: int) -> None:
+        """Let the plant make the pulses up to until_ns, or up to the first switch edge or the end of a chunk."""
+        t_ns, code = _NO_TICKS
+        if self._run is not None:
+            last = self._run.count(until_ns)
+            if last - self._ticks > _CHUNK:
+                last = self._ticks + _CHUNK
+                t_ns, code = self._run.window(self._ticks, last)
+                until_ns = int(t_ns[-1])
+            elif last > self._ticks:
+                t_ns, code = self._run.window(self._ticks, last)
+        reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(code, self._controller.direction))
+        self._ticks += len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right"))
+        self.time_ns = reached
+
+    def _settle(self) -> None:
+        """Hand over everything that is due at this instant, until nothing more is."""
+        for _ in range(_ENDLESS):
+            self._controller.advance(self.time_ns)
+            self._take_events()
+            if not (self._hand_over_switches() or self._hand_over_due() or self._hand_over_levels()):
+                self._observe(changed=False)
+                return
+        raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
+
+    def _hand_over_switches(self) -> bool:
+        struck = self._plant.trips()
+        changed = np.flatnonzero(struck != self._struck)
+        for number in changed:
+            switch = self._switches[number]
+            self._contacts.strike(switch.name, bool(struck[number]), self.time_ns)
+            if not struck[number]:
+                self._draw_trip_point(int(number))
+        self._struck = struck
+        return self._contacts.advance(self.time_ns) or len(changed) > 0
+
+    def _hand_over_due(self) -> bool:
+        """Bytes and scenario events whose time has come; one source at a time, so that their effects are seen."""
+        data = self._line.at_controller(self.time_ns)
+        if data:
+            self._controller.receive(self.time_ns, data)
+            self._take_events()
+            return True
+        if self._scenario and self._scenario[0].at_ns <= self.time_ns:
+            event = self._scenario.pop(0)
+            for name, state in event.inputs.items():
+                self._operate(name, state)
+            for axis, force_n in event.force_n.items():
+                self._plant.apply_force(axis, force_n)
+            for axis, phases in event.phase_lost.items():
+                self._plant.set_phase_lost(axis, phases)
+            if event.noise is not None:
+                self._line.noise = event.noise
+            return True
+        return False
+
+    def _hand_over_levels(self) -> bool:
+        levels = self._contacts.levels()
+        if levels == self._levels:
+            return False
+        before, self._levels = self._levels, levels
+        for terminal, level in levels.items():
+            if before[terminal] != level:
+                self._controller.set_input(self.time_ns, terminal, level)
+                self._take_events()
+        self._observe(changed=True)
+        return True
+
+    def _operate(self, name: str, state: str) -> None:
+        if name in ELEMENTS and state in ELEMENTS[name]:
+            self._cabinet.operate(name, state)
+        if name in self._contacts.names and state in FAULTS:
+            self._contacts.set_fault(name, state)
+        self._cabinet_changed()
+
+    def _cabinet_changed(self) -> None:
+        """Carry the cabinet's contacts to the terminals and its relay to the power stages."""
+        for name, closed in self._cabinet.contacts().items():
+            self._contacts.set_closed(name, closed)
+        self._cabinet.estop_circuits(all(self._contacts.closed(name) for name in ("estop_1", "estop_2")))
+        for name, closed in self._cabinet.contacts().items():
+            self._contacts.set_closed(name, closed)
+        live = self._cabinet.relay
+        self._plant.set_power(
+            stages=live and bool(self._outputs.get("stages", 1)),
+            brake_released=live and bool(self._outputs.get("brake", 1)),
+            lowering=bool(self._outputs.get("current_lowering", 1)),
+        )
+
+    def _take_events(self) -> None:
+        events: list[Event] = self._controller.take()
+        self._follow_run()
+        outputs_changed = False
+        for event in events:
+            match event:
+                case Reply(data):
+                    self._line.from_controller(self.time_ns, data, self.baud)
+                case Output(name, value):
+                    self._outputs[name] = value
+                    self._cabinet.output(name, value)
+                    outputs_changed = True
+                case CounterSet(axis, _):
+                    slip = self._plant.commanded[axis] - self._plant.rotor[axis]
+                    self._slip[axis] = round(slip / self._period[axis]) * self._period[axis]
+                case FlashWrite(image):
+                    self.flash = image
+                    if self.on_flash is not None:
+                        self.on_flash(image)
+        if outputs_changed:
+            self._cabinet_changed()
+            self._observe(changed=True)
+
+    def _follow_run(self) -> None:
+        """Keep the record in step with what the controller says it is making."""
+        run = self._controller.run
+        if run is self._run:
+            return
+        before, self._run = self._run, run
+        continued = (
+            before is not None
+            and run is not None
+            and (run.path, run.start_ns, run.first) == (before.path, before.start_ns, before.first)
+        )
+        if continued:
+            return
+        if before is not None:
+            self._steps.append(before.cut(self.time_ns))
+        self._ticks = run.first if run is not None else 0
+
+    def _commanded(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return self._plant.commanded, np.array(self._controller.direction, dtype=np.int64)
+
+    def _observe(self, changed: bool) -> None:
+        for observer in self._observers:
+            observer.look(self, changed)
+
+    # Building
+
+    def _build_plant(self, plant: str, start_mm: Any) -> Plant:
+        start = np.array(start_mm, dtype=np.float64)
+        switches = [
+            Switch(AXIS_NAMES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
+            for c in self._switches
+        ]
+        if plant == "kinematic":
+            from isel_twin.plant.kinematic import KinematicPlant
+
+            return KinematicPlant(self.machine, switches, start)
+        from isel_twin.plant.mujoco import MujocoPlant
+
+        return MujocoPlant(self.machine, switches, start)
+
+    def _draw_trip_point(self, number: int) -> None:
+        """A switch trips a little elsewhere each time: draw where it will the next time."""
+        switch = self._switches[number]
+        scatter_mm = self._trip_random.normal(0.0, switch.repeatability_mm)
+        self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
+
+
+class _Observer:
+    """Somebody who looks at the twin on a grid of virtual time."""
+
+    def __init__(self, callback: Callable[[Twin], None], interval_ns: int, start_ns: int) -> None:
+        self._callback = callback
+        self._interval_ns = interval_ns
+        self.next_ns = start_ns
+
+    def look(self, twin: Twin, changed: bool) -> None:
+        due = twin.time_ns >= self.next_ns
+        while self.next_ns <= twin.time_ns:
+            self.next_ns += self._interval_ns
+        if due or changed:
+            self._callback(twin)
+
+
+def _power_on_mm(machine: Machine, random: np.random.Generator) -> NDArray[np.float64]:
+    """float64 [3], where the carriages happen to stand when the mains is switched on."""
+    return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
+
+
+_NO_TICKS = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8))
+
+
+def _in_motor_sense(code: NDArray[np.uint8], direction: tuple[int, int, int, int]) -> NDArray[np.uint8]:
+    """Invert the axes whose direction is -1: in a two-bit field 1 and 3 change places, 0 stays."""
+    mask = sum(1 << (2 * axis) for axis, sense in enumerate(direction) if sense < 0)
+    if not mask or not len(code):
+        return code
+    return code ^ ((code & np.uint8(mask)) << np.uint8(1))
