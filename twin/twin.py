@@ -393,7 +393,8 @@ class Twin:
         continued = (
             before is not None
             and run is not None
-            and (run.path, run.start_ns, run.first) == (before.path, before.start_ns, before.first)
+            and run.path is before.path
+            and (run.start_ns, run.first) == (before.start_ns, before.first)
         )
         if continued:
             return

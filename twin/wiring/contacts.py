@@ -21,6 +21,7 @@ import numpy as np
 
 from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
+from isel_twin.wiring.cabinet import SIGNALS
 
 FAULTS: Mapping[str, bool | None] = {"ok": None, "broken": False, "stuck_open": False, "stuck_closed": True}
 """Fault names, and the state in which each holds the contact."""
@@ -37,7 +38,10 @@ class Contacts:
         wiring: Mapping[str, tuple[str, ...]] | None,
         random: np.random.Generator,
     ) -> None:
-        """Wire `contacts` as the machine file says, or as `wiring` (terminal -> contacts in series) does instead."""
+        """Wire `contacts` as the machine file says, or as `wiring` (terminal -> contacts in series) does instead.
+
+        Cabinet signals that the machine file does not list exist too, but lead to no terminal.
+        """
         self._contacts = {contact.name: contact for contact in contacts}
         if wiring is None:
             wiring = {contact.terminal: (contact.name,) for contact in contacts if contact.terminal}
@@ -46,7 +50,7 @@ class Contacts:
                 if name not in self._contacts:
                     raise UnknownNameError(f"terminal {terminal!r} is wired to {name!r}, a contact the machine lacks")
         self._terminals = {terminal: tuple(names) for terminal, names in wiring.items()}
-        self._closed = {contact.name: contact.type == "opener" for contact in contacts}
+        self._closed = dict.fromkeys(SIGNALS, True) | {contact.name: contact.type == "opener" for contact in contacts}
         self._faults: dict[str, str] = {}
         self._random = random
         self._pending: list[tuple[int, int, str, bool]] = []
@@ -86,9 +90,8 @@ class Contacts:
             self._faults[name] = fault
 
     def set_closed(self, name: str, closed: bool) -> None:
-        """A contact without bounce changes; a name the machine has no contact for is not wired and is ignored."""
-        if name in self._closed:
-            self._closed[name] = closed
+        """A contact without bounce changes."""
+        self._closed[name] = closed
 
     def strike(self, name: str, struck: bool, t_ns: int) -> None:
         """A position switch is struck or released at t_ns: change now, chatter for a while."""

@@ -1,0 +1,46 @@
+# isel-twin: every command works on a bare checkout; the virtual environment is made when it is missing.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: help demo test bench conformance lint types format clean
+
+help:                ## show the commands
+	@grep -hE '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "isel-twin needs Python 3.11 or newer; set PYTHON=/path/to/python3.11" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
+	@$(BIN)/python -m isel_twin.bridge.demo
+
+test: $(READY)       ## all tests
+	$(BIN)/python -m pytest
+
+bench: $(READY)      ## speed and memory, as ratios measured side by side
+	$(BIN)/python -m pytest tests/bench --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
+
+conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
+	$(BIN)/python -m tests.conformance.report
+
+lint: $(READY)       ## ruff: rules and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)      ## mypy over an installed (not editable) copy
+	rm -rf build/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target build/installed .
+	MYPYPATH=build/installed $(BIN)/mypy --cache-dir=.mypy_cache -p isel_twin
+
+format: $(READY)     ## let ruff put the code in order
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:               ## remove what the other commands made
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
