@@ -148,7 +148,9 @@ def controller_names() -> list[str]:
     return sorted(entry.name for entry in importlib.metadata.entry_points(group="isel_twin.controllers"))
 
 
-def create_controller(name: str, *, flash: bytes | None = None, settings: Mapping[str, Any] | None = None) -> Controller:
+def create_controller(
+    name: str, *, flash: bytes | None = None, settings: Mapping[str, Any] | None = None
+) -> Controller:
     """Build the controller called `name`, with the flash image it had at its last power-off (None: a new device).
 
     Raises UnknownNameError if no installed controller has that name.

@@ -20,8 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from isel_twin.controller import (
     AXES,
     NANOSECOND,
@@ -36,6 +34,7 @@ from isel_twin.machine import AXIS_NAMES, Machine, load_machine, with_overrides
 from isel_twin.motion import Run, Steps
 from isel_twin.plant import Plant, Switch
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
+from numpy.typing import NDArray
 
 PLANTS = ("mujoco", "kinematic")
 

@@ -1,8 +1,8 @@
 """Torque to motion: the plants, and what every plant offers to the twin.
 
-    kernel.py      the compiled loop: drives and MuJoCo together, up to the first switch edge
-    mujoco.py      the MuJoCo plant around it (default)
-    kinematic.py   the carriage follows the counter exactly; switches still work
+kernel.py      the compiled loop: drives and MuJoCo together, up to the first switch edge
+mujoco.py      the MuJoCo plant around it (default)
+kinematic.py   the carriage follows the counter exactly; switches still work
 """
 
 from __future__ import annotations

@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
 from isel_twin.machine import Machine
 from isel_twin.plant import Switch
+from numba import njit
+from numpy.typing import NDArray
 
 _AXES = 4
 
@@ -67,7 +66,7 @@ class KinematicPlant:
         self._struck = np.zeros(len(switches), dtype=np.bool_)
         for number, switch in enumerate(switches):
             self.set_trip_point(number, switch.trip_mm)
-            self._struck[number] = 0.0 > self._strike[number]
+            self._struck[number] = self._strike[number] < 0.0
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
         """See Plant.advance."""

@@ -1,9 +1,9 @@
 """Motion and people back to input levels: contacts, cabinet, serial line and what a scenario does to them.
 
-    contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
-    cabinet.py    operator elements, hood, safety relay, spindle contactor
-    line.py       the serial line: byte times and noise
-    scenario.py   scenario files: events in virtual time
+contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
+cabinet.py    operator elements, hood, safety relay, spindle contactor
+line.py       the serial line: byte times and noise
+scenario.py   scenario files: events in virtual time
 """
 
 from __future__ import annotations

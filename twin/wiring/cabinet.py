@@ -131,11 +131,7 @@ class Cabinet:
         }
 
     def _circuits_closed(self) -> bool:
-        return (
-            self.state["power"] == "on"
-            and self._estop_closed
-            and self.state["overtemperature"] == "normal"
-        )
+        return self.state["power"] == "on" and self._estop_closed and self.state["overtemperature"] == "normal"
 
     def _close_relay(self) -> None:
         if self._circuits_closed() and (self.state["hood"] == "closed" or self.state["key"] == "setup"):

@@ -18,7 +18,6 @@ import heapq
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-
 from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
 from isel_twin.wiring.cabinet import SIGNALS

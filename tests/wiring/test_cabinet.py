@@ -1,0 +1,138 @@
+"""The cabinet loses power when it must and gives it back only when all conditions hold (docs/safety.md)."""
+
+from __future__ import annotations
+
+import pytest
+from isel_twin.controller import UnknownNameError
+from isel_twin.wiring import Cabinet
+
+CIRCUITS = [("estop", "pressed", "released"), ("overtemperature", "hot", "normal"), ("power", "off", "on")]
+
+
+def cabinet(**states: str) -> Cabinet:
+    new = Cabinet()
+    for name, state in states.items():
+        new.operate(name, state)
+    return new
+
+
+def press_estop(box: Cabinet, state: str) -> None:
+    box.operate("estop", state)
+    contacts = box.contacts()
+    box.estop_circuits(contacts["estop_1"] and contacts["estop_2"])
+
+
+def request_power(box: Cabinet) -> None:
+    box.output("power_request", 1)
+    box.output("power_request", 0)
+
+
+def test_power_is_on_at_the_start() -> None:
+    box = Cabinet()
+    assert box.relay
+    assert box.contacts()["power_ok"]
+
+
+def test_emergency_stop_opens_both_circuits_and_the_relay_and_releasing_it_does_not_close_it() -> None:
+    box = Cabinet()
+    press_estop(box, "pressed")
+    assert (box.contacts()["estop_1"], box.contacts()["estop_2"], box.relay) == (False, False, False)
+    request_power(box)
+    assert not box.relay
+    press_estop(box, "released")
+    assert not box.relay
+    request_power(box)
+    assert box.relay
+
+
+@pytest.mark.parametrize(("name", "bad", "good"), CIRCUITS[1:])
+def test_relay_opens_with_any_other_circuit(name: str, bad: str, good: str) -> None:
+    box = cabinet(**{name: bad})
+    assert not box.relay
+    request_power(box)
+    assert not box.relay
+    box.operate(name, good)
+    request_power(box)
+    assert box.relay
+
+
+def test_operator_closes_the_relay_with_the_power_key() -> None:
+    box = Cabinet()
+    press_estop(box, "pressed")
+    press_estop(box, "released")
+    box.operate("power", "on")
+    assert box.relay
+
+
+@pytest.mark.parametrize(("key", "closes"), [("automatic", False), ("setup", True)])
+def test_relay_closes_with_the_hood_open_only_on_setup(key: str, closes: bool) -> None:
+    box = cabinet(key=key, power="off", hood="open")
+    box.operate("power", "on")
+    assert box.relay is closes
+
+
+@pytest.mark.parametrize(
+    ("key", "moving", "spindle", "relay"),
+    [
+        ("automatic", 0, 0, True),
+        ("automatic", 1, 0, False),
+        ("automatic", 0, 1, False),
+        ("setup", 1, 0, True),
+        ("setup", 0, 1, True),
+    ],
+)
+def test_opening_the_hood(key: str, moving: int, spindle: int, relay: bool) -> None:
+    box = cabinet(key=key)
+    box.output("moving", moving)
+    box.output("spindle", spindle)
+    box.operate("hood", "open")
+    assert box.relay is relay
+    assert not box.spindle_runs
+
+
+def test_turning_the_key_to_automatic_with_the_hood_open_in_a_motion_cuts_power() -> None:
+    box = cabinet(key="setup", hood="open")
+    box.output("moving", 1)
+    assert box.relay
+    box.operate("key", "automatic")
+    assert not box.relay
+
+
+def test_a_locked_hood_stays_closed_unless_forced() -> None:
+    box = Cabinet()
+    box.output("hood_release", 0)
+    assert box.operate("hood", "open") == "closed"
+    assert box.contacts()["hood_automatic"]
+    assert box.operate("hood", "forced") == "open"
+    assert not box.contacts()["hood_automatic"]
+
+
+def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
+    box = Cabinet()
+    assert not box.spindle_runs
+    box.output("spindle", 1)
+    assert box.spindle_runs
+    assert box.contacts()["spindle"]
+    press_estop(box, "pressed")
+    assert not box.spindle_runs
+
+
+@pytest.mark.parametrize(
+    ("hood", "key", "automatic", "setup"),
+    [
+        ("closed", "automatic", True, True),
+        ("open", "automatic", False, False),
+        ("closed", "setup", False, True),
+        ("open", "setup", False, True),
+    ],
+)
+def test_hood_contacts_combine_hood_and_key(hood: str, key: str, automatic: bool, setup: bool) -> None:
+    contacts = cabinet(hood=hood, key=key).contacts()
+    assert (contacts["hood_automatic"], contacts["hood_setup"], contacts["key"]) == (automatic, setup, key == "setup")
+
+
+def test_unknown_names_and_states_are_named() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown input 'door'; there are: hood, estop"):
+        Cabinet().operate("door", "open")
+    with pytest.raises(UnknownNameError, match=r"'hood' cannot be 'ajar'; it can be: closed, open, forced"):
+        Cabinet().operate("hood", "ajar")

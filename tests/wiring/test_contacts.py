@@ -1,0 +1,107 @@
+"""Contacts to levels: openers, closers, series circuits, bounce, broken wires."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from isel_twin.controller import UnknownNameError
+from isel_twin.machine import Contact
+from isel_twin.wiring import Contacts
+
+BOUNCE_MS = 1.0
+
+
+def switch(name: str, terminal: str, type_: str = "opener", *, inverted: bool = False, bounce: float = 0.0) -> Contact:
+    return Contact(
+        name=name,
+        kind="switch",
+        terminal=terminal,
+        type=type_,
+        inverted=inverted,
+        axis="x",
+        end="far",
+        bounce_ms=bounce,
+    )
+
+
+def contacts(*listed: Contact, wiring: dict[str, tuple[str, ...]] | None = None) -> Contacts:
+    return Contacts(listed, wiring, np.random.default_rng(1))
+
+
+def settle(box: Contacts) -> None:
+    while (t := box.next_ns) is not None:
+        box.advance(t)
+
+
+@pytest.mark.parametrize(
+    ("type_", "inverted", "free", "struck"),
+    [
+        ("opener", False, True, False),
+        ("opener", True, False, True),
+        ("closer", False, False, True),
+        ("closer", True, True, False),
+    ],
+)
+def test_level_follows_type_and_wiring(type_: str, inverted: bool, free: bool, struck: bool) -> None:
+    box = contacts(switch("s", "p3.0", type_, inverted=inverted))
+    assert box.levels() == {"p3.0": free}
+    box.strike("s", True, 0)
+    assert box.levels() == {"p3.0": struck}
+    box.strike("s", False, 10)
+    assert box.levels() == {"p3.0": free}
+
+
+def test_contacts_in_series_read_high_only_while_all_are_closed() -> None:
+    box = contacts(switch("a", ""), switch("b", ""), wiring={"pin": ("a", "b")})
+    assert box.levels() == {"pin": True}
+    box.strike("b", True, 0)
+    assert box.levels() == {"pin": False}
+    box.strike("a", True, 1)
+    box.strike("b", False, 2)
+    assert box.levels() == {"pin": False}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_bounce_changes_at_once_ends_within_its_time_and_ends_in_the_new_state(seed: int) -> None:
+    box = Contacts([switch("s", "p", bounce=BOUNCE_MS)], None, np.random.default_rng(seed))
+    box.strike("s", True, 5_000)
+    assert box.levels() == {"p": False}
+    changes = 0
+    while (t := box.next_ns) is not None:
+        assert 5_000 < t <= 5_000 + BOUNCE_MS * 1e6
+        changes += box.advance(t)
+    assert changes <= 6
+    assert box.levels() == {"p": False}
+
+
+def test_bounces_occur_and_are_seeded() -> None:
+    def history(seed: int) -> list[int]:
+        box = Contacts([switch("s", "p", bounce=BOUNCE_MS)], None, np.random.default_rng(seed))
+        times = []
+        for n in range(5):
+            box.strike("s", n % 2 == 0, n * 10_000_000)
+            while (t := box.next_ns) is not None:
+                times.append(t)
+                box.advance(t)
+        return times
+
+    assert history(3)
+    assert history(3) == history(3)
+    assert history(3) != history(4)
+
+
+def test_faults_hold_a_contact_until_healed() -> None:
+    box = contacts(switch("s", "p"))
+    box.set_fault("s", "broken")
+    assert box.levels() == {"p": False}
+    box.set_fault("s", "stuck_closed")
+    box.strike("s", True, 0)
+    settle(box)
+    assert box.levels() == {"p": True}
+    box.set_fault("s", "ok")
+    assert box.levels() == {"p": False}
+
+
+def test_wiring_to_a_contact_that_does_not_exist_is_named() -> None:
+    with pytest.raises(UnknownNameError, match=r"terminal 'pin' is wired to 'nothing'"):
+        contacts(switch("a", ""), wiring={"pin": ("nothing",)})

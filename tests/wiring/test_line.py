@@ -1,0 +1,51 @@
+"""The serial line: ten bits a byte, one byte after the other, seeded noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from isel_twin.wiring import SerialLine
+
+BAUD = 19_200
+BYTE_NS = 520_833  # 10 bits at 19200 bit/s, to the nanosecond
+
+
+def line(timed: bool) -> SerialLine:
+    return SerialLine(timed, np.random.default_rng(0))
+
+
+def test_untimed_bytes_arrive_at_once() -> None:
+    wire = line(timed=False)
+    wire.from_host(7, b"@07\r", BAUD)
+    assert wire.at_controller(7) == b"@07\r"
+    assert wire.next_ns is None
+
+
+def test_timed_bytes_arrive_one_after_the_other() -> None:
+    wire = line(timed=True)
+    wire.from_host(0, b"ab", BAUD)
+    wire.from_host(100, b"c", BAUD)
+    arrivals = []
+    while (t := wire.next_ns) is not None:
+        arrivals.append((t, wire.at_controller(t)))
+    assert arrivals == [(BYTE_NS, b"a"), (2 * BYTE_NS, b"b"), (3 * BYTE_NS, b"c")]
+
+
+def test_directions_do_not_wait_for_each_other() -> None:
+    wire = line(timed=True)
+    wire.from_host(0, b"long command", BAUD)
+    wire.from_controller(0, b"0", BAUD)
+    assert wire.next_reply_ns == BYTE_NS
+    assert wire.at_host(BYTE_NS - 1) == b""
+    assert wire.at_host(BYTE_NS) == b"0"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.25, 1.0])
+def test_noise_flips_one_bit_in_its_share_of_bytes(noise: float) -> None:
+    wire = line(timed=False)
+    wire.noise = noise
+    sent = bytes(range(256)) * 40
+    wire.from_host(0, sent, BAUD)
+    flipped = [(a ^ b).bit_count() for a, b in zip(sent, wire.at_controller(0), strict=True)]
+    assert set(flipped) <= {0, 1}
+    assert abs(sum(flipped) / len(sent) - noise) < 0.02

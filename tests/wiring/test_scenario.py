@@ -1,0 +1,64 @@
+"""Scenario files: read whole, sorted by time, wrong ones named in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from isel_twin.wiring import ScenarioError, load_scenario
+
+CONTACTS = ("limit_x1", "limit_x2", "estop_1")
+
+
+def load(folder: Path, text: str):  # type: ignore[no-untyped-def]
+    file = folder / "scenario.toml"
+    file.write_text(text, encoding="utf-8")
+    return load_scenario(file, CONTACTS)
+
+
+def test_events_are_sorted_by_time(tmp_path: Path) -> None:
+    events = load(
+        tmp_path,
+        """
+        [[event]]
+        at = 2.5
+        set = { hood = "open", limit_x2 = "broken" }
+        [[event]]
+        at = 1
+        force_n = { y = -20 }
+        phase_lost = { z = "ab" }
+        noise = 0.5
+        """,
+    )
+    assert [event.at_ns for event in events] == [1_000_000_000, 2_500_000_000]
+    assert (events[0].force_n, events[0].phase_lost, events[0].noise) == ({1: -20.0}, {2: "ab"}, 0.5)
+    assert events[1].inputs == {"hood": "open", "limit_x2": "broken"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("at = 1", "unknown key 'at'; a scenario is a list of [[event]] tables"),
+        ("event = 3", "`event` must be written as [[event]] tables"),
+        ("[[event]]\nset = { hood = 'open' }", "event 1: `at` is None; it must be a number from 0 to 1e+09"),
+        ("[[event]]\nat = -1", "event 1: `at` is -1"),
+        ("[[event]]\nat = true", "event 1: `at` is True"),
+        ("[[event]]\nat = 1\nsett = {}", "event 1: unknown key 'sett'; did you mean 'set'?"),
+        ("[[event]]\nat = 1\nset = { hoood = 'open' }", "unknown input 'hoood'; did you mean 'hood'?"),
+        (
+            "[[event]]\nat = 1\nset = { hood = 'broken' }",
+            "input 'hood' cannot be 'broken'; it can be: closed, open, forced",
+        ),
+        ("[[event]]\nat = 1\nset = { limit_x1 = 'down' }", "it can be: ok, broken, stuck_open, stuck_closed"),
+        ("[[event]]\nat = 1\nforce_n = { a = 1 }", "`force_n`: unknown axis 'a'; axes are x, y, z"),
+        ("[[event]]\nat = 1\nphase_lost = { x = 'c' }", '`phase_lost.x` is \'c\'; write "a", "b", "ab" or ""'),
+        ("[[event]]\nat = 1\nnoise = 2", "`noise` is 2; it must be a number from 0 to 1"),
+        ("[[event]", "not a TOML file"),
+    ],
+)
+def test_a_wrong_file_is_named_with_place_and_remedy(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        load(tmp_path, text)
+    assert message in str(error.value)
+    assert str(tmp_path / "scenario.toml") in str(error.value)
+    assert "\n" not in str(error.value)
