@@ -246,8 +246,8 @@ class Desk:
     def set(self, name: str, state: str | bool) -> None:
         """Set something by hand, now.
 
-        An element of the cabinet (`isel_twin.wiring.cabinet.ELEMENTS`: hood, estop, key, start, stop, user_0 ...) to one
-        of its states; a contact ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2",
+        An element of the cabinet (`isel_twin.wiring.cabinet.ELEMENTS`: hood, estop, key, start, stop, user_0) to one of
+        its states; a contact ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2",
         by its level True or False, or "free").
         """
         if name in ELEMENTS:
@@ -410,10 +410,8 @@ class Desk:
 
     def _wires_changed(self) -> None:
         """Hand every changed level to the controller; what it does in answer may change further levels."""
-        self.cabinet.estop_circuits(
-            self._forced_contacts.get("estop_1", True),
-            self._forced_contacts.get("estop_2", True),
-        )
+        contacts = {**self.cabinet.contacts(), **self._forced_contacts}
+        self.cabinet.estop_circuits(contacts["estop_1"] and contacts["estop_2"])
         for _ in range(_SPIN_LIMIT):
             levels = self._levels()
             changed = [terminal for terminal, level in levels.items() if level != self.levels[terminal]]

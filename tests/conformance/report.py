@@ -1,0 +1,103 @@
+"""Run the conformance tests and print their tables (make conformance).
+
+python tests/conformance/report.py [TABLE ...]     run, print, exit 1 if any row does not hold
+python tests/conformance/report.py --write         put the tables into docs/conformance.md (collects, runs nothing)
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from rich.table import Table as RichTable
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from conformance.record import Record
+from conformance.rows import FOLDER, Table, tables
+
+DOCUMENT = FOLDER.parent.parent / "docs" / "conformance.md"
+BEGIN = "<!-- tables: written by tests/conformance/report.py --write -->"
+
+
+def collect() -> Record:
+    """Which test shows which row, without running anything."""
+    record = Record()
+    with contextlib.redirect_stdout(io.StringIO()):
+        pytest.main([str(FOLDER), "--collect-only", "-q"], plugins=[record])
+    return record
+
+
+def run() -> Record:
+    """Run all tests of this folder."""
+    record = Record()
+    pytest.main([str(FOLDER), "-q", "--no-header", "-m", "not verdict_on_table"], plugins=[record])
+    return record
+
+
+def markdown(record: Record) -> str:
+    """The tables as they stand in docs/conformance.md: a summary, then every row with the tests that show it."""
+    lines = ["| table | rows | hold | deviate | commands of the overview |", "|---|---|---|---|---|"]
+    for table in tables():
+        deviate = sum(row.status != "holds" for row in table.rows)
+        lines.append(
+            f"| {table.title} | {len(table.rows)} | {len(table.rows) - deviate} | {deviate} | {len(table.overview)} |"
+        )
+    for table in tables():
+        lines += ["", f"## {table.title}", "", f"Source: {table.manual}."]
+        for number, title in table.sections.items():
+            lines += ["", f"### {number} {title}", "", "| row | statement | status | shown by |", "|---|---|---|---|"]
+            for row in table.rows:
+                if row.section == number:
+                    names = ", ".join(f"`{name}`" for name in sorted(record.tests.get(row.id, [])))
+                    lines.append(f"| {row.id} | {row.statement.replace('|', '/')} | {row.status} | {names} |")
+    return "\n".join(lines) + "\n"
+
+
+def with_tables(document: str, record: Record) -> str:
+    """The document with the part after BEGIN written anew."""
+    return document.split(BEGIN)[0] + BEGIN + "\n\n" + markdown(record)
+
+
+def print_table(table: Table, record: Record, console: Console) -> int:
+    """Print one table; return how many of its rows do not hold."""
+    shown = RichTable(title=f"{table.title}: {table.manual}", title_justify="left")
+    for column in ("row", "statement", "status", "shown by", "result"):
+        shown.add_column(column, overflow="fold")
+    failing = 0
+    for row in table.rows:
+        good = record.holds(row.id)
+        failing += not good
+        result = "[green]holds[/green]" if good else "[bold red]FAILS[/bold red]"
+        shown.add_row(row.id, row.statement, row.status, "\n".join(record.tests.get(row.id, [])), result)
+    console.print(shown)
+    console.print(f"{table.title}: {len(table.rows)} rows, {failing} failing\n")
+    return failing
+
+
+def main() -> int:
+    """Command line; see the module."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", nargs="*", help="tables to print (default: all)")
+    parser.add_argument("--write", action="store_true", help="write the tables into docs/conformance.md")
+    arguments = parser.parse_args()
+    if arguments.write:
+        DOCUMENT.write_text(with_tables(DOCUMENT.read_text(encoding="utf-8"), collect()), encoding="utf-8")
+        return 0
+    known = {table.name: table for table in tables()}
+    unknown = [name for name in arguments.table if name not in known]
+    if unknown:
+        parser.error(f"no table {', '.join(unknown)}; there are: {', '.join(known)}")
+    record = run()
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    failing = [print_table(known[name], record, console) for name in arguments.table or known]
+    return 1 if sum(failing) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""The conformance tables themselves: complete, consistent with the tests, and copied to docs/ as they are."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import pytest
+from conformance.record import Record, covers_folder
+from conformance.report import BEGIN, DOCUMENT, collect, markdown
+from conformance.rows import FOLDER, Table, tables
+
+TABLES = tables()
+each_table = pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
+
+
+@pytest.fixture
+def collected(request: pytest.FixtureRequest, record: Record) -> Record:
+    """Which test shows which row: from this session if it has all tests of the folder, else collected anew."""
+    return record if covers_folder(request.config, request.session.items) else collect()
+
+
+@each_table
+def test_rows_are_well_formed(table: Table) -> None:
+    ids = [row.id for row in table.rows]
+    assert len(set(ids)) == len(ids)
+    for row in table.rows:
+        assert row.id.startswith(f"{table.name}-{row.section}-"), row.id
+        assert row.statement.strip().endswith("."), row.id
+        assert re.fullmatch(r"holds|deviates: \w+\d*", row.status), row.id
+
+
+@each_table
+def test_every_command_of_the_overview_has_a_row(table: Table) -> None:
+    """A row for each line of the overview tables, in chapter 1, and rows in the section the line points to."""
+    sections = {row.section for row in table.rows}
+    overview = " ".join(row.statement for row in table.rows if row.section == "1")
+    for line in table.overview:
+        assert line.section in sections, f"{line.command}: no row in section {line.section}"
+        assert f"`{line.command}`" in overview, f"{line.command}: no row in chapter 1"
+
+
+@each_table
+def test_deviations_name_an_existing_decision(table: Table) -> None:
+    decisions = (DOCUMENT.parent / "decisions.md").read_text(encoding="utf-8")
+    for row in table.rows:
+        if row.status != "holds":
+            number = row.status.removeprefix("deviates: ")
+            assert re.search(rf"\b{number}\b", decisions), f"{row.id}: no decision {number} in docs/decisions.md"
+
+
+def test_no_test_names_an_unknown_row(collected: Record) -> None:
+    known = {row.id for table in TABLES for row in table.rows}
+    assert set(collected.tests) - known == set()
+
+
+@each_table
+def test_every_row_has_a_test(table: Table, collected: Record) -> None:
+    assert [row.id for row in table.rows if not collected.tests.get(row.id)] == []
+
+
+@each_table
+@pytest.mark.verdict_on_table
+def test_every_row_that_was_tried_holds(table: Table, record: Record) -> None:
+    """Last in the session: a row whose tests were skipped, expected to fail or failing does not hold."""
+    tried = [row.id for row in table.rows if row.id in record.outcomes]
+    assert [row for row in tried if not record.holds(row)] == []
+
+
+def test_the_copy_in_the_documents_is_current(collected: Record) -> None:
+    document = DOCUMENT.read_text(encoding="utf-8")
+    copy = document.split(BEGIN)[1].strip()
+    assert copy == markdown(collected).strip(), "run: python tests/conformance/report.py --write"
+
+
+def test_the_report_names_an_unknown_table() -> None:
+    call = subprocess.run(
+        [sys.executable, str(FOLDER / "report.py"), "nonesuch"], capture_output=True, text=True, check=False
+    )
+    assert call.returncode == 2
+    assert "no table nonesuch" in call.stderr
