@@ -123,7 +123,7 @@ class Controller(Protocol):
         """Events since the last call of `take`, in their order; they happened at the time of the last call."""
 
     def wiring(self) -> Mapping[str, tuple[str, ...]] | None:
-        """Terminals of this controller and the machine's contacts wired to each (several: in series, all must be closed).
+        """Terminals of this controller and the contacts of the machine wired to each (several: in series).
 
         None: the terminals that the machine's own wiring table names.
         """

@@ -249,7 +249,7 @@ class Twin:
         self._plant.apply_force(axis, force_n)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
-        """Call `callback(twin)` every interval_ns of virtual time, beginning now, and at every input or output change."""
+        """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""
         if interval_ns <= 0:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))

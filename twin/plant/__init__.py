@@ -83,7 +83,7 @@ class Plant(Protocol):
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """float64 [4], rotor positions in microsteps; equals `commanded` for an unloaded motor that has lost nothing."""
+        """float64 [4], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
 
     @property
     def at_rest(self) -> bool:

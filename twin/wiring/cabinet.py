@@ -16,8 +16,8 @@ machine with two states; the transitions are all in `Cabinet._settle`:
 Conditions to close: supply on, both E-stop circuits closed, stages cool, and the hood closed or the key on setup.
 The spindle runs while the relay is closed, the controller asks for it and the hood is closed.
 
-Sources: programming manual iMC 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the operator's
-side. Decisions W1 to W4 in docs/decisions.md.
+Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
+operator's side. Decisions W1 to W4 in docs/decisions.md.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ SIGNALS = (
 
 
 class Cabinet:
-    """Elements and relays of the cabinet. Feed it with `operate`, `output` and `estop_circuits`, read contacts and relays."""
+    """Elements and relays. Feed it with `operate`, `output` and `estop_circuits`, read contacts and relays."""
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}

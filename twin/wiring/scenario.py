@@ -19,7 +19,7 @@
 
     [[event]]
     at = 6.0
-    noise = 0.01                             # each byte on the serial line, either way, has this chance of a flipped bit
+    noise = 0.01                             # chance of a flipped bit in each byte on the serial line
 
 One file serves the command line, tests and environments. Everything is checked when the file is read.
 """
