@@ -1,0 +1,61 @@
+"""The power stage as data: a chopper that drives two phase currents from a limited supply.
+
+The current it wants is I (cos phi, sin phi), phi being the electrical angle of the microstep counter. In half and full
+step the two waves have the corners of a switch instead:
+
+    half step, A:  1  1  0 -1 -1 -1  0  1        full step, A:  1 -1 -1  1       (B: a quarter period later)
+
+so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) Km I in half step, and sqrt(2) Km I in
+full step. What it can do ends at the supply: |v| <= supply_factor * supply_v at the phases.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A two-phase power stage. Raises ValueError for a setting that no stage can have."""
+
+    supply_v: float
+    """Supply voltage."""
+    current_a: float
+    """Peak phase current in motion."""
+    microsteps: int = 8
+    """Microsteps a full step: 1 full step (both phases on), 2 half step, 8 for 1600 a revolution at 1.8 degrees."""
+    idle_current_fraction: float = 0.5
+    """Current at rest over current in motion, when the controller lowers it."""
+    idle_delay_s: float = 0.2
+    """Rest before the current is lowered."""
+    supply_factor: float = 0.9
+    """Part of the supply that reaches the phases: switch drops, dead time (fitted, see docs/fidelity.md); 1: all of it."""
+    extra_resistance_ohm: float = 0.2
+    """Switches, sense resistor and cable in each phase (fitted with the above); 0: none."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("supply_v", 1.0, 1000.0),
+            ("current_a", 0.01, 100.0),
+            ("microsteps", 1, 256),
+            ("idle_current_fraction", 0.0, 1.0),
+            ("idle_delay_s", 0.0, math.inf),
+            ("supply_factor", 0.1, 1.0),
+            ("extra_resistance_ohm", 0.0, 100.0),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"stage: {name} must lie in {low:g} .. {high:g}, not {value!r}")
+        if self.microsteps != int(self.microsteps):
+            raise ValueError(f"stage: microsteps must be a whole number, not {self.microsteps!r}")
+
+    @property
+    def effective_supply_v(self) -> float:
+        """Largest voltage at a phase."""
+        return self.supply_factor * self.supply_v
+
+    @property
+    def stepped(self) -> bool:
+        """True in full and half step, where the phases are switched and not shaped."""
+        return self.microsteps <= 2
