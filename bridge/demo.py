@@ -1,0 +1,129 @@
+"""`make demo`: a host program drives the twin through a pseudo-terminal, and sees what it would see at the machine.
+
+The host part (`_Host`) is written as a stranger would write it: pySerial, a port name, commands of the manual. The twin
+serves that port from a thread of its own. Beside each reply stands what the host cannot see: where the carriages are.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import serial
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from isel_twin.bridge.pacing import Pacer
+from isel_twin.bridge.pty import PtyEndpoint
+from isel_twin.bridge.server import Server
+from isel_twin.twin import Twin
+
+REPLY_TIMEOUT_S = 120.0
+
+SESSION = (
+    ("@07", "initialise X, Y, Z"),
+    ("@0M16000,10000,8000,10000,0,10000,0,30", "refused: no reference run yet"),
+    ("@0d5000,5000,5000", "reference speed 15.6 mm/s"),
+    ("@0R7", "reference run: Z, Y, X onto their switches"),
+    ("@0P", "where do you think you are?"),
+    ("@0M16000,10000,8000,10000,0,10000,0,30", "to X 50 mm, Y 25 mm"),
+    ("@0P", "and now?"),
+    ("@0z1", "interpolate in space"),
+    ("@0M48000,10000,24000,10000,9600,10000,0,30", "to 150, 75, 30 mm at 31 mm/s"),
+    ("@0M0,10000,0,10000,0,10000,0,30", "and back to zero"),
+)
+"""A session as real hosts run it, and what it is for."""
+
+OVERLOAD = (
+    ("@0J4000", "ramp: 4000 Hz/ms instead of 100"),
+    ("@0M48000,20000,24000,20000,9600,20000,0,30", "the same way at twice the speed"),
+    ("@0P", "the controller is sure"),
+)
+"""The same job with a ramp and a speed that the motors cannot follow."""
+
+
+class _Host:
+    """A host program: knows a port name and the manual, nothing else."""
+
+    def __init__(self, port: str) -> None:
+        self._serial = serial.Serial(port, 19200, timeout=REPLY_TIMEOUT_S)
+
+    def ask(self, command: str) -> str:
+        self._serial.write(command.encode() + b"\r")
+        reply = self._serial.read(1)
+        if command == "@0P" and reply == b"0":
+            reply += self._serial.read(18)
+        return reply.decode()
+
+    def close(self) -> None:
+        self._serial.close()
+
+
+def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tuple[tuple[str, str], ...]) -> None:
+    table = Table(title=title, title_justify="left", caption_justify="left")
+    for heading, justify in (
+        ("virtual s", "right"),
+        ("host sends", "left"),
+        ("reply", "left"),
+        ("counters mm", "right"),
+        ("true position mm", "right"),
+        ("difference um", "right"),
+    ):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("")
+        for command, purpose in commands:
+            progress.update(task, description=f"{command}   {purpose}")
+            reply = host.ask(command)
+            counter_mm = [count / axis.steps_per_mm for count, axis in zip(twin.counts, twin.machine.axes, strict=False)]
+            true_mm = twin.position_mm
+            table.add_row(
+                f"{twin.time_ns / 1e9:.3f}",
+                f"{command}\n[dim]{purpose}[/dim]",
+                reply,
+                " ".join(f"{value:8.3f}" for value in counter_mm),
+                " ".join(f"{value:8.3f}" for value in true_mm),
+                " ".join(f"{1e3 * (true - counter):8.1f}" for true, counter in zip(true_mm, counter_mm, strict=True)),
+            )
+    console.print(table)
+
+
+def main() -> None:
+    """Run the demonstration on the terminal."""
+    console = Console(width=max(Console().width, 132))
+    with console.status("building the machine (the first time, the physics kernel is compiled: about a minute)"):
+        twin = Twin(machine="4030", controller="imc-s8", seed=int(os.environ.get("SEED", "0")), line_speed=True)
+    pty = PtyEndpoint()
+    server = Server(twin, Pacer(None), [pty])
+    thread = threading.Thread(target=server.run, name="isel-twin", daemon=True)
+    began = time.monotonic()
+    thread.start()
+    console.print(f"The twin of a 4030 with its iMC-S8 listens on [bold]{pty.address}[/bold], a host program opens it.\n")
+    host = _Host(pty.address)
+    _session(console, host, twin, "A session", SESSION)
+    console.print("Differences of some um are load, friction and backlash; no step is lost.\n")
+    _session(console, host, twin, "The same way, too fast", OVERLOAD)
+    host.close()
+    wall_s = time.monotonic() - began
+    server.stop()
+    thread.join()
+    twin.run(1.0)
+    lost = ", ".join(
+        f"{axis.name.upper()} {steps:.0f} ({steps / axis.steps_per_mm:.1f} mm)"
+        for axis, steps in zip(twin.machine.axes, twin.lost_steps, strict=False)
+    )
+    console.print("Every reply was 0: an open-loop controller cannot know. The twin does.")
+    console.print(f"[bold]Steps lost[/bold] (steps, and mm at rest): {lost}\n")
+    virtual_s = twin.time_ns / 1e9
+    console.print(f"{virtual_s:.1f} s of machine time took {wall_s:.1f} s: {virtual_s / wall_s:.0f} times real time.")
+    console.print(
+        "\nNext: [bold].venv/bin/isel-twin serve --pty /tmp/imc[/bold] and point your own host program at /tmp/imc;\n"
+        "README.md and docs/hosts.md say how, docs/one_move.md leads into the code."
+    )
+
+
+if __name__ == "__main__":
+    main()
