@@ -141,12 +141,17 @@ class Twin:
         """
         self.read()
         self.write(text.encode("latin-1") + b"\r")
-        deadline = self.time_ns + round(timeout_s * NANOSECOND)
-        self._advance(deadline, lambda: self.idle)
-        if not self.idle:
+        if not self.run_until_idle(timeout_s):
             raise TimeoutError(f"no complete reply to {text!r} within {timeout_s:g} s of virtual time")
-        self._advance(max(self.time_ns, self._line.quiet_ns))
         return self.read().decode("latin-1")
+
+    def run_until_idle(self, timeout_s: float = 3600.0) -> bool:
+        """Let virtual time pass until the controller is idle and its replies have arrived, at most timeout_s.
+
+        Returns whether it is idle.
+        """
+        self._advance(self.time_ns + round(timeout_s * NANOSECOND), lambda: self.idle)
+        return self.idle
 
     @property
     def baud(self) -> int:
@@ -155,8 +160,9 @@ class Twin:
 
     @property
     def idle(self) -> bool:
-        """Every byte sent has been dealt with and answered, and the controller makes no motion."""
-        return self._controller.idle and self._line.next_ns is None
+        """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
+        arrived = self._line.next_ns is None and self._line.quiet_ns <= self.time_ns
+        return arrived and self._controller.idle
 
     # Time
 
@@ -259,7 +265,8 @@ class Twin:
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         while self.time_ns < until_ns and not (stop is not None and stop()):
-            horizon = min(t for t in (until_ns, self._next_ns()) if t is not None)
+            looks = (observer.next_ns for observer in self._observers)
+            horizon = min(t for t in (until_ns, self._next_ns(), *looks) if t is not None)
             self._advance_plant(max(horizon, self.time_ns))
             self._settle()
 
@@ -268,7 +275,6 @@ class Twin:
         times = [self._controller.next_ns, self._line.next_ns, self._contacts.next_ns]
         if self._scenario:
             times.append(self._scenario[0].at_ns)
-        times.extend(observer.next_ns for observer in self._observers)
         return min((t for t in times if t is not None), default=None)
 
     def _advance_plant(self, until_ns: int) -> None:

@@ -1,0 +1,118 @@
+"""Wall clock and virtual time: the only place of the project where a wall clock is read.
+
+    virtual time = virtual_0 + speed * (wall time - wall_0)
+
+At speed `max` there is no such relation: virtual time runs as fast as it can be computed while something is to be
+done, and stands still while everybody waits for the host. A host then gets the same answers at the same virtual
+times however slow it is itself.
+
+A twin that cannot keep up with the speed asked for slips: the relation is anchored anew, nothing is made up later.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+__all__ = ["Clocked", "Pacer", "parse_speed"]
+
+TICK_NS = 5_000_000
+"""Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
+
+SLIP_NS = 250_000_000
+"""Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
+
+
+class Clocked(Protocol):
+    """What pacing needs of a twin."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def next_event_ns(self) -> int | None: ...
+    @property
+    def idle(self) -> bool: ...
+    def run_until(self, time_ns: int) -> None: ...
+
+
+def parse_speed(text: str) -> float | None:
+    """`1`, `0.5`, `20`: times real time; `max` -> None: as fast as possible. Raises ValueError."""
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not (math.isfinite(speed) and speed > 0):
+        raise ValueError(f"speed {text!r} is neither a positive number nor 'max'")
+    return speed
+
+
+class Pacer:
+    """Keeps a twin at its place in wall time. `speed`: times real time, or None for as fast as possible."""
+
+    def __init__(self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self.speed = speed
+        self.slipped = False  # True once the speed could not be kept
+        self._clock = clock
+        self._slice_ns = TICK_NS
+        self._anchor(virtual_ns)
+
+    def _anchor(self, virtual_ns: int) -> None:
+        self._wall_0 = self._clock()
+        self._virtual_0 = virtual_ns
+
+    def present_ns(self) -> int | None:
+        """Virtual time that belongs to the present; None at speed `max`."""
+        if self.speed is None:
+            return None
+        return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
+
+    def advance(self, twin: Clocked) -> None:
+        """Let the twin catch up: to its next event, to the present, or for about a tick of computing.
+
+        Whatever comes first; so its answers leave in time and the host is heard between two calls.
+        """
+        present, event = self.present_ns(), twin.next_event_ns
+        if present is None:
+            if twin.idle or event is None:
+                return
+            self._compute(twin, event)
+        elif twin.idle:  # nothing to compute: any stretch of time is cheap
+            twin.run_until(present if event is None else max(twin.time_ns, min(present, event)))
+        else:
+            self._compute(twin, present if event is None else min(present, event))
+            assert self.speed is not None
+            if present - twin.time_ns > SLIP_NS * self.speed:
+                self.slipped = True
+                self._anchor(twin.time_ns)
+
+    def _compute(self, twin: Clocked, until_ns: int) -> None:
+        """Advance at most to until_ns, in a slice whose length adapts so that it takes about a tick."""
+        began, start_ns = self._clock(), twin.time_ns
+        twin.run_until(max(start_ns, min(until_ns, start_ns + self._slice_ns)))
+        took_ns = self._clock() - began
+        if took_ns > 2 * TICK_NS:
+            self._slice_ns = max(self._slice_ns // 2, 100_000)
+        elif took_ns < TICK_NS // 2 and twin.time_ns == start_ns + self._slice_ns:
+            self._slice_ns *= 2
+
+    def wait_s(self, twin: Clocked) -> float | None:
+        """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
+        event = twin.next_event_ns
+        if self.speed is None:
+            return None if twin.idle or event is None else 0.0
+        due = None if event is None else self.until_s(event)
+        if twin.idle:
+            return due
+        tick = TICK_NS / 1e9
+        return tick if due is None else min(due, tick)
+
+    def until_s(self, time_ns: int) -> float:
+        """Wall seconds until virtual time reaches time_ns; 0 if that is past, or at speed `max`."""
+        if self.speed is None:
+            return 0.0
+        wall_ns = self._wall_0 + (time_ns - self._virtual_0) / self.speed
+        return max(0.0, (wall_ns - self._clock()) / 1e9)

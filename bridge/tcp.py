@@ -1,0 +1,187 @@
+"""A raw TCP port: every byte of the connection is a byte of the serial line.
+
+Addresses: HOST:PORT, [IPV6]:PORT, :PORT or PORT; without a host the loopback interface, and port 0 for a free one.
+
+The controller has one line, so one client is served at a time. A second one is told so in a line of text and closed;
+the first does not notice. A client that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets the
+replies to what it has sent, unless somebody else connects.
+"""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import socket
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+from isel_twin.bridge.server import Outbox, Server, Watch
+
+__all__ = ["Codec", "ProtocolError", "RawCodec", "TcpEndpoint", "parse_address"]
+
+log = logging.getLogger("isel_twin")
+
+REFUSALS = 16
+"""Refused clients whose last words are still on the way; more than that are cut off."""
+
+
+class ProtocolError(Exception):
+    """A client does not speak the protocol of this endpoint."""
+
+
+class Codec(Protocol):
+    """What lies between the bytes of a connection and those of the serial line; one a connection."""
+
+    def decode(self, data: bytes) -> bytes:
+        """Bytes for the line out of bytes of the connection. Raises ProtocolError."""
+
+    def encode(self, data: bytes) -> bytes:
+        """Bytes for the connection out of bytes of the line."""
+
+
+class RawCodec:
+    """Nothing in between. `send`: sends bytes to the client directly."""
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        pass
+
+    def decode(self, data: bytes) -> bytes:
+        return data
+
+    def encode(self, data: bytes) -> bytes:
+        return data
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """(host, port) out of HOST:PORT, [IPV6]:PORT, :PORT or PORT. Raises ValueError."""
+    host, _, port = text.rpartition(":")
+    if not (port.isascii() and port.isdigit() and int(port) < 65_536):
+        raise ValueError(f"address {text!r} is not HOST:PORT with a port from 0 to 65535")
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+
+
+class _Client:
+    """The client that holds the line."""
+
+    def __init__(self, connection: socket.socket, codec: Callable[[Callable[[bytes], None]], Codec]) -> None:
+        self.connection = connection
+        self.outbox = Outbox(connection.send)
+        self.departing = False  # has closed its sending side
+        self.codec = codec(self.outbox.put)
+
+
+class TcpEndpoint:
+    """A listening TCP socket. Raises ValueError for a bad address and OSError if it cannot listen there."""
+
+    def __init__(
+        self, address: str, kind: str = "tcp", codec: Callable[[Callable[[bytes], None]], Codec] = RawCodec
+    ) -> None:
+        self.kind = kind
+        self._codec = codec
+        self._client: _Client | None = None
+        self._refused: deque[socket.socket] = deque()
+        host, port = parse_address(address)
+        try:
+            family, *_, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            self._listener = socket.create_server(where[:2], family=family)
+        except OSError as error:
+            reason = (error.strerror or str(error)).split(" (")[0]
+            raise OSError(error.errno, f"{reason}; choose another address, or port 0 for a free one", address) from None
+        self._listener.setblocking(False)
+        host, port = self._listener.getsockname()[:2]
+        self.address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+    @property
+    def busy(self) -> bool:
+        return self._client is not None and not self._client.departing
+
+    def attach(self, server: Server) -> None:
+        self._server = server
+
+    def watches(self, listening: bool) -> Iterable[Watch]:
+        yield Watch(self._listener, selectors.EVENT_READ, self._accept)
+        for connection in self._refused:
+            yield Watch(connection, selectors.EVENT_READ, lambda connection=connection: self._drain(connection))
+        if (client := self._client) is not None:
+            reading = listening and not client.departing
+            events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
+            if events:
+                yield Watch(client.connection, events, self._ready)
+
+    def _accept(self) -> None:
+        try:
+            connection, peer = self._listener.accept()
+        except OSError:
+            return  # it has gone already
+        connection.setblocking(False)
+        if not self._server.claim(self):
+            self._refuse(connection)
+            return
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        log.info("%s: client %s:%s connected", self.kind, *peer[:2])
+        self._client = _Client(connection, self._codec)
+
+    def _refuse(self, connection: socket.socket) -> None:
+        """Say why, and close once the client has: closing at once could make its kernel throw our words away."""
+        try:
+            connection.send(f"isel-twin: port {self.address} is in use by another client\r\n".encode())
+            connection.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass  # it has gone already
+        self._refused.append(connection)
+        if len(self._refused) > REFUSALS:
+            self._refused.popleft().close()
+
+    def _drain(self, connection: socket.socket) -> None:
+        try:
+            if connection.recv(4096):
+                return
+        except BlockingIOError:
+            return
+        except OSError:
+            pass
+        self._refused.remove(connection)
+        connection.close()
+
+    def _ready(self) -> None:
+        client = self._client
+        assert client is not None
+        try:
+            client.outbox.flush()
+            if client.departing:
+                return
+            data = client.connection.recv(4096)
+            line = client.codec.decode(data)
+        except BlockingIOError:
+            return
+        except (OSError, ProtocolError) as error:
+            self._disconnect(str(error))
+            return
+        if not data:
+            client.departing = True
+        if line:
+            self._server.receive(self, line)
+
+    def send(self, data: bytes) -> None:
+        if self._client is not None:
+            try:
+                self._client.outbox.put(self._client.codec.encode(data))
+            except OSError as error:
+                self._disconnect(str(error))
+
+    def give_way(self) -> None:
+        if self._client is not None:
+            self._disconnect("closed by the client")
+
+    def _disconnect(self, reason: str) -> None:
+        if self._client is not None:
+            log.info("%s: client disconnected: %s", self.kind, reason)
+            self._client.connection.close()
+            self._client = None
+
+    def close(self) -> None:
+        self._disconnect("the server stops")
+        for connection in (self._listener, *self._refused):
+            connection.close()

@@ -1,0 +1,81 @@
+"""Files that are never seen half written.
+
+A file is written under a temporary name in the same folder, flushed to the disk, and only then renamed over the old
+one; the folder is flushed too, so that a power cut leaves the old file or the new one:
+
+    write .NAME.PID.tmp -> fsync -> rename to NAME -> fsync folder
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from isel_twin.twin import Twin
+
+__all__ = ["FlashFile", "atomic_write", "replacing"]
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary path to write to; it replaces `path` when the block ends, and is removed when it raises.
+
+    A symbolic link is followed, so the link stays and its target is replaced. Devices and pipes (/dev/stdout) cannot be
+    replaced and are handed through. Raises OSError.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        if target.is_dir():
+            raise IsADirectoryError(21, "is a folder, not a file", str(path))
+        yield target
+        return
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        if target.exists():
+            temporary.chmod(target.stat().st_mode)
+        _flush(temporary)
+        temporary.replace(target)
+        _flush(target.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
+    """Replace the contents of `path` by `data`, or leave it as it was. Raises OSError."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file or folder is on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+class FlashFile:
+    """A controller's flash memory in a file.
+
+    `image` is what the file held, None for a new device; once `attach` has named the twin, the file follows its flash
+    and exists. Raises OSError if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.image = path.read_bytes() if path.exists() else None
+
+    def attach(self, twin: Twin) -> None:
+        """Keep what this twin writes to its flash."""
+        twin.on_flash = self._store
+        if self.image is None:
+            self._store(twin.flash)
+
+    def _store(self, image: bytes) -> None:
+        atomic_write(self._path, image)

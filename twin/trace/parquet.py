@@ -1,0 +1,58 @@
+"""The samples of a recorder as a Parquet table, one row a sample, row groups of bounded size.
+
+time_ns                                     int64, virtual time
+count_x .. count_a                          int64, the controller's step counters
+position_x_mm .. position_z_mm              float64, true carriage positions
+lost_x_steps .. lost_a_steps                float64
+level_<terminal>, input_<name>, output_<name>    int64 or text, null before the first value
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from isel_twin.files import replacing
+from isel_twin.trace.recorder import SAMPLE, Change, Recorder
+from numpy.typing import NDArray
+
+__all__ = ["write_parquet"]
+
+ROWS = 65_536
+"""Rows of a row group."""
+
+
+def write_parquet(path: str | os.PathLike[str], recorder: Recorder) -> None:
+    """Write all samples so far. Raises OSError."""
+    history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
+    schema = _table(np.empty(0, dtype=SAMPLE), history).schema
+    with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+        for piece in recorder.samples(ROWS):
+            writer.write_table(_table(piece, history))
+
+
+def _table(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]) -> pa.Table:
+    columns: dict[str, pa.Array] = {"time_ns": pa.array(piece["time_ns"])}
+    for pattern, field, axes in (
+        ("count_{}", "counts", "xyza"),
+        ("position_{}_mm", "position_mm", "xyz"),
+        ("lost_{}_steps", "lost_steps", "xyza"),
+    ):
+        for number, axis in enumerate(axes):
+            columns[pattern.format(axis)] = pa.array(np.ascontiguousarray(piece[field][:, number]))
+    for (group, name), changes in history.items():
+        columns[f"{group}_{name}"] = _held(piece["time_ns"], changes)
+    return pa.table(columns)
+
+
+def _held(time_ns: NDArray[np.int64], changes: Sequence[Change]) -> pa.Array:
+    """The value in force at each time: that of the last change before or at it."""
+    last = np.searchsorted(np.array([change.time_ns for change in changes]), time_ns, side="right") - 1
+    text = any(isinstance(change.value, str) for change in changes)
+    values: list[Any] = [str(change.value) if text else change.value for change in changes]
+    held = [values[index] if index >= 0 else None for index in last.tolist()]
+    return pa.array(held, type=pa.string() if text else pa.int64())

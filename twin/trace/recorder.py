@@ -1,0 +1,106 @@
+"""Look at the twin now and then, and remember.
+
+A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
+that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory.
+
+    time    0      1 ms    2 ms         3 ms
+    sample  |       |       |    |       |
+                                 limit_x2 struck
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from isel_twin.twin import Twin
+
+__all__ = ["SAMPLE", "Change", "Recorder"]
+
+SAMPLE = np.dtype(
+    [("time_ns", np.int64), ("counts", np.int64, 4), ("position_mm", np.float64, 3), ("lost_steps", np.float64, 4)]
+)
+"""One sample; axes in the order X, Y, Z, A."""
+
+BUFFER = 4096
+"""Samples kept before they go to the file."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """From time_ns on, `name` of `group` (`level`, `input` or `output`) has this value."""
+
+    time_ns: int
+    group: str
+    name: str
+    value: int | str
+
+
+class Recorder:
+    """Samples of one twin every interval_ns of virtual time, from now on. Use it as a context manager."""
+
+    def __init__(self, twin: Twin, interval_ns: int) -> None:
+        self.changes: list[Change] = []
+        self._last: dict[tuple[str, str], int | str] = {}
+        self._buffer = np.empty(BUFFER, dtype=SAMPLE)
+        self._buffered = 0
+        self._stored = 0
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
+        twin.observe(self._look, interval_ns)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Forget the samples."""
+        self._file.close()
+
+    def __len__(self) -> int:
+        """Number of samples taken."""
+        return self._stored + self._buffered
+
+    def _look(self, twin: Twin) -> None:
+        time_ns = twin.time_ns
+        again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
+        if self._buffered == BUFFER and not again:
+            self._buffer.tofile(self._file)
+            self._stored += BUFFER
+            self._buffered = 0
+        if not again:  # of several looks at one instant, the last one counts
+            self._buffered += 1
+        self._buffer[self._buffered - 1] = (time_ns, twin.counts, twin.position_mm, twin.lost_steps)
+        self._compare(time_ns, "level", twin.levels)
+        self._compare(time_ns, "input", twin.inputs)
+        self._compare(time_ns, "output", twin.outputs)
+
+    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
+        for name, value in values.items():
+            value = value if isinstance(value, str) else int(value)
+            if self._last.get((group, name)) != value:
+                self._last[group, name] = value
+                self.changes.append(Change(time_ns, group, name, value))
+
+    def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
+        """All samples so far in pieces of at most `size`, dtype SAMPLE, in the order of time."""
+        self._file.seek(0)
+        remaining = self._stored
+        while remaining:
+            piece = np.fromfile(self._file, dtype=SAMPLE, count=min(size, remaining))
+            remaining -= len(piece)
+            yield piece
+        self._file.seek(0, 2)
+        for first in range(0, self._buffered, size):
+            yield self._buffer[first : min(first + size, self._buffered)].copy()
+
+    def names(self) -> list[tuple[str, str]]:
+        """(group, name) of everything that was seen to have a value, in the order of appearance."""
+        return list(self._last)

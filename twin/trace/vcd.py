@@ -1,0 +1,107 @@
+"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
+
+    scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
+    scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
+    scope level      p3_0 ...                 electrical level of the input terminals
+    scope input      hood, limit_x1 ...       state of switches and elements, as text
+    scope output     stages, spindle ...      outputs of the controller and relays
+
+A pulse rises at the exact time of its tick. Direction is stable before and after it, as power stages want it:
+
+    dir_x    ----X================X----
+    step_x   ______|~~~|____________|~~~|___
+                   |<->| PULSE_NS, at most half the time to the next tick
+                 |<| SETUP_NS
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from isel_twin.files import replacing
+from isel_twin.trace.recorder import Change, Recorder
+from vcd import VCDWriter
+
+if TYPE_CHECKING:
+    from isel_twin.motion import Steps
+
+__all__ = ["write_vcd"]
+
+PULSE_NS = 5000
+"""Longest high time of a step pulse."""
+SETUP_NS = 1000
+"""Time by which a direction is set before its first pulse."""
+AXES = "xyza"
+CHUNK = 1 << 16
+
+_Entry = tuple[int, str, int | float | str]
+"""(time_ns, name of the signal, new value)"""
+
+
+def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) -> None:
+    """Write step stream, samples and changes. Raises OSError."""
+    with replacing(path) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as file:
+        with VCDWriter(file, timescale="1 ns", date="", comment="isel-twin", check_values=False) as writer:
+            signals = {}
+            for axis in AXES:
+                signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
+                signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+                signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
+                name = f"lost_{axis}_steps"
+                signals[name] = writer.register_var("machine", name, "real", init=0.0)
+            for axis in AXES[:3]:
+                name = f"position_{axis}_mm"
+                signals[name] = writer.register_var("machine", name, "real", init=0.0)
+            texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
+            for group, name in recorder.names():
+                kind, size, first = "integer", 64, "x"
+                if (group, name) in texts:
+                    kind, size, first = "string", None, ""
+                elif group == "level":
+                    kind, size = "wire", 1
+                key = name.replace(".", "_")
+                signals[f"{group}.{name}"] = writer.register_var(group, key, kind, size=size, init=first)
+            for time_ns, name, value in heapq.merge(
+                _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
+            ):
+                writer.change(signals[name], time_ns, value)
+
+
+def _pulses(steps: Steps) -> Iterator[_Entry]:
+    """Rising and falling edges of step, and direction before them."""
+    minus = [0, 0, 0, 0]
+    high: list[int] = []
+    rose_ns = 0
+    for t_ns, delta in steps.chunks(CHUNK):
+        for time_ns, row in zip(t_ns.tolist(), delta.tolist(), strict=True):
+            middle_ns = (rose_ns + time_ns) // 2
+            for axis in high:
+                yield min(rose_ns + PULSE_NS, middle_ns), f"step_{AXES[axis]}", 0
+            high = [axis for axis in range(4) if row[axis]]
+            for axis in high:
+                if minus[axis] != (row[axis] < 0):
+                    minus[axis] = int(row[axis] < 0)
+                    yield max(time_ns - SETUP_NS, middle_ns), f"dir_{AXES[axis]}", minus[axis]
+            for axis in high:
+                yield time_ns, f"step_{AXES[axis]}", 1
+            rose_ns = time_ns
+    for axis in high:
+        yield rose_ns + PULSE_NS, f"step_{AXES[axis]}", 0
+
+
+def _samples(recorder: Recorder) -> Iterator[_Entry]:
+    for piece in recorder.samples():
+        for time_ns, counts, position_mm, lost_steps in piece.tolist():
+            for axis, count, lost in zip(AXES, counts, lost_steps, strict=True):
+                yield time_ns, f"count_{axis}", count
+                yield time_ns, f"lost_{axis}_steps", lost
+            for axis, position in zip(AXES, position_mm, strict=False):
+                yield time_ns, f"position_{axis}_mm", position
+
+
+def _changes(changes: list[Change]) -> Iterator[_Entry]:
+    for change in changes:
+        yield change.time_ns, f"{change.group}.{change.name}", change.value
