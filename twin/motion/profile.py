@@ -1,0 +1,349 @@
+"""When the ticks of a motion fall: the trapezoidal time law, exact to the nanosecond.
+
+The phase s(t) of a motion counts its ticks as a real number; tick k falls where s(t) = k. With the start-stop frequency
+f0, the acceleration a and the speed V
+
+    rise     s = f0 t + a t^2 / 2                up to V, or to the peak sqrt(f0^2 + a n) at s = n/2 of a short motion
+    cruise   s = s_r + V (t - t_r)               t_r = (V - f0) / a,  s_r = (V^2 - f0^2) / (2 a)
+    fall     n - s = f0 (T - t) + a (T - t)^2 / 2,   so that s(T) = n
+
+and V <= f0 has no ramps: s = V t. Solved for the time, with x(d) = (sqrt(f0^2 + 2 a d) - f0) / a,
+
+    rise  t_k = x(k)        cruise  t_k = t_r + (k - s_r) / V        fall  t_k = T - x(S - k),  S = n
+
+A stop at time t_q leaves the ticks up to t_q as they are and falls from the momentary phase s_q and frequency f_q:
+the same `fall` with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tick is floor(S).
+
+Every t_k is rounded to the nearest nanosecond, ties to even. Cruise times are rational: an integer accumulator gives
+them without a division per tick. Ramp times are computed in double precision by x(d) = 2 d / (sqrt(f0^2 + 2 a d) + f0),
+which loses no digits; the few that lie too near to the middle between two nanoseconds are decided in exact arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["Profile", "Rational", "constant", "trapezoid"]
+
+Rational = int | Fraction
+"""Frequencies and accelerations may be any exact number; floats would not say what is meant."""
+
+SECOND = 1_000_000_000
+"""Nanoseconds in a second."""
+
+LONGEST_NS = 1 << 62
+"""Times must stay below this (146 years), so that sums of two fit into 64 bits."""
+
+DOUBT = 12 * 2.0**-53
+"""Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns.
+
+With u = 2^-53 the relative errors add up to: d 2 u, 2 a d 4 u, the radicand 5 u, its root 3.5 u, plus f0 4.5 u, the
+numerator 3 u, the quotient 8.5 u; adding the rounded rest of T costs 1 u of the sum and 1 u of the rest: below 12 u.
+"""
+
+
+# ---- the public part -----------------------------------------------------------------------------------------------
+
+
+def constant(ticks: int, speed_hz: Rational) -> Profile:
+    """`ticks` ticks at a constant frequency; the first one falls 1/speed_hz after the start.
+
+    Raises ValueError for a negative number of ticks, a frequency that is not positive, or a time beyond 64 bits.
+    """
+    return trapezoid(ticks, speed_hz, speed_hz, 1)
+
+
+def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, acceleration_hz_per_s: Rational) -> Profile:
+    """`ticks` ticks that start and end with the start-stop frequency and rise to `speed_hz` as far as they get.
+
+    Without ramps, at constant frequency, if speed_hz <= start_stop_hz. Raises ValueError like `constant`.
+    """
+    if ticks < 0:
+        raise ValueError(f"ticks must not be negative, got {ticks}")
+    for name, value in (
+        ("speed_hz", speed_hz),
+        ("start_stop_hz", start_stop_hz),
+        ("acceleration_hz_per_s", acceleration_hz_per_s),
+    ):
+        if value <= 0:
+            raise ValueError(f"{name} must be positive, got {value}")
+    if ticks * SECOND >= LONGEST_NS * min(speed_hz, start_stop_hz):
+        raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
+    return Profile(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Times of ticks 1 .. `ticks` in ns after the start; made by `trapezoid` or `constant`. A few numbers, no arrays."""
+
+    ticks: int
+    _law: _Law
+
+    @property
+    def duration_ns(self) -> int:
+        """Time of the last tick, 0 if there is none."""
+        return self._time(self.ticks) if self.ticks else 0
+
+    def times(self, first: int, last: int) -> NDArray[np.int64]:
+        """int64 [last - first], never decreasing: times of ticks first + 1 .. last. IndexError if there are fewer."""
+        if not 0 <= first <= last <= self.ticks:
+            raise IndexError(f"ticks {first}..{last} of a profile of {self.ticks}")
+        out = np.empty(last - first, dtype=np.int64)
+        for phase in _phases(self._law):
+            low, high = max(first, phase.first), min(last, phase.last)
+            if low < high:
+                phase.fill(out[low - first : high - first], low + 1)
+        return out
+
+    def count(self, t_ns: int) -> int:
+        """Number of ticks at or before t_ns, by the closed form of s(t): it does not depend on the number of ticks."""
+        estimate = 0
+        for phase in _phases(self._law):
+            estimate = min(max(phase.estimate(t_ns), phase.first), phase.last)
+            if estimate < phase.last:
+                break
+        count = min(estimate, self.ticks)
+        while count < self.ticks and self._time(count + 1) <= t_ns:
+            count += 1
+        while count > 0 and self._time(count) > t_ns:
+            count -= 1
+        return count
+
+    def cut(self, t_ns: int) -> Profile:
+        """Only the ticks at or before t_ns."""
+        return replace(self, ticks=self.count(t_ns))
+
+    def stopped(self, t_ns: int) -> Profile:
+        """The same up to t_ns, then the ramp from the momentary frequency to the start-stop frequency.
+
+        Unchanged if it is on its last ramp at t_ns; ends at once if it has no ramps.
+        """
+        if self._law.flat:
+            return self.cut(t_ns)
+        end = _stop_ramp(self._law, t_ns)
+        if end is None:
+            return self
+        last = max(self.count(t_ns), math.floor(end[0]))
+        return Profile(min(last, self.ticks), replace(self._law, stop_ns=t_ns))
+
+    def _time(self, k: int) -> int:
+        return int(self.times(k - 1, k)[0])
+
+
+# ---- the law and its phases ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """What a profile follows from: the numbers of the planned motion, and when it was stopped."""
+
+    ticks: int
+    speed_hz: Rational
+    start_stop_hz: Rational
+    acceleration: Rational
+    stop_ns: int | None = None
+
+    @property
+    def flat(self) -> bool:
+        return self.speed_hz <= self.start_stop_hz
+
+    @property
+    def rise(self) -> tuple[Fraction, Fraction | None]:
+        """Phase and time in s at which the rise ends; the time is None in a motion too short to reach its speed."""
+        f0, a, v = self.start_stop_hz, self.acceleration, self.speed_hz
+        s_r = Fraction(v * v - f0 * f0) / (2 * a)
+        if 2 * s_r > self.ticks:
+            return Fraction(self.ticks, 2), None
+        return s_r, Fraction(v - f0) / a
+
+
+def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
+    """Phase S and time T in s at which the stop ramp begun at t_ns ends; None if the last ramp has begun before."""
+    if law.stop_ns is not None and t_ns >= law.stop_ns:
+        return None
+    f0, a, v = law.start_stop_hz, law.acceleration, law.speed_hz
+    t = Fraction(max(t_ns, 0), SECOND)
+    s_r, t_r = law.rise
+    phase = f0 * t + a * t * t / 2
+    if phase < s_r:
+        return 2 * phase, 2 * t  # the stop ramp is the mirror image of the rise so far
+    if t_r is None:
+        return None
+    phase = s_r + v * (t - t_r)
+    return (phase + s_r, t + t_r) if phase < law.ticks - s_r else None
+
+
+@lru_cache(maxsize=64)
+def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
+    """The phases of a law in their order, none of them empty."""
+    f0, a, v, n = law.start_stop_hz, law.acceleration, law.speed_hz, law.ticks
+    if law.flat:
+        return (_cruise(0, n, v, Fraction(0)),) if n else ()
+    s_r, t_r = law.rise
+    phases: list[_Cruise | _Ramp] = [_ramp(0, math.floor(s_r), +1, f0, a, Fraction(0), Fraction(-f0))]
+    if t_r is None:  # T = 2 (sqrt(f0^2 + a n) - f0) / a
+        peak = 4 * Fraction(f0 * f0 + a * n)
+        phases.append(_ramp(phases[-1].last, n, -1, f0, a, Fraction(n), Fraction(-f0), peak))
+    else:  # T = 2 t_r + (n - 2 s_r) / V
+        phases.append(_cruise(phases[-1].last, math.floor(n - s_r), v, t_r - s_r / v))
+        phases.append(_ramp(phases[-1].last, n, -1, f0, a, Fraction(n), a * (2 * t_r + (n - 2 * s_r) / v) + f0))
+    if law.stop_ns is not None:
+        planned = replace(law, stop_ns=None)
+        end = _stop_ramp(planned, law.stop_ns)
+        assert end is not None, "a law is stopped before its last ramp only"
+        made = Profile(n, planned).count(law.stop_ns)
+        phases = [replace(phase, last=min(phase.last, made)) for phase in phases if phase.first < made]
+        phases.append(_ramp(made, math.floor(end[0]), -1, f0, a, end[0], a * end[1] + f0))
+    return tuple(phase for phase in phases if phase.first < phase.last)
+
+
+# ---- constant frequency --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Cruise:
+    """Ticks first + 1 .. last at t_k = (slope k + offset) / denominator ns, all integers."""
+
+    first: int
+    last: int
+    slope: int
+    offset: int
+    denominator: int
+
+    def estimate(self, t_ns: int) -> int:
+        return (t_ns * self.denominator - self.offset) // self.slope
+
+    def fill(self, out: NDArray[np.int64], k: int) -> None:
+        """Write the times of ticks k, k + 1, ... to out."""
+        start, den = self.slope * k + self.offset, self.denominator
+        if den < 1 << 61:
+            _fill_cruise(out, *divmod(start, den), *divmod(self.slope, den), den)
+        else:  # the accumulator does not fit into 64 bits: whole numbers of any length
+            out[:] = [round(Fraction(start + self.slope * i, den)) for i in range(len(out))]
+
+
+def _cruise(first: int, last: int, speed_hz: Rational, offset_s: Fraction) -> _Cruise:
+    """t_k = offset_s + k / speed_hz, over the least common denominator."""
+    slope, offset = Fraction(SECOND) / speed_hz, SECOND * offset_s
+    den = math.lcm(slope.denominator, offset.denominator)
+    return _Cruise(first, last, int(slope * den), int(offset * den), den)
+
+
+@njit(cache=True, nogil=True)
+def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[no-untyped-def]
+    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; both rests in 0 .. den - 1."""
+    for i in range(out.size):
+        double = 2 * rest
+        out[i] = whole + (double > den or (double == den and whole & 1))
+        whole += step_whole
+        rest += step_rest
+        if rest >= den:
+            rest -= den
+            whole += 1
+
+
+# ---- ramps ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Ramp:
+    """Ticks first + 1 .. last at t_k = T + sign x(sign (k - S)): sign +1 rises from S at T, sign -1 falls to it.
+
+    Exactly: a t_k = shift + sqrt(peak) - sqrt(r_k) when falling and shift + sqrt(r_k) when rising (peak = 0), with
+    r_k = f0^2 + 2 a sign (k - S); so T = (shift + sqrt(peak) + sign f0) / a.
+    """
+
+    first: int
+    last: int
+    sign: int
+    f0: Rational
+    a: Rational
+    s: Fraction
+    shift: Fraction
+    peak: Fraction
+    t_ns: Fraction
+    """T in ns, to much better than the double-precision error."""
+
+    def estimate(self, t_ns: int) -> int:
+        tau = float(self.sign * (t_ns - self.t_ns)) / SECOND
+        d = tau * (float(self.f0) + float(self.a) / 2 * tau) if tau > 0 else 0.0
+        return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
+
+    def fill(self, out: NDArray[np.int64], k: int) -> None:
+        """Write the times of ticks k, k + 1, ... to out."""
+        s, t = math.floor(self.s), math.floor(self.t_ns)
+        s_rest, t_rest = float(self.s % 1), float(self.t_ns % 1)
+        done = 0
+        while True:
+            done = _fill_ramp(out, done, k, self.sign, s, s_rest, float(self.f0), float(2 * self.a), t, t_rest)
+            if done == out.size:
+                return
+            out[done] = self._settle(k + done)
+            done += 1
+
+    def _settle(self, k: int) -> int:
+        """Time of tick k in exact arithmetic."""
+        r = self.f0 * self.f0 + 2 * self.a * self.sign * (k - self.s)
+        plus, minus = (r, Fraction(0)) if self.sign > 0 else (self.peak, r)
+        # An approximation that is right or one too small or too great; then ask on which side of a middle t_k lies.
+        n = round((self.shift + _root(plus) - _root(minus)) * SECOND / self.a)
+        for middle in (2 * n - 1, 2 * n + 1):
+            side = _sign(plus, minus, Fraction(self.a * middle, 2 * SECOND) - self.shift)
+            if side == 0:
+                return round(Fraction(middle, 2))
+            if middle < 2 * n and side < 0:
+                return n - 1
+            if middle > 2 * n and side > 0:
+                return n + 1
+        return n
+
+
+def _ramp(
+    first: int,
+    last: int,
+    sign: int,
+    f0: Rational,
+    a: Rational,
+    s: Fraction,
+    shift: Fraction,
+    peak: Fraction = Fraction(0),
+) -> _Ramp:
+    t_ns = (shift + _root(peak) + sign * f0) * SECOND / a
+    return _Ramp(first, last, sign, f0, a, s, shift, peak, t_ns)
+
+
+def _root(x: Rational) -> Fraction:
+    """sqrt(x), cut to 128 binary digits after the point."""
+    return Fraction(math.isqrt((Fraction(x) * (1 << 256)).__floor__()), 1 << 128)
+
+
+def _sign(p: Rational, q: Rational, y: Rational) -> int:
+    """Sign of sqrt(p) - sqrt(q) - y, exactly: compare squares until no root is left."""
+    if y < 0:
+        return -_sign(q, p, -y)
+    d = p - q - y * y  # sqrt(p) against y + sqrt(q): d against 2 y sqrt(q)
+    if d < 0:
+        return -1
+    left, right = d * d, 4 * y * y * q
+    return (left > right) - (left < right)
+
+
+@njit(cache=True, nogil=True)
+def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, t, t_rest):  # type: ignore[no-untyped-def]
+    """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
+    for i in range(done, out.size):
+        d = sign * (k + i - s) + s_rest
+        x = 2.0 * SECOND * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
+        y = t_rest + sign * x
+        n = np.rint(y)
+        if 0.5 - abs(y - n) <= DOUBT * (x + 1.0):
+            return i
+        out[i] = t + np.int64(n)
+    return out.size
