@@ -1,0 +1,36 @@
+"""The iSMIF stepper interface (20 commands, a job memory of 64 KB, three axes), after its manual.
+
+    commands.py   what a line says
+    memory.py     the job memory
+    moves.py      ramp law, full steps
+    signals.py    what the 15-pin socket carries: phase patterns, clock and direction
+    device.py     what the interface does
+
+docs/ismif.md tells what the manual leaves open and the ramp law in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from isel_twin.firmware.ismif.device import Ismif
+
+__all__ = ["Ismif", "create"]
+
+ERROR_LIMIT_PPM = 50_000
+
+
+def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Ismif:
+    """Entry point of `isel_twin.controllers`. The interface keeps nothing without power, so there is no flash image.
+
+    Settings: `frequency_error_ppm`, output frequency over nominal in millionths, -50000 .. 50000 (default 0); others
+    are none of its business. Raises ValueError for a wrong value.
+    """
+    error_ppm = settings.get("frequency_error_ppm", 0)
+    if isinstance(error_ppm, bool) or not isinstance(error_ppm, int) or abs(error_ppm) > ERROR_LIMIT_PPM:
+        raise ValueError(
+            f"{name}: frequency_error_ppm is {error_ppm!r}; allowed: a whole number from "
+            f"{-ERROR_LIMIT_PPM} to {ERROR_LIMIT_PPM}"
+        )
+    return Ismif(error_ppm=error_ppm)

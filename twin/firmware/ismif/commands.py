@@ -1,0 +1,150 @@
+"""The iSMIF's command language: one line of text becomes one command, or is refused.
+
+Goal: what a line means is decided here and nowhere else; what a command does is not this module's business. All twenty
+commands of the manual stand in `FORMS`, with their parameters:
+
+    #E25,400 + CR   ->   Command("#E", (25, 400))
+    L1,x-50,Y100    ->   Command("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
+
+A line that begins with @ is a master command and is carried out at once; every other one goes into the job memory
+(section 5.2). Letters are told apart by case, as printed: only the axes of a vector may be small, and then mean a
+relative distance. Blanks count for nothing. Limits that the manual does not print are decision S3.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+AXIS_LETTERS = "XYZ"
+SPEEDS_HZ = range(65, 5001)
+"""Step frequencies the interface can put out (technical data)."""
+TABLE_SIZE = 100
+"""Entries of the table of end speeds (6.9)."""
+STEPS_LIMIT = 8_388_607
+"""Largest distance and position, steps either way (S3)."""
+WORD_LIMIT = 65_535
+"""Largest ramp and waiting time in ms and largest reference offset in steps (S3)."""
+LINE_LIMIT = 128
+"""Longest line in bytes, its end included (S3)."""
+
+
+class CommandError(ValueError):
+    """A line that is not a command of the manual; the message says why."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a vector takes one axis (0 X .. 2 Z): `steps` from the zero point, or from where it stands if relative."""
+
+    axis: int
+    relative: bool
+    steps: int
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command with its parameters read and checked; `code` is a key of FORMS."""
+
+    code: str
+    arguments: tuple[Any, ...] = ()
+
+    @property
+    def master(self) -> bool:
+        """Carried out at once instead of being stored."""
+        return self.code.startswith("@")
+
+
+@dataclass(frozen=True)
+class Form:
+    """What a command looks like: section of the manual, meaning, and a reader for each comma-separated parameter.
+
+    The last reader takes up to `repeat` parameters.
+    """
+
+    section: str
+    meaning: str
+    readers: tuple[Callable[[str], Any], ...] = ()
+    repeat: int = 1
+
+
+def parse(line: bytes) -> Command:
+    """Read one line without its end. Raises CommandError if it is not a command of the manual."""
+    text = line.decode("latin-1").replace(" ", "")
+    code = text[: 2 if text[:1] in ("@", "#", "$") else 1]
+    form = FORMS.get(code)
+    if form is None:
+        raise CommandError(f"unknown command {code!r}")
+    rest = text[len(code) :]
+    parts = rest.split(",") if rest else []
+    readers = form.readers
+    if not len(readers) <= len(parts) <= len(readers) + form.repeat - 1:
+        raise CommandError(f"{code}: {len(parts)} parameters")
+    readers += readers[-1:] * (len(parts) - len(readers))
+    command = Command(code, tuple(reader(part) for reader, part in zip(readers, parts, strict=True)))
+    targets = [argument.axis for argument in command.arguments if isinstance(argument, Target)]
+    if len(set(targets)) < len(targets):
+        raise CommandError(f"{code}: the same axis twice")
+    return command
+
+
+def _number(low: int, high: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not re.fullmatch(r"[0-9]{1,7}", text) or not low <= int(text) <= high:
+            raise CommandError(f"{text!r} is not a number from {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def _axis(text: str) -> int:
+    return _axes(text)[0] if len(text) == 1 else _refuse_axis(text)
+
+
+def _axes(text: str) -> tuple[int, ...]:
+    if not re.fullmatch(r"[XYZ]{1,3}", text) or len(set(text)) < len(text):
+        _refuse_axis(text)
+    return tuple(AXIS_LETTERS.index(letter) for letter in text)
+
+
+def _refuse_axis(text: str) -> int:
+    raise CommandError(f"{text!r} is not X, Y or Z")
+
+
+def _target(text: str) -> Target:
+    match = re.fullmatch(r"([XYZxyz])([+-]?[0-9]{1,7})", text)
+    if match is None or abs(int(match[2])) > STEPS_LIMIT:
+        raise CommandError(f"{text!r} is not an axis with a number of steps")
+    return Target(AXIS_LETTERS.index(match[1].upper()), match[1].islower(), int(match[2]))
+
+
+_speed = _number(SPEEDS_HZ[0], SPEEDS_HZ[-1])
+_index = _number(0, TABLE_SIZE - 1)
+_word = _number(0, WORD_LIMIT)
+_switch = _number(0, 1)
+
+FORMS: dict[str, Form] = {
+    "@R": Form("6.1", "reset"),
+    "@V": Form("6.2", "ask for the version"),
+    "@X": Form("6.3", "ask for the status"),
+    "@L": Form("6.4", "ask for the position of an axis", (_axis,)),
+    "T": Form("6.5", "drive signals: 0 PBL, 1 clock and direction", (_switch,)),
+    "F": Form("6.6", "0 half steps, 1 full steps", (_switch,)),
+    "Z": Form("6.7", "Z axis: 1 a motor, 2 a plotter's relay", (_number(1, 2),)),
+    "#S": Form("6.8", "start speed in Hz", (_speed,)),
+    "#E": Form("6.9", "end speed in Hz at an index of the table", (_index, _speed)),
+    "#R": Form("6.10", "ramp length in ms", (_word,)),
+    "#D": Form("6.11", "reference run: direction and three speeds", (_axis, _switch, _index, _index, _index)),
+    "#O": Form("6.12", "offset after the reference run in steps", (_axis, _word)),
+    "$H": Form("6.13", "reference run of the axes in the order given", (_axes,)),
+    "L": Form("6.14", "vector", (_index, _target), repeat=3),
+    "@B": Form("6.15", "stop the axes with a ramp"),
+    "@S": Form("6.16", "stop the axes at once"),
+    "@A": Form("6.17", "pause"),
+    "@C": Form("6.18", "end the pause"),
+    "A": Form("6.19", "signal on pin 12", (_switch,)),
+    "W": Form("6.20", "wait, in ms", (_word,)),
+}
+"""Every command of the manual by its code."""

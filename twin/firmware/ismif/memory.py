@@ -1,0 +1,88 @@
+"""The iSMIF's job memory: 64 KB of commands that wait for their start.
+
+Goal: section 5.2 as a queue. Commands enter at the tail with the bytes they took on the line, and leave at the head
+when they are carried out. Only *released* commands may leave: 01h releases everything stored so far, and so does a
+memory that is full.
+
+      head |==========released==========|------stored------|.........free.........|
+           next to be carried out                           ^ tail        RESERVE: 03h from here on
+
+`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from isel_twin.firmware.ismif.commands import LINE_LIMIT, Command
+
+SIZE = 65_536
+"""Bytes (technical data: 64 KB)."""
+RESERVE = LINE_LIMIT
+"""Free bytes below which the memory counts as full: the longest command would no longer fit (S2)."""
+ROOM = 2 * LINE_LIMIT
+"""Free bytes from which a memory that was full counts as ready again (S2)."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A stored command (None: only the end of a job), its length on the line, and whether a job ends with it."""
+
+    command: Command | None
+    size: int
+    ends_job: bool
+
+
+class JobMemory:
+    """A first-in, first-out store of SIZE bytes; see the module."""
+
+    def __init__(self) -> None:
+        self._entries: deque[Entry] = deque()
+        self._used = 0
+        self.released = 0
+        """Number of commands that may be carried out."""
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    @property
+    def free(self) -> int:
+        """Bytes not used."""
+        return SIZE - self._used
+
+    @property
+    def full(self) -> bool:
+        """Less than the longest command is free."""
+        return self.free < RESERVE
+
+    def store(self, entry: Entry) -> None:
+        """Append a command that fits; see `free`."""
+        self._entries.append(entry)
+        self._used += entry.size
+
+    def release(self) -> None:
+        """Everything stored by now may be carried out."""
+        self.released = len(self._entries)
+
+    def take(self) -> Entry:
+        """Remove the next released command."""
+        entry = self._entries.popleft()
+        self._used -= entry.size
+        self.released -= 1
+        return entry
+
+    def drop_released(self) -> None:
+        """Forget the jobs in execution; what is stored for the next one stays."""
+        while self.released:
+            self.take()
+
+    def drop_stored(self) -> None:
+        """Forget the job that has not been released yet."""
+        while len(self._entries) > self.released:
+            self._used -= self._entries.pop().size
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.drop_stored()
+        self.drop_released()
