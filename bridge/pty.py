@@ -76,7 +76,10 @@ class PtyEndpoint:
         """Nothing to do: no network client here."""
 
     def close(self) -> None:
+        if self._master < 0:
+            return
         if self.link is not None and os.path.islink(self.link) and os.readlink(self.link) == self.address:
             os.unlink(self.link)
         os.close(self._master)
         os.close(self._slave)
+        self._master = self._slave = -1

@@ -8,6 +8,7 @@ one; the folder is flushed too, so that a power cut leaves the old file or the n
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
 __all__ = ["FlashFile", "atomic_write", "replacing"]
+
+log = logging.getLogger("isel_twin")
 
 
 @contextmanager
@@ -69,13 +72,16 @@ class FlashFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.image = path.read_bytes() if path.exists() else None
+        self.image = (path.read_bytes() or None) if path.exists() else None
 
     def attach(self, twin: Twin) -> None:
-        """Keep what this twin writes to its flash."""
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file."""
+        if twin.flash != self.image or self.image is None:
+            atomic_write(self._path, twin.flash or b"")
         twin.on_flash = self._store
-        if self.image is None:
-            self._store(twin.flash)
 
     def _store(self, image: bytes) -> None:
-        atomic_write(self._path, image)
+        try:
+            atomic_write(self._path, image)
+        except OSError as error:  # the machine runs on; its operator must know
+            log.error("%s: the flash image could not be stored: %s", self._path, error.strerror or error)

@@ -43,31 +43,34 @@ _Entry = tuple[int, str, int | float | str]
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) -> None:
     """Write step stream, samples and changes. Raises OSError."""
-    with replacing(path) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as file:
-        with VCDWriter(file, timescale="1 ns", date="", comment="isel-twin", check_values=False) as writer:
-            signals = {}
-            for axis in AXES:
-                signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
-                signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
-                signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
-                name = f"lost_{axis}_steps"
-                signals[name] = writer.register_var("machine", name, "real", init=0.0)
-            for axis in AXES[:3]:
-                name = f"position_{axis}_mm"
-                signals[name] = writer.register_var("machine", name, "real", init=0.0)
-            texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
-            for group, name in recorder.names():
-                kind, size, first = "integer", 64, "x"
-                if (group, name) in texts:
-                    kind, size, first = "string", None, ""
-                elif group == "level":
-                    kind, size = "wire", 1
-                key = name.replace(".", "_")
-                signals[f"{group}.{name}"] = writer.register_var(group, key, kind, size=size, init=first)
-            for time_ns, name, value in heapq.merge(
-                _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
-            ):
-                writer.change(signals[name], time_ns, value)
+    with (
+        replacing(path) as temporary,
+        open(temporary, "w", encoding="ascii", errors="replace") as file,
+        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin", check_values=False) as writer,
+    ):
+        signals = {}
+        for axis in AXES:
+            signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
+            signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+            signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
+            name = f"lost_{axis}_steps"
+            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+        for axis in AXES[:3]:
+            name = f"position_{axis}_mm"
+            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+        texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
+        for group, name in recorder.names():
+            kind, size, first = "integer", 64, "x"
+            if (group, name) in texts:
+                kind, size, first = "string", None, ""
+            elif group == "level":
+                kind, size = "wire", 1
+            key = name.replace(".", "_")
+            signals[f"{group}.{name}"] = writer.register_var(group, key, kind, size=size, init=first)
+        for time_ns, name, value in heapq.merge(
+            _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
+        ):
+            writer.change(signals[name], time_ns, value)
 
 
 def _pulses(steps: Steps) -> Iterator[_Entry]:
