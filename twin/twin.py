@@ -401,11 +401,14 @@ class Twin:
             and run.path is before.path
             and (run.start_ns, run.first) == (before.start_ns, before.first)
         )
-        if continued:
+        if continued and run is not None:
+            self._steps.replace_last(run)
             return
         if before is not None:
-            self._steps.append(before.cut(self.time_ns))
-        self._ticks = run.first if run is not None else 0
+            self._steps.replace_last(before.cut(self.time_ns))
+        if run is not None:
+            self._steps.append(run)
+            self._ticks = run.first
 
     def _commanded(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return self._plant.commanded, np.array(self._controller.direction, dtype=np.int64)

@@ -57,8 +57,8 @@ class Plant(Protocol):
     def trips(self) -> NDArray[np.bool_]:
         """bool [m], which of the position switches given to the plant are struck now, in the order given."""
 
-    def set_power(self, stages: bool, brake_released: bool, current_fraction: float) -> None:
-        """Stages on or off (phases open: the motors go limp), holding brake, phase current as a fraction of nominal."""
+    def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
+        """Stages on or off (open phases: motors go limp), holding brake, current lowered at rest or not."""
 
     def set_trip_point(self, switch: int, position_mm: float) -> None:
         """Move the trip point of one position switch (its repeatability, drawn by the wiring for each approach)."""

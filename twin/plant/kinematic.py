@@ -79,7 +79,7 @@ class KinematicPlant:
         """See Plant.trips."""
         return self._struck.copy()
 
-    def set_power(self, stages: bool, brake_released: bool, current_fraction: float) -> None:
+    def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         """Without physics there is nothing to power."""
 
     def apply_force(self, axis: int, force_n: float) -> None:
