@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from isel_twin.motion.path import Displacement, Path
@@ -23,7 +24,7 @@ class Run:
     """
 
     path: Path
-    profile: Profile
+    profile: TimeLaw
     start_ns: int
     first: int = 0
 
