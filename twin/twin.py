@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from isel_twin.controller import (
     AXES,
     NANOSECOND,
@@ -34,7 +36,6 @@ from isel_twin.machine import AXIS_NAMES, Machine, load_machine, with_overrides
 from isel_twin.motion import Run, Steps
 from isel_twin.plant import Plant, Switch
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
-from numpy.typing import NDArray
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -114,8 +115,7 @@ class Twin:
         self._struck = self._plant.trips()
         for switch, struck in zip(self._switches, self._struck, strict=True):
             self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
+        self._cabinet_changed()
         self._levels = self._contacts.levels()
         self._run: Run | None = None
         self._ticks = 0

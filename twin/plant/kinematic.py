@@ -14,10 +14,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from isel_twin.machine import Machine
-from isel_twin.plant import Switch
 from numba import njit
 from numpy.typing import NDArray
+
+from isel_twin.machine import Machine
+from isel_twin.plant import Switch
 
 _AXES = 4
 
