@@ -31,10 +31,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from isel_twin.controller import AXES, NANOSECOND, Controller, CounterSet, FlashWrite, Output, Reply, create_controller
 from isel_twin.motion import Run, decode
 from isel_twin.wiring.cabinet import ELEMENTS, Cabinet
-from numpy.typing import NDArray
 
 _CHUNK = 1 << 16
 _SPIN_LIMIT = 100_000
