@@ -6,11 +6,35 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from isel_twin.motion.path import Displacement, Path
-from isel_twin.motion.profile import Profile
 from numpy.typing import NDArray
 
-__all__ = ["Run"]
+from isel_twin.motion.path import Displacement, Path
+
+__all__ = ["Run", "TimeLaw"]
+
+
+class TimeLaw(Protocol):
+    """What a `Run` asks of a profile. Immutable; `Profile` is one, a controller may bring its own."""
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+
+    @property
+    def duration_ns(self) -> int:
+        """Time of the last tick, 0 if there is none."""
+
+    def times(self, first: int, last: int) -> NDArray[np.int64]:
+        """int64 [last - first], a new array: times of ticks first + 1 .. last in ns after the start."""
+
+    def count(self, t_ns: int) -> int:
+        """Ticks at or before t_ns."""
+
+    def cut(self, t_ns: int) -> TimeLaw:
+        """Only the ticks at or before t_ns."""
+
+    def stopped(self, t_ns: int) -> TimeLaw:
+        """The same up to t_ns, then the stop ramp."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
-from isel_twin.motion import Path, Profile, constant, trapezoid
 from numpy.typing import NDArray
+
+from isel_twin.motion import Path, Profile, constant, trapezoid
 
 MILLION = 1_000_000
 PAIR_NS = 1
