@@ -118,7 +118,7 @@ class Axis:
     breakaway: float = _number("breakaway", "1", 1.0, 3.0)
     """Static over Coulomb friction at the shaft."""
     stribeck_mm_s: float = _number("stribeck_speed", "mm/s", 0.01, 100.0)
-    """Carriage speed at which the excess over Coulomb friction has fallen to 1/e."""
+    """Carriage speed at which half of the excess over Coulomb friction is gone."""
     guide_friction_n: float = _number("guide_friction", "N", 0.0, 2000.0)
     brake_n: float = _number("brake", "N", 0.0, 50_000.0)
     """Holding force of the brake at the carriage; 0: the axis has none."""
@@ -196,6 +196,8 @@ class Machine:
     folder: Path
     model_file: Path
     """MuJoCo model (MJCF) that the plant loads."""
+    fixture_file: Path | None
+    """MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface."""
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
     masses_kg: Mapping[str, float]
@@ -320,7 +322,8 @@ def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
         if file.is_file():
             return file.resolve()
     raise MachineError(
-        f"unknown machine {str(name_or_path)!r}: not a folder with a machine.toml, nor one of {', '.join(machine_names())}"
+        f"unknown machine {str(name_or_path)!r}: not a folder with a machine.toml and not one of "
+        f"{', '.join(machine_names())}"
     )
 
 
@@ -378,21 +381,26 @@ def _override(tree: dict[str, Any], key: str, value: Any, file: Path) -> None:
         table[last] = value
 
 
+_TEXTS: Mapping[str, tuple[str, ...]] = {
+    "name": (),
+    "description": (),
+    "kinematics": ("table", "portal"),
+    "model": (),
+    "fixture": (),
+}
+"""Words at the top of the file, and what each may be."""
+_SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
+_FIXED_SECTIONS = ("timing", "squareness", "imperfections")
+
+
 def _build(tree: dict[str, Any], file: Path) -> Machine:
-    known = ("name", "description", "kinematics", "model", "timing", "axes", "masses", "payload", "structure",
-             "squareness", "imperfections", "switches", "contacts", "motors", "controller")  # fmt: skip
+    known = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS)
     _known(tree, known, "", file)
     for key in known:
         if key not in (*tree, "motors", "controller"):
             raise MachineError(f"{file}: {key}: missing")
-    texts = {
-        key: _text(tree[key], key, choices, file)
-        for key, choices in {"name": (), "description": (), "kinematics": ("table", "portal"), "model": ()}.items()
-    }
-    sections = {
-        key: _table(tree.get(key, {}), key, file)
-        for key in ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
-    }
+    texts = {key: _text(tree[key], key, choices, file) for key, choices in _TEXTS.items()}
+    sections = {key: _table(tree.get(key, {}), key, file) for key in _SECTIONS}
     axes = tuple(_section(Axis, sections["axes"][name], f"axes.{name}", file, name=name) for name in AXIS_NAMES)
     mass = {"unit": "kg", "low": 1e-3, "high": 1e4, "scale": 1.0}
     _known(sections["payload"], ("mass",), "payload", file)
@@ -402,6 +410,7 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
         kinematics=texts["kinematics"],
         folder=file.parent,
         model_file=file.parent / texts["model"],
+        fixture_file=file.parent / texts["fixture"] if texts["fixture"] else None,
         timing=_section(Timing, tree["timing"], "timing", file),
         axes=(axes[0], axes[1], axes[2]),
         masses_kg={key: _quantity(value, mass, f"masses.{key}", file) for key, value in sections["masses"].items()},
@@ -447,8 +456,9 @@ def _check(machine: Machine, file: Path) -> None:
             raise MachineError(
                 f"{file}: axes.{axis.name}.steps_per_rev: {axis.steps_per_rev}; allowed: whole multiples of 200"
             )
-    if not machine.model_file.is_file():
-        raise MachineError(f"{file}: model: {machine.model_file} does not exist; allowed: an MJCF file of this folder")
+    for key, path in (("model", machine.model_file), ("fixture", machine.fixture_file)):
+        if path is not None and not path.is_file():
+            raise MachineError(f"{file}: {key}: {path} does not exist; allowed: an MJCF file")
 
 
 def _contact(name: str, table: Any, shared: dict[str, Any], axes: tuple[Axis, ...], file: Path) -> Contact:

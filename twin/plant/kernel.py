@@ -1,0 +1,245 @@
+"""The compiled loop: three drives and MuJoCo together, up to the first switch edge.
+
+Goal: advance the whole plant at little more than the cost of MuJoCo alone, so that how time is cut into calls never
+changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
+
+      window: one MuJoCo step                          sub-step: F_j = drive(command, x_j, v_j)
+    |--+--+--+--+--+--+--+--|                          v_j+1 = v_j + dt (F_j / m + a)
+       F_1 F_2 ...      F_n   -> mean F on the nut     x_j+1 = x_j + dt (v_j + v_j+1) / 2
+                              -> mj_step               window start: v from MuJoCo, a = qacc - F_mean / m
+
+Inside the window the drives see a carriage that answers to the nut force alone (m: inertia that the nut feels); what
+else acts on it counts as in the window before. At the end MuJoCo, which knows friction, stops, structure and contacts,
+says what the velocity really is. The position is corrected by what that velocity differs:
+
+    x = x_n + h (v_MuJoCo - v_n)                       h = n dt
+
+which is MuJoCo's own rule (x' = x + h v') for everything but the nut force, and the sub-steps' for that: the nut spring
+of some hundred hertz is integrated at dt, not at h, and h need not follow it (decision P3). Position switches are
+looked at after every sub-step.
+
+Rest: when drives and joints have stood still for `rest_windows` windows, the plant is frozen. A frozen sub-step changes
+nothing, so any number of them is skipped up to the next pulse or change of current.
+
+MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+
+AXES = 3
+"""Axes with mechanics."""
+REST_M_S = 2e-6
+"""Joint speed below which a joint counts as standing."""
+NEVER = np.iinfo(np.int64).max
+
+PLANT = np.dtype(
+    [
+        ("substep_ns", "i8"),
+        ("window", "i8"),  # sub-steps in a MuJoCo step
+        ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
+        ("mj_step", "i8"),  # address of the function
+        ("model", "i8"),  # address of the mjModel
+        ("data", "i8"),  # address of the mjData
+        ("now", "i8"),  # sub-steps made since power-on
+        ("quiet", "i8"),  # windows of standstill so far
+        ("frozen", "i8"),  # 1: nothing moves
+        ("edge", "i8"),  # 1: the last call ended because a switch changed
+        ("lost_axis", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
+    ],
+    align=True,
+)
+"""State of the loop."""
+
+AXIS = np.dtype(
+    [
+        ("dof", "i8"),  # place of the axis joint in qpos and qvel
+        ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
+        ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
+        ("x_m", "f8"),  # joint position inside the window
+        ("v_m_s", "f8"),
+        ("rest_m_s2", "f8"),  # a: acceleration by everything but the nut and the push
+        ("sum_n", "f8"),  # sum of the forces of this window
+        ("mean_n", "f8"),  # mean force of the window before
+        ("push_n", "f8"),  # force from outside
+        ("phases", "i8"),  # as `step_axis` takes it
+        ("fraction", "f8"),  # current fraction
+        ("idle_fraction", "f8"),
+        ("idle_delay", "i8"),  # sub-steps from the last pulse to the lowered current
+        ("lowering", "i8"),  # 1: the controller asks for lowered current at rest
+        ("still_since", "i8"),  # sub-step after the one with the last pulse, or in which the stage came on
+    ],
+    align=True,
+)
+"""State of an axis beside its drive."""
+
+SWITCH = np.dtype(
+    [("axis", "i8"), ("sense", "f8"), ("trip_m", "f8"), ("hysteresis_m", "f8"), ("struck", "i8")],
+    align=True,
+)
+"""A position switch: struck when sense * (x - trip) > 0, free again hysteresis below that."""
+
+
+@intrinsic
+def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-def]
+    """Call the C function void(*)(mjModel*, mjData*) at an address."""
+
+    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        word = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [word, word])
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), build
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lower_at(axis):  # type: ignore[no-untyped-def]
+    """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
+    if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
+        return NEVER
+    return axis.still_since + axis.idle_delay
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wake(plant, axes):  # type: ignore[no-untyped-def]
+    """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
+    if plant.frozen == 0:
+        return
+    plant.frozen = 0
+    plant.quiet = 0
+    over = plant.now % plant.window
+    for i in range(AXES):
+        axes[i].sum_n = axes[i].mean_n * over
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def wake(plants, axes):  # type: ignore[no-untyped-def]
+    """Something from outside is about to change: nothing may be skipped any more."""
+    _wake(plants[0], axes)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def enter_window(axes, qpos, qvel, qacc):  # type: ignore[no-untyped-def]
+    """Take the carriages from MuJoCo at the start of a window."""
+    for i in range(AXES):
+        axis = axes[i]
+        axis.x_m = qpos[axis.dof]
+        axis.v_m_s = qvel[axis.dof]
+        axis.rest_m_s2 = qacc[axis.dof] - axis.mobility_per_kg * axis.mean_n
+        axis.sum_n = 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc):  # type: ignore[no-untyped-def]
+    """One MuJoCo step with the mean forces of the window; is everything at rest?"""
+    quiet = True
+    for i in range(AXES):
+        axis = axes[i]
+        axis.mean_n = axis.sum_n / plant.window
+        qfrc[axis.dof] = axis.mean_n
+        quiet = quiet and at_rest(states[i])
+    _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+    window_s = 1e-9 * plant.substep_ns * plant.window
+    for i in range(AXES):
+        axis = axes[i]
+        qpos[axis.dof] = axis.x_m + window_s * (qvel[axis.dof] - axis.v_m_s)
+    for j in range(qvel.shape[0]):
+        if not (math.isfinite(qpos[j]) and math.isfinite(qvel[j])):
+            plant.lost_axis = j
+        quiet = quiet and abs(qvel[j]) < REST_M_S
+    plant.quiet = plant.quiet + 1 if quiet else 0
+    if plant.quiet >= plant.rest_windows:
+        plant.frozen = 1
+        for j in range(qvel.shape[0]):
+            qvel[j] = 0.0
+            qacc[j] = 0.0
+    enter_window(axes, qpos, qvel, qacc)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _strike(switches, axes):  # type: ignore[no-untyped-def]
+    """Let the carriages work the switches; True if one changed."""
+    changed = False
+    for k in range(switches.shape[0]):
+        switch = switches[k]
+        beyond = switch.sense * (axes[switch.axis].x_m - switch.trip_m)
+        struck = beyond > -switch.hysteresis_m if switch.struck else beyond > 0.0
+        if struck != (switch.struck != 0):
+            switch.struck = 1 if struck else 0
+            changed = True
+    return changed
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(  # type: ignore[no-untyped-def]
+    plants, axes, drives, states, switches, commanded, qpos, qvel, qacc, qfrc, until, t_ns, code
+):
+    """Advance to sub-step `until`, or to the end of the first one in which a switch changed; return the pulses made.
+
+    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, switches [m] SWITCH,
+    commanded int64 [4] microsteps, q... [nv] views of MuJoCo's arrays; t_ns, code [n] pulses in time order.
+    A pulse at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
+    """
+    plant = plants[0]
+    plant.edge = 0
+    dt_ns = plant.substep_ns
+    dt_s = 1e-9 * dt_ns
+    made = 0
+    mean = np.empty(AXES)
+    while plant.now < until:
+        if plant.frozen:
+            wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
+            for i in range(AXES):
+                wakes = min(wakes, _lower_at(axes[i]))
+            plant.now = max(plant.now, wakes)
+            if plant.now == until:
+                break
+            _wake(plant, axes)
+
+        end_ns = (plant.now + 1) * dt_ns
+        for i in range(AXES):
+            if plant.now >= _lower_at(axes[i]):
+                axes[i].fraction = axes[i].idle_fraction
+            mean[i] = commanded[i]
+        while made < t_ns.shape[0] and t_ns[made] <= end_ns:
+            remaining = (end_ns - t_ns[made]) / dt_ns
+            for i in range(4):
+                field = (code[made] >> (2 * i)) & 3
+                if field == 0:
+                    continue
+                step = 1 if field == 1 else -1
+                commanded[i] += step
+                if i < AXES:
+                    mean[i] += step * remaining
+                    axes[i].fraction = 1.0
+                    axes[i].still_since = plant.now + 1
+            made += 1
+
+        for i in range(AXES):
+            axis = axes[i]
+            x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
+            force_n = axis.push_n + step_axis(
+                drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
+            )
+            axis.sum_n += force_n
+            axis.v_m_s += dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
+            axis.x_m = x_mid_m + 0.5 * dt_s * axis.v_m_s
+
+        plant.now += 1
+        if plant.now % plant.window == 0:
+            _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc)
+            if plant.lost_axis >= 0:
+                break
+        if _strike(switches, axes):
+            plant.edge = 1
+            break
+    return made

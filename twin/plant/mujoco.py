@@ -1,0 +1,354 @@
+"""The MuJoCo plant: a machine's model and drives, put together for the compiled loop of kernel.py.
+
+Goal: turn a `Machine` into the arrays the kernel works on, and say where the carriages are. The MJCF file brings the
+tree of bodies; what machine.toml says about it (masses, travel, guide friction, structural modes) is set when the model
+is loaded, so that an override changes the physics and not the file:
+
+    structure   k = (2 pi f)^2 m,  c = 2 zeta (2 pi f) m       m: what the mode's joint carries, without payload
+    screw       J = fill * pi/32 rho d^4 l + coupling
+
+Nut and carriage start in balance: an axis that gravity pulls hangs on the flank of its backlash from the beginning.
+
+Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
+squareness (decision P4). The rotor, not the carriage, is where lost steps are counted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states
+from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.stage import Stage
+from isel_twin.machine import AXIS_NAMES, Axis, Machine, MachineError
+from isel_twin.plant import Switch, kernel
+
+STEEL_KG_M3 = 7850.0
+FULL_STEPS_PER_REV = 200
+REST_TIME_S = 0.025
+"""Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
+LARGEST_STEP_RATIO = 0.5
+"""Largest sub-step times axial frequency (rad/s) of the carriage on its nut: a quarter of the limit of stability."""
+
+_PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
+
+
+class PlantError(RuntimeError):
+    """The simulation has left the finite numbers."""
+
+
+@cache
+def _mj_step_address() -> int:
+    """Address of mj_step in the library that the mujoco package has loaded."""
+    folder = Path(mujoco.__file__).parent
+    library = next(path for pattern in ("libmujoco.so*", "libmujoco*.dylib") for path in sorted(folder.glob(pattern)))
+    return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
+
+
+def load_model(machine: Machine) -> mujoco.MjModel:
+    """The machine's MuJoCo model with what machine.toml says about it.
+
+    Raises MachineError if the model cannot be read or lacks a joint or body that the machine names.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(machine.model_file))
+    except ValueError as error:
+        raise MachineError(f"{machine.model_file}: {' '.join(str(error).split())}") from None
+    _need(machine, spec, [axis.name for axis in machine.axes], "joint")
+    _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
+    _need(machine, spec, machine.masses_kg, "body")
+    if not machine.imperfections.structure:
+        for mode in machine.structure:
+            spec.delete(spec.joint(mode.joint))
+    if machine.fixture_file is not None:
+        try:
+            fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
+            spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
+        except ValueError as error:
+            raise MachineError(f"{machine.fixture_file}: {' '.join(str(error).split())}") from None
+    for name, mass_kg in machine.masses_kg.items():
+        body = spec.body(name)
+        body.inertia = body.inertia * (mass_kg / body.mass)
+        body.mass = mass_kg
+    spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    for axis in machine.axes:
+        joint = spec.joint(axis.name)
+        joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
+        joint.frictionloss = axis.guide_friction_n
+    model = spec.compile()
+    if machine.imperfections.structure:
+        for mode in machine.structure:
+            joint = model.joint(mode.joint)
+            mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
+            omega = 2.0 * math.pi * mode.frequency_hz
+            model.jnt_stiffness[joint.id] = omega**2 * mass_kg
+            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * omega * mass_kg
+    if machine.payload_kg > 0.0:
+        _add_payload(model, machine.payload_kg)
+    return model
+
+
+def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
+    """A point of mass at the table's centre of gravity (the table does not turn, so where it sits is no matter)."""
+    body = model.body("table").id
+    model.body_mass[body] += mass_kg
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _need(machine: Machine, spec: mujoco.MjSpec, names: Any, kind: str) -> None:
+    known = [item.name for item in (spec.joints if kind == "joint" else spec.bodies)]
+    for name in names:
+        if name not in known:
+            raise MachineError(f"{machine.model_file}: no {kind} {name!r}; allowed: {', '.join(known)}")
+
+
+def axis_motor(machine: Machine, axis: Axis) -> Motor:
+    """The motor of an axis: one of the machine's own or of the public table. Raises MachineError."""
+    if axis.motor in machine.motors:
+        try:
+            return Motor(**machine.motors[axis.motor])  # type: ignore[arg-type]
+        except (TypeError, ValueError) as error:
+            raise MachineError(f"{machine.folder / 'machine.toml'}: motors.{axis.motor}: {error}") from None
+    if axis.motor not in MOTORS:
+        names = ", ".join([*machine.motors, *MOTORS])
+        raise MachineError(
+            f"{machine.folder / 'machine.toml'}: axes.{axis.name}.motor: {axis.motor!r}; allowed: {names}"
+        )
+    return MOTORS[axis.motor]
+
+
+def axis_stage(axis: Axis) -> Stage:
+    """The power stage of an axis."""
+    return Stage(
+        supply_v=axis.stage.supply_v,
+        current_a=axis.stage.current_a,
+        microsteps=axis.steps_per_rev // FULL_STEPS_PER_REV,
+        idle_current_fraction=axis.stage.idle_fraction,
+        idle_delay_s=axis.stage.idle_delay_s,
+    )
+
+
+def axis_screw(machine: Machine, axis: Axis) -> Screw:
+    """The shaft of an axis, with those imperfections that are on."""
+    on = machine.imperfections
+    rod_kgm2 = math.pi / 32.0 * STEEL_KG_M3 * (1e-3 * axis.screw_diameter_mm) ** 4 * 1e-3 * axis.screw_length_mm
+    return Screw(
+        inertia_kgm2=axis.screw_fill * rod_kgm2 + axis.coupling_inertia_kgm2,
+        coulomb_nm=axis.coulomb_nm,
+        breakaway_ratio=axis.breakaway,
+        stribeck_rad_s=axis.stribeck_mm_s / axis.lead_mm * 2.0 * math.pi,
+        viscous_nm_s_per_rad=axis.viscous_nm_s,
+        lead_mm=axis.lead_mm,
+        lead_error=axis.lead_error if on.lead_error else 0.0,
+        efficiency=axis.efficiency,
+        backlash_mm=axis.backlash_mm if on.backlash else 0.0,
+        stiffness_n_per_m=axis.stiffness_n_per_m,
+        damping_n_s_per_m=axis.damping_n_s_per_m,
+    )
+
+
+class MujocoPlant:
+    """Implements `isel_twin.plant.Plant` with motors, screws and MuJoCo."""
+
+    def __init__(self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64]) -> None:
+        """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
+
+        Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
+        """
+        self.machine = machine
+        self.model = load_model(machine)
+        self.data = mujoco.MjData(self.model)
+        self.time_ns = 0
+        model, data = self.model, self.data
+        self._dof = np.array([model.joint(name).dofadr[0] for name in AXIS_NAMES])
+        self._shape = _tool_motion(machine, model)
+
+        substep_s = machine.timing.substep_ns * 1e-9
+        screws = [axis_screw(machine, axis) for axis in machine.axes]
+        try:
+            drives = [
+                axis_parameters(axis_motor(machine, axis), axis_stage(axis), screw, substep_s)
+                for axis, screw in zip(machine.axes, screws, strict=True)
+            ]
+        except ValueError as error:
+            raise MachineError(f"{machine.folder / 'machine.toml'}: {error}") from None
+        self._drives = np.concatenate(drives)
+        self._states = axis_states(kernel.AXES)
+        self._commanded = np.zeros(kernel.AXES + 1, dtype=np.int64)
+        self._coulomb_nm = self._drives["coulomb_nm"].copy()
+        self._brake_nm = np.array([axis.brake_n for axis in machine.axes]) * self._drives["travel_m_per_rad"]
+
+        data.qpos[self._dof] = np.asarray(start_mm) * 1e-3
+        mujoco.mj_forward(model, data)
+        self._axes = np.zeros(kernel.AXES, kernel.AXIS)
+        self._axes["dof"] = self._dof
+        self._axes["mobility_per_kg"] = _mobility(model, data, self._dof)
+        self._axes["phases"] = OPEN
+        self._axes["fraction"] = 1.0
+        self._axes["idle_fraction"] = [axis.stage.idle_fraction for axis in machine.axes]
+        self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
+        pull_n = -data.qfrc_bias[self._dof]
+        self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n.round(6)) * self._drives["half_backlash_m"]
+        self._check_steps()
+
+        self._switches = np.zeros(len(switches), kernel.SWITCH)
+        for number, switch in enumerate(switches):
+            self._switches[number] = (switch.axis, switch.sense, switch.trip_mm * 1e-3, switch.hysteresis_mm * 1e-3, 0)
+        beyond = self._switches["sense"] * (data.qpos[self._dof[self._switches["axis"]]] - self._switches["trip_m"])
+        self._switches["struck"] = beyond > 0.0
+
+        self._lost = [""] * kernel.AXES
+        self._power = (False, False, False)
+        self._late = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8))
+        self._plant = np.zeros(1, kernel.PLANT)
+        self._plant["substep_ns"] = machine.timing.substep_ns
+        self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
+        self._plant["rest_windows"] = math.ceil(REST_TIME_S / (machine.timing.mujoco_step_ns * 1e-9))
+        self._plant["mj_step"] = _mj_step_address()
+        self._plant["model"] = model._address
+        self._plant["data"] = data._address
+        self._plant["lost_axis"] = -1
+        kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc)
+
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+        """See Plant.advance. Raises PlantError if the simulation leaves the finite numbers."""
+        plant, data = self._plant, self.data
+        substep_ns = self.machine.timing.substep_ns
+        if len(self._late[0]):
+            t_ns, code = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], code))
+        made = kernel.advance(
+            plant, self._axes, self._drives, self._states, self._switches, self._commanded,
+            data.qpos, data.qvel, data.qacc, data.qfrc_applied, until_ns // substep_ns, t_ns, code,
+        )  # fmt: skip
+        self.time_ns = int(plant["now"][0]) * substep_ns
+        if plant["lost_axis"][0] >= 0:
+            joint = self.model.joint(int(self.model.dof_jntid[plant["lost_axis"][0]])).name
+            raise PlantError(
+                f"axis {joint}: position is not a finite number at {self.time_ns / 1e9:.6f} s; "
+                f"shorten timing.mujoco_step or lower the stiffness in {self.machine.folder / 'machine.toml'}"
+            )
+        if plant["edge"][0]:
+            self._late = (t_ns[:0], code[:0])
+            return self.time_ns
+        self._late = (t_ns[made:], code[made:])
+        return until_ns
+
+    def trips(self) -> NDArray[np.bool_]:
+        """See Plant.trips."""
+        return self._switches["struck"] != 0
+
+    def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
+        """See Plant.set_power."""
+        power = (stages, brake_released, lowering)
+        if power == self._power:
+            return
+        kernel.wake(self._plant, self._axes)
+        if stages and not self._power[0]:
+            self._axes["still_since"] = self._plant["now"]
+            self._axes["fraction"] = 1.0
+        if not lowering:
+            self._axes["fraction"] = 1.0
+        self._power = power
+        self._axes["lowering"] = lowering
+        self._drives["coulomb_nm"] = self._coulomb_nm + (0.0 if brake_released else 1.0) * self._brake_nm
+        self._set_phases()
+
+    def set_phase_lost(self, axis: int, phases: str) -> None:
+        """See Plant.set_phase_lost. Raises ValueError for anything but "a", "b", "ab" and ""."""
+        if phases not in _PHASES:
+            raise ValueError(f"unknown motor phases {phases!r}; there are: a, b, ab")
+        kernel.wake(self._plant, self._axes)
+        self._lost[axis] = phases
+        self._set_phases()
+
+    def apply_force(self, axis: int, force_n: float) -> None:
+        """See Plant.apply_force."""
+        kernel.wake(self._plant, self._axes)
+        self._axes["push_n"][axis] = force_n
+
+    def set_trip_point(self, switch: int, position_mm: float) -> None:
+        """See Plant.set_trip_point."""
+        self._switches["trip_m"][switch] = position_mm * 1e-3
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """See Plant.position_mm; between two MuJoCo steps as the drives see it."""
+        return 1e3 * (self._shape @ self._joints(self.data.qpos, "x_m"))
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """See Plant.velocity_mm_s."""
+        return 1e3 * (self._shape @ self._joints(self.data.qvel, "v_m_s"))
+
+    @property
+    def commanded(self) -> NDArray[np.int64]:
+        """See Plant.commanded."""
+        return self._commanded.copy()
+
+    @property
+    def rotor(self) -> NDArray[np.float64]:
+        """See Plant.rotor; the A axis has no mechanics here and follows its counter."""
+        steps_per_rad = np.array([axis.steps_per_rev for axis in self.machine.axes]) / (2.0 * math.pi)
+        return np.append(self._states["theta_rad"] * steps_per_rad, float(self._commanded[3]))
+
+    @property
+    def nut_force_n(self) -> NDArray[np.float64]:
+        """float64 [3], force of the screw on each nut in the last sub-step."""
+        return self._states["force_n"].copy()
+
+    @property
+    def at_rest(self) -> bool:
+        """See Plant.at_rest."""
+        return bool(self._plant["frozen"][0])
+
+    def _joints(self, values: NDArray[np.float64], inside: str) -> NDArray[np.float64]:
+        """Joint values [nv] at this moment: those of the axes from inside the window."""
+        now = values.copy()
+        now[self._dof] = self._axes[inside]
+        return now
+
+    def _set_phases(self) -> None:
+        self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
+
+    def _check_steps(self) -> None:
+        """The nut spring is integrated at the sub-step: it must resolve the lightest carriage on its nut."""
+        for axis, mobility in zip(self.machine.axes, self._axes["mobility_per_kg"], strict=True):
+            longest_s = LARGEST_STEP_RATIO / math.sqrt(axis.stiffness_n_per_m * mobility)
+            substep_ns = self.machine.timing.substep_ns
+            if substep_ns > longest_s * 1e9:
+                raise MachineError(
+                    f"{self.machine.folder / 'machine.toml'}: timing.motor_substep: {substep_ns / 1e3:g} us is too long "
+                    f"for axes.{axis.name}.stiffness and {1.0 / mobility:.3g} kg; allowed: up to {longest_s * 1e6:.3g} us"
+                )
+
+
+def _mobility(model: mujoco.MjModel, data: mujoco.MjData, dof: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Diagonal of the inverse inertia, 1/kg, for the axis joints [3]."""
+    inverse = np.eye(model.nv)
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    return inverse[dof, dof]
+
+
+def _tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
+    """float64 [3, nv]: what each joint contributes to X, Y and Z between tool and table."""
+    shape = np.zeros((len(AXIS_NAMES), model.nv))
+    for number, name in enumerate(AXIS_NAMES):
+        shape[number, model.joint(name).dofadr[0]] = 1.0
+    if machine.imperfections.structure:
+        for mode in machine.structure:
+            shape[AXIS_NAMES.index(mode.axis), model.joint(mode.joint).dofadr[0]] = 1.0
+    if machine.imperfections.squareness:
+        error = machine.squareness
+        shape = np.array([[1.0, error.xy, error.xz], [0.0, 1.0, error.yz], [0.0, 0.0, 1.0]]) @ shape
+    return shape
