@@ -78,7 +78,9 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
         for command, purpose in commands:
             progress.update(task, description=f"{command}   {purpose}")
             reply = host.ask(command)
-            counter_mm = [count / axis.steps_per_mm for count, axis in zip(twin.counts, twin.machine.axes, strict=False)]
+            counter_mm = [
+                count / axis.steps_per_mm for count, axis in zip(twin.counts, twin.machine.axes, strict=False)
+            ]
             true_mm = twin.position_mm
             table.add_row(
                 f"{twin.time_ns / 1e9:.3f}",
@@ -101,7 +103,9 @@ def main() -> None:
     thread = threading.Thread(target=server.run, name="isel-twin", daemon=True)
     began = time.monotonic()
     thread.start()
-    console.print(f"The twin of a 4030 with its iMC-S8 listens on [bold]{pty.address}[/bold], a host program opens it.\n")
+    console.print(
+        f"The twin of a 4030 with its iMC-S8 listens on [bold]{pty.address}[/bold], a host program opens it.\n"
+    )
     host = _Host(pty.address)
     _session(console, host, twin, "A session", SESSION)
     console.print("Differences of some um are load, friction and backlash; no step is lost.\n")

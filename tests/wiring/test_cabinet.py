@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from isel_twin.controller import UnknownNameError
 from isel_twin.wiring import Cabinet
 

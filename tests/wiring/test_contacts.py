@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
 from isel_twin.wiring import Contacts

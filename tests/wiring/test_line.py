@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from isel_twin.wiring import SerialLine
 
 BAUD = 19_200

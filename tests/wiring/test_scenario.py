@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from isel_twin.wiring import ScenarioError, load_scenario
 
 CONTACTS = ("limit_x1", "limit_x2", "estop_1")

@@ -1,0 +1,142 @@
+"""What the commissioning engineer does to the machine, at given times, and what the host then sees."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from isel_twin import Twin
+from isel_twin.wiring import ScenarioError
+
+MOVE = "@0A32000,5000,0,30,0,30,0,30"  # 100 mm, 6.4 s
+START_MM = (30.0, 30.0, 30.0)
+
+
+def twin_with(folder: Path, events: str, plant: str = "kinematic", **options: object) -> Twin:
+    file = folder / "scenario.toml"
+    file.write_text(events, encoding="utf-8")
+    return Twin(plant=plant, scenario=file, start_mm=START_MM, **options)  # type: ignore[arg-type]
+
+
+def home(twin: Twin) -> Twin:
+    assert [twin.query(command) for command in ("@07", "@0R7")] == ["0", "0"]
+    assert twin.time_ns < 20e9, "the events below come after the reference run"
+    return twin
+
+
+@pytest.mark.parametrize(
+    ("event", "reply"),
+    [
+        ('set = { hood = "open" }', "9"),
+        ('set = { estop = "pressed" }', "9"),
+        ('set = { overtemperature = "hot" }', "9"),
+        ('set = { power = "off" }', "9"),
+        ('set = { estop_2 = "broken" }', "9"),
+        ('set = { limit_x2 = "broken" }', "2"),
+        ('set = { stop = "down" }', "F"),
+        ('set = { stop = "broken" }', "F"),
+        ('set = { hood = "closed" }', "0"),
+        ('set = { limit_x2 = "stuck_closed" }', "0"),
+    ],
+)
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_event_in_a_motion(tmp_path: Path, plant: str, event: str, reply: str) -> None:
+    twin = home(twin_with(tmp_path, f"[[event]]\nat = 22.0\n{event}", plant))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == reply
+    stopped = twin.steps.t_ns[-1]
+    if reply == "0":
+        assert twin.counts[0] == 32000
+    elif reply == "F":
+        assert 22.0e9 < stopped < 22.1e9, "a stop ramp"
+    else:
+        assert 21.99e9 < stopped <= 22.0e9, "no pulse after the event"
+
+
+def test_a_locked_hood_stays_closed_and_the_motion_goes_on(tmp_path: Path) -> None:
+    twin = home(twin_with(tmp_path, '[[event]]\nat = 22.0\nset = { hood = "open" }'))
+    assert twin.query("@0B1,0") == "0"
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == "0"
+    assert twin.inputs["hood"] == "closed"
+
+
+def test_a_hand_on_the_carriage_bends_the_axis_but_loses_no_step(tmp_path: Path) -> None:
+    events = "[[event]]\nat = 20.0\nforce_n = { x = 300.0 }\n[[event]]\nat = 22.0\nforce_n = { x = 0.0 }"
+    twin = home(twin_with(tmp_path, events, "mujoco"))
+    twin.run(19.9 - twin.time_ns / 1e9)
+    before = twin.position_mm[0]
+    twin.run(1.0)
+    assert 0.005 < twin.position_mm[0] - before < 0.2
+    twin.run(3.0)
+    assert abs(twin.lost_steps[0]) < 4.0
+
+
+def test_a_lost_motor_phase_loses_steps_silently(tmp_path: Path) -> None:
+    twin = home(twin_with(tmp_path, '[[event]]\nat = 22.0\nphase_lost = { x = "a" }', "mujoco"))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == "0"
+    twin.run(1.0)
+    assert twin.counts[0] == 32000
+    assert abs(twin.lost_steps[0]) > 32
+    assert np.abs(twin.lost_steps[1:3]).max() < 4.0
+
+
+def test_noise_on_the_line_is_answered_with_the_manuals_codes_and_is_seeded(tmp_path: Path) -> None:
+    def session(seed: int) -> list[bytes]:
+        twin = twin_with(tmp_path, "[[event]]\nat = 0.0\nnoise = 0.02", seed=seed)
+        replies = []
+        for _ in range(200):
+            twin.write(b"@0b1\r")
+            twin.run(0.01)
+            replies.append(twin.read())
+        return replies
+
+    first = session(1)
+    assert first == session(1)
+    assert first != session(2)
+    assert len(set(first)) > 1, "some bytes were hit"
+
+
+def test_a_start_button_in_a_scenario_resumes_a_stopped_motion(tmp_path: Path) -> None:
+    events = "".join(
+        f"[[event]]\nat = {at}\nset = {{ {key} = '{state}' }}\n"
+        for at, key, state in (
+            (22.0, "stop", "down"),
+            (22.5, "stop", "up"),
+            (23.0, "start", "down"),
+            (23.2, "start", "up"),
+        )
+    )
+    twin = home(twin_with(tmp_path, events))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == "F"
+    assert 0 < twin.counts[0] < 32000
+    twin.run(10.0)
+    assert twin.counts[0] == 32000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"machine": "5050"}, "unknown machine '5050'"),
+        ({"controller": "imc-s9"}, "unknown controller 'imc-s9'; installed: c142, imc-m, imc-mp, imc-s8, ismif"),
+        ({"plant": "bullet"}, "unknown plant 'bullet'; there are: mujoco, kinematic"),
+        ({"overrides": {"axes.x.backlas": 0.0}}, "axes.x.backlas"),
+    ],
+)
+def test_wrong_arguments_are_named_in_one_line(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match="unknown") as error:
+        Twin(**arguments)  # type: ignore[arg-type]
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_inputs_are_named_in_one_line() -> None:
+    twin = Twin(plant="kinematic")
+    with pytest.raises(ScenarioError, match=r"unknown input 'hod'; did you mean 'hood'\?"):
+        twin.set_input("hod", "open")
+    with pytest.raises(ScenarioError, match=r"input 'hood' cannot be 'ajar'; it can be: closed, open, forced"):
+        twin.set_input("hood", "ajar")
