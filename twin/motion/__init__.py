@@ -4,6 +4,7 @@ A stream is a sequence of ticks; at each tick every axis makes -1, 0 or +1 step.
 
     profile.py   when the ticks fall: the trapezoidal time law, exact to the nanosecond
     path.py      which axes step at a tick: line; the packing of a tick into a byte
+    circle.py    the paths that are not straight: circle, helix
     run.py       a path, timed by a profile, started at a time
     record.py    all runs since power-on, expanded where they are looked at
 
@@ -16,9 +17,10 @@ Definitions and closed forms are in docs/step_streams.md.
 
 from __future__ import annotations
 
+from isel_twin.motion.circle import circle, helix
 from isel_twin.motion.path import Path, decode, encode, line
 from isel_twin.motion.profile import Profile, constant, trapezoid
 from isel_twin.motion.record import Steps
 from isel_twin.motion.run import Run
 
-__all__ = ["Path", "Profile", "Run", "Steps", "constant", "decode", "encode", "line", "trapezoid"]
+__all__ = ["Path", "Profile", "Run", "Steps", "circle", "constant", "decode", "encode", "helix", "line", "trapezoid"]

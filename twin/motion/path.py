@@ -1,7 +1,7 @@
 """Which axes step at which tick: straight lines, circles and helices.
 
-A path is a rule, not a list: any stretch of it can be asked for, in any order, and costs only its own length (on a circle
-plus at most one checkpoint interval). Ticks are packed into one byte, two bits an axis, X in the lowest.
+A path is a rule, not a list: any stretch of it can be asked for, in any order, and costs only its own length (on a
+circle plus at most one checkpoint interval). Ticks are packed into one byte, two bits an axis, X in the lowest.
 
     line     axis i with n_i steps has made floor((2 k n_i + N) / (2 N)) of them after tick k, N = max |n_i|
     circle   every tick is one step of one of the two axes (module `circle`)
@@ -45,8 +45,10 @@ class Path(Protocol):
 
 def encode(delta: NDArray[np.int8]) -> NDArray[np.uint8]:
     """Pack steps int8 [n, 4] of -1, 0, +1 into uint8 [n]: 0 none, 1 plus, 3 minus (two's complement), X in bits 0-1."""
-    two_bits = np.asarray(delta, dtype=np.int8).view(np.uint8) & np.uint8(3)
-    return two_bits[:, 0] | two_bits[:, 1] << 2 | two_bits[:, 2] << 4 | two_bits[:, 3] << 6
+    code = np.zeros(len(delta), dtype=np.uint8)
+    for axis in range(AXES):
+        code |= (delta[:, axis].astype(np.uint8) & 3) << (2 * axis)
+    return code
 
 
 def decode(code: NDArray[np.uint8]) -> NDArray[np.int8]:

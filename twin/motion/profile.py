@@ -81,7 +81,7 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Times of ticks 1 .. `ticks` in ns after the start; made by `trapezoid` or `constant`. A few numbers, no arrays."""
+    """Times of ticks 1 .. `ticks` in ns after the start; made by `trapezoid` or `constant`."""
 
     ticks: int
     _law: _Law
@@ -238,7 +238,7 @@ def _cruise(first: int, last: int, speed_hz: Rational, offset_s: Fraction) -> _C
 
 @njit(cache=True, nogil=True)
 def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[no-untyped-def]
-    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; both rests in 0 .. den - 1."""
+    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
     for i in range(out.size):
         double = 2 * rest
         out[i] = whole + (double > den or (double == den and whole & 1))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
+
 from isel_twin.motion.path import decode
 from isel_twin.motion.run import Run
-from numpy.typing import NDArray
 
 __all__ = ["Steps"]
 

@@ -1,0 +1,200 @@
+"""Circles and helices: a difference algorithm after Bresenham, every tick one step of one of two axes.
+
+Everything is written for the counter-clockwise direction; clockwise is its mirror image, the same with the two axes
+exchanged. With the centre at the origin and c = x^2 + y^2 - R^2, the quadrant gives the senses rx, ry = -1 or +1 in
+which the axes go, one of them inwards (c falls), the other outwards (c rises):
+
+            rx -1  |  rx -1            A tick makes the one of the two steps that ends nearer to the circle. The sum of
+            ry -1  |  ry +1            both new values of c is 2 g,
+          ---------+---------              g = c + rx x + ry y + 1,
+            rx +1  |  rx +1            so the inward step is made if g > 0, the outward one otherwise. No step leaves
+            ry -1  |  ry +1            the circle by more than about half a step.
+
+The controller is not told R but the start point Xs, Ys, the senses Rx, Ry there and the start value D of its register.
+The register of this algorithm is (g - 1) / 2 = (c + rx x + ry y) / 2, with the sign Rx Ry so that "not negative" means
+"X steps" in every quadrant:
+
+    D = Rx Ry (R^2 - Xs (Xs + Rx) - Ys (Ys + Ry)) / 2,    hence    R^2 = 2 Rx Ry D + Xs (Xs + Rx) + Ys (Ys + Ry)   (1)
+
+That is the manual's formula (iMC manual 2.3.3, 2.3.6)
+
+    D = (Rx Ry R + Rx Ry Summe(R - 1) - Rx Summe(Xs + (Rx - Ry)/2) + Ry Summe(Ys + (Rx + Ry)/2)) / 2             (2)
+
+with Summe(n) = n (|n| + 1), and both commands printed in the manual agree with it: `y400,1500,119,-141,141,-1,-1` gives
+R = 200, `w32000,600,-1000,-2000,0,1,-1,6000` gives R = 2000. Its worked example finds the same 119 by two slips that
+cancel: Summe(-141) computed as |n| (n + 1), and Ys + (Rx - Ry)/2 instead of Ys + (Rx + Ry)/2. A host written from that
+text sends another D, worth up to two steps of radius; `squared_radius` recognises it (decision M3).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from isel_twin.motion.path import Displacement, check_range, even, fill_even, step_code
+
+__all__ = ["Circle", "circle", "helix"]
+
+INTERVAL = 8192
+"""Ticks between two checkpoints: some 30 us to walk, 24 bytes to keep."""
+
+LARGEST = 1 << 28
+"""Coordinates and tick numbers stay below this, so that squares fit into 64 bits (the controller's numbers have 24)."""
+
+
+def circle(
+    ticks: int,
+    d: int,
+    xs: int,
+    ys: int,
+    rx: int,
+    ry: int,
+    clockwise: bool,
+    axes: tuple[int, int] = (0, 1),
+) -> Circle:
+    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3.
+
+    d: start value of the difference register, any integer. xs, ys: start point in steps, from the centre. rx, ry: sense
+    of each axis in the first quadrant (only their signs count, and only to understand d: position and direction say the
+    same). axes: the two axes of the plane (0 X .. 3 A), first and second of the command.
+
+    Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not two.
+    """
+    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, third_axis=None, third_steps=0)
+
+
+def helix(
+    ticks: int,
+    d: int,
+    xs: int,
+    ys: int,
+    rx: int,
+    ry: int,
+    clockwise: bool,
+    axes: tuple[int, int] = (0, 1),
+    *,
+    third_axis: int | None,
+    third_steps: int,
+) -> Circle:
+    """A circle whose third axis makes `third_steps` (signed) evenly over the ticks, together with them; manual 2.2.27.
+
+    Raises ValueError like `circle`, and if the third axis has more steps than there are ticks.
+    """
+    used = [*axes] if third_axis is None else [*axes, third_axis]
+    if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= {0, 1, 2, 3}:
+        raise ValueError(f"a circle needs different axes out of 0..3, got {used}")
+    if not 0 <= ticks < LARGEST or max(abs(xs), abs(ys)) >= LARGEST:
+        raise ValueError(f"ticks, xs and ys of a circle must stay below {LARGEST}, got {ticks}, {xs}, {ys}")
+    if abs(third_steps) > ticks:
+        raise ValueError(f"the third axis cannot make {third_steps} steps in {ticks} ticks")
+    if clockwise:
+        (xs, ys), (rx, ry), axes = (ys, xs), (ry, rx), (axes[1], axes[0])
+    r2 = squared_radius(d, xs, ys, 1 if rx > 0 else -1, 1 if ry > 0 else -1)
+    return Circle(ticks, xs, ys, r2, axes, third_axis, third_steps)
+
+
+def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
+    """R^2 that a host means by D = d, counter-clockwise (decision M3).
+
+    (2) is solved for R^2 in three readings of its text: with Summe(n) = |n| (n + 1) as the worked example has it; with
+    Summe(n) = n (|n| + 1), which is (1); with both slips of the example. The first one that gives the square of a whole
+    number whose circle, rounded, has the start point, is what the host meant; R^2 may miss the square by 1, because an
+    odd R makes 2 D odd and the host rounds D. If none does, R is not whole or D comes from another formula. Then (1)
+    counts as it stands, but not farther from the start point than cutting a point of the circle to whole steps can put
+    it, 3/2 steps.
+    """
+    x, y, y_slip = xs + (rx - ry) // 2, ys + (rx + ry) // 2, ys + (rx - ry) // 2
+    printed, slipped = (rx * ry * (2 * d + rx * abs(x) * (x + 1) - ry * abs(n) * (n + 1)) for n in (y, y_slip))
+    meant = rx * ry * (2 * d + rx * x * (abs(x) + 1) - ry * y * (abs(y) + 1))
+    for r2 in (printed, meant, slipped):
+        n = math.isqrt(max(r2 + 1, 0))
+        if abs(n * n - r2) <= 1 and _rounds_to(n, xs, ys):
+            return n * n
+    start = math.hypot(xs, ys)
+    return min(max(meant, math.floor(max(start - 1.5, 0.0) ** 2)), math.ceil((start + 1.5) ** 2))
+
+
+def _rounds_to(radius: int, x: int, y: int) -> bool:
+    """Whether the circle passes through the square around (x, y) whose points are rounded to (x, y)."""
+    x, y = abs(x), abs(y)
+    nearest = max(2 * x - 1, 0) ** 2 + max(2 * y - 1, 0) ** 2
+    farthest = (2 * x + 1) ** 2 + (2 * y + 1) ** 2
+    return nearest <= 4 * radius * radius <= farthest
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """Made by `circle` or `helix`: an arc in the counter-clockwise frame (axes exchanged if it is clockwise)."""
+
+    ticks: int
+    xs: int
+    ys: int
+    squared_radius: int
+    axes: tuple[int, int]
+    third_axis: int | None
+    third_steps: int
+
+    def codes(self, first: int, last: int) -> NDArray[np.uint8]:
+        check_range(first, last, self.ticks)
+        code = np.empty(last - first, dtype=np.uint8)
+        _walk(*self._state(first), code, self._table())
+        if self.third_axis is not None:
+            fill_even(code, first, self.third_steps, self.ticks, self.third_axis)
+        return code
+
+    def displacement(self, k: int) -> Displacement:
+        check_range(0, k, self.ticks)
+        steps = [0, 0, 0, 0]
+        x, y, _ = self._state(k)
+        steps[self.axes[0]] = x - self.xs
+        steps[self.axes[1]] = y - self.ys
+        if self.third_axis is not None:
+            steps[self.third_axis] = even(k, self.third_steps, self.ticks)
+        return steps[0], steps[1], steps[2], steps[3]
+
+    def _table(self) -> NDArray[np.uint8]:
+        """Codes of the four steps -X, -Y, +X, +Y of the plane."""
+        return np.array([step_code(axis, sense) for sense in (-1, 1) for axis in self.axes], dtype=np.uint8)
+
+    def _state(self, k: int) -> tuple[int, int, int]:
+        """x, y, c after k ticks, from the checkpoint before."""
+        x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
+        return _walk(x, y, c, np.empty(k % INTERVAL, dtype=np.uint8), self._table()) if k % INTERVAL else (x, y, c)
+
+
+@lru_cache(maxsize=16)
+def _checkpoints(path: Circle) -> NDArray[np.int64]:
+    """int64 [ticks // INTERVAL + 1, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... ticks."""
+    states = np.empty((path.ticks // INTERVAL + 1, 3), dtype=np.int64)
+    state = path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius
+    scratch = np.empty(INTERVAL, dtype=np.uint8)
+    for row in states:
+        row[:] = state
+        state = _walk(*state, scratch, path._table())
+    return states
+
+
+@njit(cache=True, nogil=True)
+def _walk(x, y, c, code, table):  # type: ignore[no-untyped-def]
+    """Make code.size ticks from (x, y) with c = x^2 + y^2 - R^2, write their codes, return the state reached.
+
+    A quadrant includes the half axis on which the counter-clockwise path enters it.
+    """
+    for i in range(code.size):
+        rx = -1 if y > 0 or (y == 0 and x > 0) else 1
+        ry = 1 if x > 0 or (x == 0 and y < 0) else -1
+        inward = c + rx * x + ry * y + 1 > 0
+        if inward == (rx * x < 0):  # X goes inwards in quadrants I and III, outwards in II and IV
+            c += 2 * rx * x + 1
+            x += rx
+            code[i] = table[1 + rx]
+        else:
+            c += 2 * ry * y + 1
+            y += ry
+            code[i] = table[2 + ry]
+    return x, y, c
