@@ -265,8 +265,10 @@ class Twin:
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         while self.time_ns < until_ns and not (stop is not None and stop()):
-            looks = (observer.next_ns for observer in self._observers)
-            horizon = min(t for t in (until_ns, self._next_ns(), *looks) if t is not None)
+            stops = [until_ns, self._next_ns(), *(observer.next_ns for observer in self._observers)]
+            if self._line.quiet_ns > self.time_ns:
+                stops.append(self._line.quiet_ns)
+            horizon = min(t for t in stops if t is not None)
             self._advance_plant(max(horizon, self.time_ns))
             self._settle()
 
