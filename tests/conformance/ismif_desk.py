@@ -1,6 +1,6 @@
 """The iSMIF on the test desk, and what its streams must be, from closed forms; nothing here is the twin's code.
 
-Ramp law: the leading axis starts with f0, rises evenly to V within R, stays, falls the same way, so a = (V - f0) / R and
+Ramp law: the leading axis starts with f0, rises evenly to V within R, stays, falls the same way: a = (V - f0) / R and
 
     t(k) = (sqrt(f0^2 + 2 a k) - f0) / a    while rising, up to k = (V^2 - f0^2) / (2 a) or the middle of the motion
 """

@@ -5,6 +5,7 @@ A table is a TOML file of this folder, `<controller>.toml`; which test shows whi
     [table]                                       @shows("imc-2.2.1-1")
     title = "iMC"                                 def test_...():
     manual = "programming manual, edition ..."
+    overview_chapter = "1"                        # where the manual's overview is; 1 unless said
 
     [[overview]]                                  # a line of the manual's overview of commands
     command = "@0a"
@@ -59,6 +60,7 @@ class Table:
     manual: str
     rows: tuple[Row, ...]
     overview: tuple[Overview, ...]
+    overview_chapter: str
     sections: Mapping[str, str]
 
 
@@ -81,6 +83,7 @@ def load(path: Path) -> Table:
         manual=data["table"]["manual"],
         rows=tuple(Row(section=part["number"], **row) for part in data["section"] for row in part["rows"]),
         overview=tuple(Overview(**line) for line in data.get("overview", [])),
+        overview_chapter=data["table"].get("overview_chapter", "1"),
         sections={part["number"]: part["title"] for part in data["section"]},
     )
 

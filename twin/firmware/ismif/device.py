@@ -421,7 +421,7 @@ class Ismif:
         return b"@X" + b"".join(b"1" if bit else b"0" for bit in bits)
 
     def _position(self, axis: int) -> bytes:
-        return f"@L{self._position_steps(axis)}".encode()
+        return f"@L{AXIS_LETTERS[axis]}{self._position_steps(axis)}".encode()
 
     def _halt(self) -> bytes:
         """6.15: this motion is over, the next command follows."""
