@@ -216,6 +216,11 @@ class Machine:
     """The file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look."""
 
     @property
+    def file(self) -> Path:
+        """The machine.toml it was read from."""
+        return self.folder / "machine.toml"
+
+    @property
     def switches(self) -> tuple[Contact, ...]:
         """The position switches among the contacts, in the order of the file."""
         return tuple(contact for contact in self.contacts if contact.kind == "switch")
@@ -259,7 +264,7 @@ def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     Raises MachineError for an unknown key or a value out of range.
     """
     tree = copy.deepcopy(dict(machine.tree))
-    file = machine.folder / "machine.toml"
+    file = machine.file
     for key, value in overrides.items():
         if key == "imperfections":
             if value not in LEVELS:

@@ -3,20 +3,21 @@
 Goal: advance the whole plant at little more than the cost of MuJoCo alone, so that how time is cut into calls never
 changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
 
-      window: one MuJoCo step                          sub-step: F_j = drive(command, x_j, v_j)
-    |--+--+--+--+--+--+--+--|                          v_j+1 = v_j + dt (F_j / m + a)
-       F_1 F_2 ...      F_n   -> mean F on the nut     x_j+1 = x_j + dt (v_j + v_j+1) / 2
-                              -> mj_step               window start: v from MuJoCo, a = qacc - F_mean / m
+      window: one MuJoCo step                       sub-step: F_j = drive(command, x_j, v_j)
+    |--+--+--+--+--+--+--+--|                       v_j+1 = v_j + dt (F_j / m + a), less the friction's dt F_f / m
+       F_1 F_2 ...      F_n   -> mean F on the nut  x_j+1 = x_j + dt (v_j + v_j+1) / 2
+                              -> mj_step            window start: v from MuJoCo, a from its last step
 
-Inside the window the drives see a carriage that answers to the nut force alone (m: inertia that the nut feels); what
-else acts on it counts as in the window before. At the end MuJoCo, which knows friction, stops, structure and contacts,
-says what the velocity really is. The position is corrected by what that velocity differs:
+Inside the window the drives see a carriage that answers to the nut force and to guide friction (m: inertia that the nut
+feels); what else acts on it counts as in the window before. At the end MuJoCo, which knows friction, stops, structure
+and contacts, says what the velocity really is. The position is corrected by what that velocity differs:
 
-    x = x_n + h (v_MuJoCo - v_n)                       h = n dt
+    x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
-which is MuJoCo's own rule (x' = x + h v') for everything but the nut force, and the sub-steps' for that: the nut spring
-of some hundred hertz is integrated at dt, not at h, and h need not follow it (decision P3). Position switches are
-looked at after every sub-step.
+which is MuJoCo's own rule (x' = x + h v') for all it alone knows, and the sub-steps' for the nut force and the moment
+at which friction stops a carriage: both are resolved at dt, not at h (decision P3). MuJoCo's dry friction yields a
+little (below 1 um/s); a carriage that the sub-steps saw stick does not. Position switches are looked at after every
+sub-step.
 
 Rest: when drives and joints have stood still for `rest_windows` windows, the plant is frozen. A frozen sub-step changes
 nothing, so any number of them is skipped up to the next pulse or change of current.
@@ -37,7 +38,7 @@ from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 
 AXES = 3
 """Axes with mechanics."""
-REST_M_S = 2e-6
+REST_M_S = 5e-6
 """Joint speed below which a joint counts as standing."""
 NEVER = np.iinfo(np.int64).max
 
@@ -66,7 +67,8 @@ AXIS = np.dtype(
         ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
         ("x_m", "f8"),  # joint position inside the window
         ("v_m_s", "f8"),
-        ("rest_m_s2", "f8"),  # a: acceleration by everything but the nut and the push
+        ("rest_m_s2", "f8"),  # a: acceleration by everything but nut, push and guide friction
+        ("friction_n", "f8"),  # guide friction
         ("sum_n", "f8"),  # sum of the forces of this window
         ("mean_n", "f8"),  # mean force of the window before
         ("push_n", "f8"),  # force from outside
@@ -128,18 +130,24 @@ def wake(plants, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def enter_window(axes, qpos, qvel, qacc):  # type: ignore[no-untyped-def]
-    """Take the carriages from MuJoCo at the start of a window."""
+def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
+    """Take the carriages from MuJoCo at the start of a window.
+
+    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision.
+    """
     for i in range(AXES):
         axis = axes[i]
         axis.x_m = qpos[axis.dof]
         axis.v_m_s = qvel[axis.dof]
-        axis.rest_m_s2 = qacc[axis.dof] - axis.mobility_per_kg * axis.mean_n
+        friction = axis.mobility_per_kg * axis.friction_n
+        held = qacc[axis.dof] - qacc_smooth[axis.dof]
+        held -= min(friction, max(-friction, held))
+        axis.rest_m_s2 = qacc_smooth[axis.dof] + held - axis.mobility_per_kg * axis.mean_n
         axis.sum_n = 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc):  # type: ignore[no-untyped-def]
+def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = True
     for i in range(AXES):
@@ -151,6 +159,8 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc):  # type: ignore[
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
         axis = axes[i]
+        if axis.v_m_s == 0.0 and abs(qvel[axis.dof]) < REST_M_S:
+            qvel[axis.dof] = 0.0
         qpos[axis.dof] = axis.x_m + window_s * (qvel[axis.dof] - axis.v_m_s)
     for j in range(qvel.shape[0]):
         if not (math.isfinite(qpos[j]) and math.isfinite(qvel[j])):
@@ -159,10 +169,8 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc):  # type: ignore[
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
-        for j in range(qvel.shape[0]):
-            qvel[j] = 0.0
-            qacc[j] = 0.0
-    enter_window(axes, qpos, qvel, qacc)
+        qvel[:] = 0.0
+    enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -181,7 +189,7 @@ def _strike(switches, axes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
-    plants, axes, drives, states, switches, commanded, qpos, qvel, qacc, qfrc, until, t_ns, code
+    plants, axes, drives, states, switches, commanded, qpos, qvel, qacc, qacc_smooth, qfrc, until, t_ns, code
 ):
     """Advance to sub-step `until`, or to the end of the first one in which a switch changed; return the pulses made.
 
@@ -231,12 +239,14 @@ def advance(  # type: ignore[no-untyped-def]
                 drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
             axis.sum_n += force_n
-            axis.v_m_s += dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
+            free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
+            stop_m_s = dt_s * axis.mobility_per_kg * axis.friction_n
+            axis.v_m_s = free_m_s - min(stop_m_s, max(-stop_m_s, free_m_s))
             axis.x_m = x_mid_m + 0.5 * dt_s * axis.v_m_s
 
         plant.now += 1
         if plant.now % plant.window == 0:
-            _leave_window(plant, axes, states, qpos, qvel, qacc, qfrc)
+            _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_axis >= 0:
                 break
         if _strike(switches, axes):

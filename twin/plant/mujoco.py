@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states
+from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
@@ -55,9 +55,10 @@ def _mj_step_address() -> int:
     return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
 
 
-def load_model(machine: Machine) -> mujoco.MjModel:
+def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     """The machine's MuJoCo model with what machine.toml says about it.
 
+    visual: keep the geoms that only look; without them a step takes a quarter less time.
     Raises MachineError if the model cannot be read or lacks a joint or body that the machine names.
     """
     try:
@@ -76,6 +77,10 @@ def load_model(machine: Machine) -> mujoco.MjModel:
             spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
         except ValueError as error:
             raise MachineError(f"{machine.fixture_file}: {' '.join(str(error).split())}") from None
+    if not visual:
+        for geom in list(spec.geoms):
+            if geom.contype == 0 and geom.conaffinity == 0:
+                spec.delete(geom)
     for name, mass_kg in machine.masses_kg.items():
         body = spec.body(name)
         body.inertia = body.inertia * (mass_kg / body.mass)
@@ -119,12 +124,10 @@ def axis_motor(machine: Machine, axis: Axis) -> Motor:
         try:
             return Motor(**machine.motors[axis.motor])  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:
-            raise MachineError(f"{machine.folder / 'machine.toml'}: motors.{axis.motor}: {error}") from None
+            raise MachineError(f"{machine.file}: motors.{axis.motor}: {error}") from None
     if axis.motor not in MOTORS:
         names = ", ".join([*machine.motors, *MOTORS])
-        raise MachineError(
-            f"{machine.folder / 'machine.toml'}: axes.{axis.name}.motor: {axis.motor!r}; allowed: {names}"
-        )
+        raise MachineError(f"{machine.file}: axes.{axis.name}.motor: {axis.motor!r}; allowed: {names}")
     return MOTORS[axis.motor]
 
 
@@ -167,7 +170,7 @@ class MujocoPlant:
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
         self.machine = machine
-        self.model = load_model(machine)
+        self.model = load_model(machine, visual=False)
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
         model, data = self.model, self.data
@@ -182,7 +185,7 @@ class MujocoPlant:
                 for axis, screw in zip(machine.axes, screws, strict=True)
             ]
         except ValueError as error:
-            raise MachineError(f"{machine.folder / 'machine.toml'}: {error}") from None
+            raise MachineError(f"{machine.file}: {error}") from None
         self._drives = np.concatenate(drives)
         self._states = axis_states(kernel.AXES)
         self._commanded = np.zeros(kernel.AXES + 1, dtype=np.int64)
@@ -193,13 +196,17 @@ class MujocoPlant:
         mujoco.mj_forward(model, data)
         self._axes = np.zeros(kernel.AXES, kernel.AXIS)
         self._axes["dof"] = self._dof
-        self._axes["mobility_per_kg"] = _mobility(model, data, self._dof)
+        self._inertia = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, self._inertia)
+        self._weight = data.qfrc_bias.copy()
+        self._axes["mobility_per_kg"] = np.diagonal(np.linalg.inv(self._inertia))[self._dof]
+        self._axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
         self._axes["phases"] = OPEN
         self._axes["fraction"] = 1.0
         self._axes["idle_fraction"] = [axis.stage.idle_fraction for axis in machine.axes]
         self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
-        pull_n = -data.qfrc_bias[self._dof]
-        self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n.round(6)) * self._drives["half_backlash_m"]
+        pull_n = -self._weight[self._dof].round(6)
+        self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
         self._check_steps()
 
         self._switches = np.zeros(len(switches), kernel.SWITCH)
@@ -219,7 +226,7 @@ class MujocoPlant:
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_axis"] = -1
-        kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc)
+        kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
         """See Plant.advance. Raises PlantError if the simulation leaves the finite numbers."""
@@ -229,14 +236,15 @@ class MujocoPlant:
             t_ns, code = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], code))
         made = kernel.advance(
             plant, self._axes, self._drives, self._states, self._switches, self._commanded,
-            data.qpos, data.qvel, data.qacc, data.qfrc_applied, until_ns // substep_ns, t_ns, code,
+            data.qpos, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            until_ns // substep_ns, t_ns, code,
         )  # fmt: skip
         self.time_ns = int(plant["now"][0]) * substep_ns
         if plant["lost_axis"][0] >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[plant["lost_axis"][0]])).name
             raise PlantError(
                 f"axis {joint}: position is not a finite number at {self.time_ns / 1e9:.6f} s; "
-                f"shorten timing.mujoco_step or lower the stiffness in {self.machine.folder / 'machine.toml'}"
+                f"shorten timing.mujoco_step or lower the stiffness in {self.machine.file}"
             )
         if plant["edge"][0]:
             self._late = (t_ns[:0], code[:0])
@@ -284,12 +292,12 @@ class MujocoPlant:
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """See Plant.position_mm; between two MuJoCo steps as the drives see it."""
-        return 1e3 * (self._shape @ self._joints(self.data.qpos, "x_m"))
+        return 1e3 * (self._shape @ self._joints())
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
         """See Plant.velocity_mm_s."""
-        return 1e3 * (self._shape @ self._joints(self.data.qvel, "v_m_s"))
+        return 1e3 * (self._shape @ self._rates())
 
     @property
     def commanded(self) -> NDArray[np.int64]:
@@ -308,14 +316,41 @@ class MujocoPlant:
         return self._states["force_n"].copy()
 
     @property
+    def energy_j(self) -> float:
+        """Mechanical energy of everything, J: moving masses and their height, rotors, detents, nuts, structure."""
+        axes, rates = self._axes, self._rates()
+        drives = sum(
+            stored_energy_j(self._drives[i], self._states[i], axes["x_m"][i] - axes["zero_m"][i])
+            for i in range(kernel.AXES)
+        )
+        joints = self._joints()
+        springs = 0.5 * self.model.jnt_stiffness @ joints**2
+        return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
+
+    @property
     def at_rest(self) -> bool:
         """See Plant.at_rest."""
         return bool(self._plant["frozen"][0])
 
-    def _joints(self, values: NDArray[np.float64], inside: str) -> NDArray[np.float64]:
-        """Joint values [nv] at this moment: those of the axes from inside the window."""
-        now = values.copy()
-        now[self._dof] = self._axes[inside]
+    def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
+        model = load_model(self.machine)
+        data = mujoco.MjData(model)
+        data.qpos[:] = self._joints()
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    def _joints(self) -> NDArray[np.float64]:
+        """float64 [nv], joint positions at this moment, somewhere inside a window."""
+        elapsed = self._plant["now"][0] % self._plant["window"][0] * self._plant["substep_ns"][0]
+        now = self.data.qpos + self.data.qvel * (1e-9 * elapsed)
+        now[self._dof] = self._axes["x_m"]
+        return now
+
+    def _rates(self) -> NDArray[np.float64]:
+        """float64 [nv], joint velocities at this moment."""
+        now = self.data.qvel.copy()
+        now[self._dof] = self._axes["v_m_s"]
         return now
 
     def _set_phases(self) -> None:
@@ -328,16 +363,9 @@ class MujocoPlant:
             substep_ns = self.machine.timing.substep_ns
             if substep_ns > longest_s * 1e9:
                 raise MachineError(
-                    f"{self.machine.folder / 'machine.toml'}: timing.motor_substep: {substep_ns / 1e3:g} us is too long "
-                    f"for axes.{axis.name}.stiffness and {1.0 / mobility:.3g} kg; allowed: up to {longest_s * 1e6:.3g} us"
+                    f"{self.machine.file}: timing.motor_substep: {substep_ns / 1e3:g} us is too long for "
+                    f"axes.{axis.name}.stiffness and {1.0 / mobility:.3g} kg; allowed: up to {longest_s * 1e6:.3g} us"
                 )
-
-
-def _mobility(model: mujoco.MjModel, data: mujoco.MjData, dof: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Diagonal of the inverse inertia, 1/kg, for the axis joints [3]."""
-    inverse = np.eye(model.nv)
-    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-    return inverse[dof, dof]
 
 
 def _tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
