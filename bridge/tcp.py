@@ -10,6 +10,7 @@ replies to what it has sent, unless somebody else connects.
 from __future__ import annotations
 
 import logging
+import select
 import selectors
 import socket
 from collections import deque
@@ -61,6 +62,20 @@ def parse_address(text: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
 
+def _hung_up(connection: socket.socket) -> bool:
+    """Whether the other side has closed or will send no more, perhaps with bytes of it still unread."""
+    if hasattr(select, "POLLRDHUP"):
+        poll = select.poll()
+        poll.register(connection, select.POLLRDHUP)
+        return bool(poll.poll(0))
+    try:
+        return connection.recv(1, socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
 class _Client:
     """The client that holds the line."""
 
@@ -94,7 +109,7 @@ class TcpEndpoint:
 
     @property
     def busy(self) -> bool:
-        return self._client is not None and not self._client.departing
+        return self._client is not None and not self._client.departing and not _hung_up(self._client.connection)
 
     def attach(self, server: Server) -> None:
         self._server = server
@@ -172,8 +187,10 @@ class TcpEndpoint:
                 self._disconnect(str(error))
 
     def give_way(self) -> None:
-        if self._client is not None:
-            self._disconnect("closed by the client")
+        client = self._client
+        while client is not None and self._client is client and not client.departing:
+            self._ready()  # what it has sent before it left must not be lost
+        self._disconnect("closed by the client")
 
     def _disconnect(self, reason: str) -> None:
         if self._client is not None:

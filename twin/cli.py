@@ -97,7 +97,7 @@ def _bad_call() -> Iterator[None]:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         raise BadCall(f"{where}{error.strerror or error}") from error
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         raise BadCall(str(error)) from error
 
 
@@ -361,7 +361,11 @@ class _JsonOutput:
     def summary(self, summary: dict[str, Any]) -> None:
         import json
 
-        print(json.dumps({"summary": summary}), flush=True)
+        print(json.dumps({"summary": True, **summary}), flush=True)
+
+
+WIDE = 160
+"""Columns of a table that goes to a file or pipe."""
 
 
 class _TableOutput:
@@ -373,6 +377,8 @@ class _TableOutput:
         from rich.table import Table
 
         self._console = Console()
+        if not self._console.is_terminal:
+            self._console = Console(width=WIDE)
         self._table = Table("line", "time / s", "command", "reply", "X / mm", "Y / mm", "Z / mm", box=None)
         for column in (0, 1, 4, 5, 6):
             self._table.columns[column].justify = "right"
@@ -464,3 +470,7 @@ def motor(name: Annotated[str, Parameter(help="Type name of a motor, such as 23H
 
         show_motor(name)
     return 0
+
+
+if __name__ == "__main__":
+    main()

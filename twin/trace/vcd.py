@@ -46,7 +46,7 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) ->
     with (
         replacing(path) as temporary,
         open(temporary, "w", encoding="ascii", errors="replace") as file,
-        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin", check_values=False) as writer,
+        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
     ):
         signals = {}
         for axis in AXES:

@@ -1,0 +1,92 @@
+"""Real `isel-twin serve` processes, and in-process servers, for the tests of the bridge."""
+
+from __future__ import annotations
+
+import json
+import select
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import serial
+
+from isel_twin.bridge.pacing import Pacer
+from isel_twin.bridge.server import Endpoint, Server
+from isel_twin.twin import Twin
+
+START_S = 120.0
+"""Longest wait for a process to listen: the first one may have to compile."""
+STOP_S = 30.0
+REPLY_S = 60.0
+"""Longest wait for a reply; a healthy twin needs a small part of it."""
+
+
+class Served:
+    """A running `isel-twin serve` and what it said when it listened."""
+
+    def __init__(self, arguments: tuple[str, ...]) -> None:
+        command = [sys.executable, "-m", "isel_twin.cli", "serve", *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        ready, _, _ = select.select([self.process.stdout], [], [], START_S)
+        line = self.process.stdout.readline() if ready else ""
+        if not line:
+            self.process.kill()
+            pytest.fail(f"serve did not listen: {self.process.communicate()[1]}")
+        self.info: dict[str, Any] = json.loads(line)
+
+    def open(self, key: str = "pty") -> serial.Serial:
+        """A host program's port: the device, or the network address behind `key`."""
+        address = self.info[key]
+        urls = {"pty": address, "tcp": f"socket://{address}", "rfc2217": f"rfc2217://{address}"}
+        return serial.serial_for_url(urls[key], baudrate=19_200, timeout=REPLY_S)
+
+    def stop(self, number: int) -> int:
+        """Send a signal; return the exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(STOP_S)
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., Served]]:
+    """serve(*arguments) starts a process and waits until it listens. Protocol only, as fast as possible by default."""
+    started: list[Served] = []
+
+    def start(*arguments: str, speed: str = "max") -> Served:
+        started.append(Served(("--plant", "kinematic", "--speed", speed, *arguments)))
+        return started[-1]
+
+    yield start
+    for served in started:
+        if served.process.poll() is None:
+            served.process.terminate()
+        served.process.communicate(timeout=STOP_S)
+
+
+@pytest.fixture
+def serving() -> Iterator[Callable[..., Server]]:
+    """serving(endpoint, ...) runs a server in a thread of this process."""
+    running: list[tuple[Server, threading.Thread]] = []
+
+    def start(*endpoints: Endpoint, speed: float | None = None) -> Server:
+        twin = Twin(plant="kinematic", line_speed=speed is not None)
+        server = Server(twin, Pacer(speed), endpoints)
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        running.append((server, thread))
+        return server
+
+    yield start
+    for server, thread in running:
+        server.stop()
+        thread.join(STOP_S)
+        assert not thread.is_alive()
+
+
+def ask(port: serial.Serial, command: str, size: int = 1) -> str:
+    """Send a command with CR, read a reply of `size` bytes."""
+    port.write(command.encode() + b"\r")
+    return port.read(size).decode()

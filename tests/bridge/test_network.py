@@ -1,0 +1,216 @@
+"""Raw TCP and RFC 2217: one client at a time, and nobody can harm the twin."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+import serial
+
+from isel_twin.bridge.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
+from isel_twin.bridge.server import OUTBOX_BYTES, Outbox
+from isel_twin.bridge.tcp import ProtocolError, TcpEndpoint, parse_address
+from tests.bridge.conftest import REPLY_S, ask
+
+LOOPBACK = "127.0.0.1:0"
+
+
+def connect(address: str) -> socket.socket:
+    return socket.create_connection(parse_address(address), timeout=REPLY_S)
+
+
+def read_all(connection: socket.socket) -> bytes:
+    """Everything until the other side closes."""
+    data = b""
+    while piece := connection.recv(4096):
+        data += piece
+    return data
+
+
+def read_exactly(connection: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        piece = connection.recv(size - len(data))
+        assert piece, f"closed after {data!r}"
+        data += piece
+    return data
+
+
+def test_a_session_over_tcp(serve):
+    with serve("--tcp", LOOPBACK).open("tcp") as port:
+        assert ask(port, "@07") == "0"
+        assert ask(port, "@0R7") == "0"
+        assert ask(port, "@0P", 19) == "0" * 19
+
+
+def test_a_second_client_is_told_and_closed_and_the_first_undisturbed(serving):
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with connect(endpoint.address) as first:
+        first.sendall(b"@07\r")
+        assert read_exactly(first, 1) == b"0"
+        for _ in range(3):
+            with connect(endpoint.address) as second:
+                second.sendall(b"@0P\r")
+                told = read_all(second)
+            assert b"in use" in told
+            assert told.count(b"\n") == 1
+            assert told.endswith(b"\n")
+        first.sendall(b"@0P\r")
+        assert read_exactly(first, 19) == b"0" * 19
+
+
+def test_a_refused_client_of_another_endpoint_too(serving):
+    raw, telnet = TcpEndpoint(LOOPBACK), TcpEndpoint(LOOPBACK, "rfc2217", Rfc2217Codec)
+    serving(raw, telnet)
+    with connect(raw.address) as first:
+        first.sendall(b"@07\r")
+        assert read_exactly(first, 1) == b"0"
+        with connect(telnet.address) as second:
+            assert b"in use" in read_all(second)
+
+
+def test_the_port_is_free_again_when_the_client_has_gone(serving):
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    for _ in range(5):
+        with connect(endpoint.address) as client:
+            client.sendall(b"@07\r")
+            assert read_exactly(client, 1) == b"0"
+
+
+def test_a_client_that_has_sent_everything_still_gets_its_replies(serving):
+    """As `printf '@07\\r@0P\\r' | nc -N host port` does."""
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with connect(endpoint.address) as client:
+        client.sendall(b"@07\r@0R7\r@0P\r")
+        client.shutdown(socket.SHUT_WR)
+        assert read_exactly(client, 21) == b"00" + b"0" * 19
+
+
+def test_many_refused_clients_that_never_leave_do_no_harm(serving):
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with connect(endpoint.address) as first:
+        first.sendall(b"@07\r")
+        assert read_exactly(first, 1) == b"0"
+        others = [connect(endpoint.address) for _ in range(40)]
+        assert all(b"in use" in other.recv(4096) for other in others)
+        first.sendall(b"@0P\r")
+        assert read_exactly(first, 19) == b"0" * 19
+        for other in others:
+            other.close()
+
+
+def test_a_client_that_writes_without_reading_is_served_and_forgotten(serving):
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with connect(endpoint.address) as flood:
+        flood.sendall(b"@07\r" + b"@0P\r" * 2000)
+    with connect(endpoint.address) as client:
+        client.sendall(b"@0P\r")
+        assert read_exactly(client, 19) == b"0" * 19
+
+
+def test_closing_with_a_reset_does_no_harm(serving):
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    client = connect(endpoint.address)
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # close by RST
+    client.sendall(b"@07\r")
+    client.close()
+    with connect(endpoint.address) as other:
+        other.sendall(b"@0P\r")
+        assert read_exactly(other, 19)[-19:]
+
+
+def test_rfc2217_negotiates_with_pyserial(serve):
+    served = serve("--rfc2217", LOOPBACK)
+    with served.open("rfc2217") as port:
+        assert port.baudrate == 19_200
+        port.baudrate = 9600
+        port.rts = False
+        assert port.cts
+        assert ask(port, "@07") == "0"
+        assert ask(port, "@0R7") == "0"
+        port.write(b"\xff@0P\r")  # byte 255 is Telnet's escape character and must pass
+        assert port.read(19) == b"0" * 19
+    with served.open("rfc2217") as port:
+        assert ask(port, "@0P", 19) == "0" * 19
+
+
+def test_telnet_bytes_pass_both_ways():
+    sent: list[bytes] = []
+    codec = Rfc2217Codec(sent.append)
+    assert sent  # the server offers its options at once
+    assert codec.decode(b"a\xff\xffb") == b"a\xffb"
+    assert codec.encode(b"a\xffb") == b"a\xff\xffb"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xff\xf0",  # end of an option that was not begun
+        b"\xff\xfa\x2c\x01\xff\xf0",  # baud rate without a rate
+        b"\xff\xfa\x2c\x03\xee\xff\xf0",  # parity 238
+        b"\xff\xfa" + b"x" * (SUBOPTION_BYTES + 1),  # an option without end
+    ],
+    ids=["no begin", "no rate", "parity 238", "no end"],
+)
+def test_malformed_options_are_an_error_of_the_client(data):
+    codec = Rfc2217Codec(lambda _: None)
+    with pytest.raises(ProtocolError):
+        codec.decode(data)
+
+
+def test_a_client_with_malformed_options_is_disconnected(serving):
+    endpoint = TcpEndpoint(LOOPBACK, "rfc2217", Rfc2217Codec)
+    serving(endpoint)
+    with connect(endpoint.address) as client:
+        client.sendall(b"\xff\xf0")
+        read_all(client)
+    url = f"rfc2217://{endpoint.address}"
+    with serial.serial_for_url(url, timeout=REPLY_S) as port:
+        assert ask(port, "@07") == "0"
+
+
+def test_an_outbox_is_bounded_and_loses_whole_replies():
+    taken = bytearray()
+    reading = False
+
+    def write(data: bytes) -> int:
+        if not reading:
+            raise BlockingIOError
+        taken.extend(data[:1000])
+        return len(data[:1000])
+
+    outbox = Outbox(write)
+    reply = bytes(range(250)) * 4
+    for _ in range(100):
+        outbox.put(reply)
+    assert len(outbox) == OUTBOX_BYTES // 1000 * 1000
+    reading = True
+    outbox.flush()
+    assert taken == reply * (OUTBOX_BYTES // 1000)
+    assert len(outbox) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("127.0.0.1:4000", ("127.0.0.1", 4000)),
+        ("4000", ("127.0.0.1", 4000)),
+        (":0", ("127.0.0.1", 0)),
+        ("0.0.0.0:1", ("0.0.0.0", 1)),
+        ("[::1]:65535", ("::1", 65535)),
+    ],
+)
+def test_addresses(text, address):
+    assert parse_address(text) == address
+
+
+@pytest.mark.parametrize("text", ["", "host", "host:", "host:http", "host:65536", "host:-1", "host:1.0", "host:²"])
+def test_bad_addresses_are_named(text):
+    with pytest.raises(ValueError, match="is not HOST:PORT"):
+        parse_address(text)

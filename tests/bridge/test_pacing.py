@@ -1,0 +1,126 @@
+"""Virtual time against a wall clock that the test turns by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from isel_twin.bridge.pacing import SLIP_NS, TICK_NS, Pacer, parse_speed
+
+MS = 1_000_000
+
+
+class Clock:
+    """Wall time in ns."""
+
+    def __init__(self) -> None:
+        self.now = 1_000 * MS
+
+    def __call__(self) -> int:
+        return self.now
+
+
+class Machine:
+    """A twin that needs `cost` wall ns for a virtual ns and knows when it will be idle and when something happens."""
+
+    def __init__(self, clock: Clock, cost: float = 0.0, event_ns: int | None = None, idle: bool = True) -> None:
+        self.time_ns = 0
+        self.next_event_ns = event_ns
+        self.idle = idle
+        self._clock = clock
+        self._cost = cost
+
+    def run_until(self, time_ns: int) -> None:
+        assert time_ns >= self.time_ns
+        self._clock.now += int((time_ns - self.time_ns) * self._cost)
+        self.time_ns = time_ns
+
+
+@pytest.mark.parametrize(("text", "speed"), [("1", 1.0), ("0.5", 0.5), ("20", 20.0), ("max", None)])
+def test_speeds(text, speed):
+    assert parse_speed(text) == speed
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "", "fast", "MAX"])
+def test_bad_speeds_are_named(text):
+    with pytest.raises(ValueError, match="speed"):
+        parse_speed(text)
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.5, 20.0])
+def test_an_idle_twin_follows_the_wall_clock_at_once(speed):
+    clock = Clock()
+    pacer, machine = Pacer(speed, clock=clock), Machine(clock)
+    clock.now += 3600 * 1000 * MS
+    pacer.advance(machine)
+    assert machine.time_ns == 3600 * 1000 * MS * speed
+
+
+def test_an_idle_twin_without_events_needs_no_look():
+    clock = Clock()
+    assert Pacer(1.0, clock=clock).wait_s(Machine(clock)) is None
+    assert Pacer(None, clock=clock).wait_s(Machine(clock)) is None
+
+
+def test_sleep_ends_at_the_next_event():
+    clock = Clock()
+    pacer, machine = Pacer(2.0, clock=clock), Machine(clock, event_ns=100 * MS)
+    assert pacer.wait_s(machine) == pytest.approx(0.050)
+    clock.now += 40 * MS
+    assert pacer.wait_s(machine) == pytest.approx(0.010)
+
+
+def test_an_advance_stops_at_the_event_so_that_its_reply_leaves_in_time():
+    clock = Clock()
+    pacer, machine = Pacer(1.0, clock=clock), Machine(clock, event_ns=30 * MS)
+    clock.now += 100 * MS
+    pacer.advance(machine)
+    assert machine.time_ns == 30 * MS
+
+
+def test_a_busy_twin_is_looked_at_every_tick():
+    clock = Clock()
+    pacer = Pacer(1.0, clock=clock)
+    assert pacer.wait_s(Machine(clock, event_ns=10_000 * MS, idle=False)) == pytest.approx(TICK_NS / 1e9)
+
+
+def test_a_twin_that_cannot_keep_up_slips_and_makes_up_nothing():
+    clock = Clock()
+    pacer, machine = Pacer(1.0, clock=clock), Machine(clock, cost=2.0, idle=False)
+    began = clock.now
+    for _ in range(10_000):
+        pacer.advance(machine)
+        clock.now += 1 * MS
+    elapsed = clock.now - began
+    assert pacer.slipped
+    assert machine.time_ns <= elapsed / 2
+    present = pacer.present_ns()
+    assert present is not None
+    assert present - machine.time_ns <= SLIP_NS + 3 * TICK_NS
+
+
+def test_at_speed_max_time_stands_still_while_idle():
+    clock = Clock()
+    pacer, machine = Pacer(None, clock=clock), Machine(clock, event_ns=50 * MS)
+    clock.now += 1000 * MS
+    pacer.advance(machine)
+    assert machine.time_ns == 0
+
+
+def test_at_speed_max_a_busy_twin_runs_in_slices_of_about_a_tick():
+    clock = Clock()
+    pacer, machine = Pacer(None, clock=clock), Machine(clock, cost=0.01, event_ns=10_000 * MS, idle=False)
+    longest = 0
+    while machine.time_ns < 10_000 * MS:
+        assert pacer.wait_s(machine) == 0.0
+        began = clock.now
+        pacer.advance(machine)
+        longest = max(longest, clock.now - began)
+    assert TICK_NS // 4 <= longest <= 2 * TICK_NS
+
+
+def test_at_speed_max_a_twin_that_waits_for_the_outside_is_left_alone():
+    clock = Clock()
+    pacer, machine = Pacer(None, clock=clock), Machine(clock, event_ns=None, idle=False)
+    pacer.advance(machine)
+    assert machine.time_ns == 0
+    assert pacer.wait_s(machine) is None

@@ -1,0 +1,120 @@
+"""A host program opens the pseudo terminal of a real `isel-twin serve`, as it would open the machine's serial port."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.bridge.conftest import REPLY_S, ask
+
+MOVED = "0003E80001F40000000"
+"""`@0P` at X 16000, Y 8000, Z 0: 0 and three 24-bit hexadecimal numbers."""
+
+
+def test_two_commands_in_one_write_get_two_replies_in_order(serve):
+    with serve().open() as port:
+        port.write(b"@07\r@0R7\r@0P\r")
+        assert port.read(21) == b"00" + b"0" * 19
+
+
+@pytest.mark.parametrize("end", [b"\r", b"\r\n", b"\n\r"], ids=["CR", "CR LF", "LF CR"])
+def test_line_feeds_beside_the_carriage_return_do_not_matter(serve, end):
+    with serve().open() as port:
+        port.write(b"@07" + end + b"@0R7" + end + b"@0P" + end)
+        assert port.read(21) == b"00" + b"0" * 19
+
+
+def test_bytes_may_come_one_by_one(serve):
+    with serve().open() as port:
+        for byte in b"@07\r@0R7\r@0A 16000,5000,8000,5000,0,5000,0,30\r@0P\r":
+            assert port.write(bytes([byte])) == 1
+            port.flush()
+        assert port.read(22).decode() == "000" + MOVED
+
+
+def test_closing_and_reopening_keep_position_and_reference(serve):
+    served = serve()
+    with served.open() as port:
+        assert [ask(port, command) for command in ("@07", "@0R7", "@0M16000,5000,8000,5000,0,5000,0,30")] == ["0"] * 3
+    for _ in range(3):
+        with served.open() as port:
+            assert ask(port, "@0P", 19) == MOVED
+    with served.open() as port:
+        assert ask(port, "@0A 0,5000,0,5000,100,5000,0,30") == "0"  # no R: the reference has survived
+        assert ask(port, "@0P", 19) == MOVED[:-6] + "000064"
+
+
+def test_a_new_serve_knows_no_reference(serve):
+    with serve().open() as port:
+        assert ask(port, "@07") == "0"
+        assert ask(port, "@0A 0,5000,0,5000,100,5000,0,30") == "R"
+
+
+def test_nothing_is_echoed_and_no_byte_is_a_terminal_control(serve):
+    with serve().open() as port:
+        assert ask(port, "@07") == "0"
+        port.write(b"\x11\x13\x04\x03\x1a\x7f\r")  # XON, XOFF, EOF, INTR, SUSP, ERASE of a terminal
+        assert len(port.read(1)) == 1  # the controller's complaint, whichever
+        assert ask(port, "@0P", 19) == "0" * 19
+
+
+def test_a_byte_sent_in_mid_move_acts_at_once(serve):
+    """At real time a move of 20 s is stopped by byte 253; the pending command answers F before it is over."""
+    with serve(speed="20").open() as port:
+        assert ask(port, "@07") == "0"
+        assert ask(port, "@0R7") == "0"
+        port.write(b"@0A 100000,1000,0,30,0,30,0,30\r")
+        port.write(b"\xfd")
+        assert port.read(1) == b"F"
+        position = ask(port, "@0P", 19)
+        assert position[0] == "0"
+        assert 0 <= int(position[1:7], 16) < 100_000
+
+
+def test_at_real_time_bytes_take_their_time_on_the_line(serve):
+    """4 bytes to and 19 bytes from the controller at 19200 baud, 8N1: not before 11.9 ms."""
+    import time
+
+    with serve(speed="1").open() as port:
+        assert ask(port, "@07") == "0"
+        began = time.monotonic()
+        assert ask(port, "@0P", 19) == "0" * 19
+        assert time.monotonic() - began >= (4 + 19) * 10 / 19_200
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_link_leads_to_the_port_and_goes_with_the_server(serve, tmp_path, number):
+    link = tmp_path / "imc"
+    served = serve("--pty", str(link))
+    assert os.readlink(link) == served.info["pty"]
+    assert served.info["link"] == str(link)
+    served.info["pty"] = str(link)
+    with served.open() as port:
+        assert ask(port, "@07") == "0"
+    assert served.stop(number) == 0
+    assert not os.path.lexists(link)
+
+
+def test_a_link_left_behind_by_a_killed_server_is_replaced(serve, tmp_path):
+    link = tmp_path / "imc"
+    serve("--pty", str(link)).stop(signal.SIGKILL)
+    assert link.is_symlink()
+    served = serve("--pty", str(link))
+    assert os.readlink(link) == served.info["pty"]
+
+
+def test_the_server_survives_a_host_that_leaves_in_mid_reply(serve):
+    served = serve()
+    with served.open() as port:
+        port.write(b"@07\r" + b"@0P\r" * 100)
+    with served.open() as port:
+        port.timeout = REPLY_S
+        port.write(b"@0P\r")
+        assert port.read(19) == b"0" * 19
+
+
+def test_a_pty_is_what_serve_offers_when_nothing_is_asked_for(serve):
+    assert Path(serve().info["pty"]).is_char_device()

@@ -1,0 +1,217 @@
+"""The command line, as processes: what is printed, which exit code."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+GOOD = """\
+# go to 50, 25 mm
+@07
+@0R7                                       # reference run
+@0M16000,5000,8000,5000,0,5000,0,30
+@0P
+"""
+
+
+def isel_twin(*arguments: str | Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "isel_twin.cli", *map(str, arguments)]
+    return subprocess.run(command, input=stdin, capture_output=True, text=True, check=False, timeout=120)
+
+
+def run(*arguments: str | Path, stdin: str) -> subprocess.CompletedProcess[str]:
+    return isel_twin("run", "-", "--plant", "kinematic", *arguments, stdin=stdin)
+
+
+def test_a_good_job_in_json(tmp_path):
+    steps = tmp_path / "out.npz"
+    done = run("--json", "--steps", steps, stdin=GOOD)
+    assert done.returncode == 0, done.stderr
+    *lines, summary = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(line["command"], line["reply"]) for line in lines] == [
+        ("@07", "0"),
+        ("@0R7", "0"),
+        ("@0M16000,5000,8000,5000,0,5000,0,30", "0"),
+        ("@0P", "0003E80001F40000000"),
+    ]
+    assert [line["number"] for line in lines] == [2, 3, 4, 5]
+    assert lines[-1]["counts"] == [16_000, 8_000, 0, 0]
+    assert lines[-1]["position_mm"] == pytest.approx([50.0, 25.0, 0.0], abs=1e-6)
+    assert summary["ok"] is True
+    assert (summary["commands"], summary["refused"]) == (4, 0)
+    with np.load(steps) as stream:
+        moved = stream["delta"][stream["t_ns"] > lines[1]["end_ns"]]
+        assert moved.sum(axis=0).tolist() == [16_000, 8_000, 0, 0]
+        assert len(stream["t_ns"]) == summary["steps"]
+
+
+def test_a_good_job_as_a_table(tmp_path):
+    job = tmp_path / "job.txt"
+    job.write_text(GOOD)
+    done = isel_twin("run", job, "--plant", "kinematic")
+    assert done.returncode == 0, done.stderr
+    assert "0003E80001F40000000" in done.stdout
+    assert "all well" in done.stdout
+
+
+def test_a_refused_command_is_exit_1():
+    done = run("--json", stdin="@07\n@0M16000,5000,0,30,0,30,0,30\n@07\n")
+    assert done.returncode == 1
+    *lines, summary = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [line["reply"] for line in lines] == ["0", "R", "0"]  # the job goes on
+    assert [line["ok"] for line in lines] == [True, False, True]
+    assert summary["ok"] is False
+    assert summary["refused"] == 1
+
+
+def test_a_stop_in_mid_move_and_the_rest_of_it():
+    job = "@07\n@0R7\n@0A 16000,5000,0,30,0,30,0,30<13> <0.5s> <253>\n@0P\n@0S\n@0P\n"
+    lines = [json.loads(line) for line in run("--json", stdin=job).stdout.splitlines()]
+    assert lines[2]["reply"] == "F"
+    assert 0 < int(lines[3]["reply"][1:7], 16) < 16_000
+    assert lines[4]["reply"] == "0"
+    assert lines[5]["reply"] == "0003E80000000000000"
+
+
+def test_all_traces_at_once(tmp_path):
+    job = tmp_path / "job.txt"
+    job.write_text(GOOD)
+    files = {option: tmp_path / f"out.{option}" for option in ("steps", "vcd", "trace", "report")}
+    options = [part for option, file in files.items() for part in (f"--{option}", file)]
+    done = isel_twin("run", job, "--plant", "kinematic", "--interval", "0.01", *options)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *(file.name for file in files.values())}
+    assert files["steps"].read_bytes()[:2] == b"PK"
+    assert "$timescale 1 ns $end" in files["vcd"].read_text()
+    assert files["trace"].read_bytes()[:4] == b"PAR1"
+    page = files["report"].read_text()
+    assert "<svg" in page
+    assert "@0M16000,5000,8000,5000,0,5000,0,30" in page
+    assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    ).replace("https://matplotlib.org", "")  # nothing is fetched from elsewhere
+
+
+def test_the_same_job_gives_the_same_bytes(tmp_path):
+    first, second = tmp_path / "1.npz", tmp_path / "2.npz"
+    assert run("--steps", first, stdin=GOOD).returncode == 0
+    assert run("--steps", second, stdin=GOOD).returncode == 0
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_scenario_plays_along(tmp_path):
+    scenario = tmp_path / "press.toml"
+    scenario.write_text('[[event]]\nat = 60.0\nset = { estop = "pressed" }\n')
+    job = "@07\n@0R7\n<70s>\n@0A 100,5000,0,30,0,30,0,30\n"
+    assert run("--json", stdin=job).returncode == 0
+    done = run("--json", "--scenario", scenario, stdin=job)
+    assert done.returncode == 1
+    assert json.loads(done.stdout.splitlines()[3])["reply"] == "9"
+
+
+@pytest.fixture
+def taken():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+
+
+@pytest.fixture
+def odd(tmp_path):
+    """A place with things that are not what is asked for."""
+    (tmp_path / "job.txt").write_text("@07\n")
+    (tmp_path / "bad.txt").write_text("@07\n<256>\n")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "bad.toml").write_text("[[event]]\nat = 'noon'\n")
+    (tmp_path / "there").write_text("")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["run", "{odd}/none.txt"], "none.txt"),
+        (["run", "{odd}/folder"], "folder"),
+        (["run", "{odd}/bad.txt"], "line 2"),
+        (["run", "/proc/self/mem"], "/proc/self/mem"),  # cannot be read, not even by root
+        (["run"], "argument"),
+        (["run", "{odd}/job.txt", "--machine", "9999"], "9999"),
+        (["run", "{odd}/job.txt", "--controller", "imc-s9"], "imc-s9"),
+        (["run", "{odd}/job.txt", "--plant", "steam"], "steam"),
+        (["run", "{odd}/job.txt", "--seed", "one"], "one"),
+        (["run", "{odd}/job.txt", "--scenario", "{odd}/none.toml"], "none.toml"),
+        (["run", "{odd}/job.txt", "--scenario", "{odd}/bad.toml"], "bad.toml"),
+        (["run", "{odd}/job.txt", "--steps", "{odd}/none/out.npz"], "none"),
+        (["run", "{odd}/job.txt", "--trace", "{odd}/folder"], "folder"),
+        (["run", "{odd}/job.txt", "--vcd", "{odd}/o.vcd", "--interval", "0"], "--interval"),
+        (["serve", "--tcp", "{taken}"], "{taken}"),
+        (["serve", "--rfc2217", "{taken}"], "{taken}"),
+        (["serve", "--tcp", "nowhere"], "nowhere"),
+        (["serve", "--machine", "9999"], "9999"),
+        (["serve", "--controller", "imc-s9"], "imc-s9"),
+        (["serve", "--speed", "fast"], "fast"),
+        (["serve", "--speed", "0"], "0"),
+        (["serve", "--flash", "{odd}/folder"], "folder"),
+        (["serve", "--flash", "{odd}/none/flash"], "none"),
+        (["serve", "--scenario", "{odd}/none.toml"], "none.toml"),
+        (["serve", "--pty", "{odd}/there"], "there"),
+        (["serve", "--record", "{odd}/out.txt"], "out.txt"),
+        (["serve", "--panel", "127.0.0.1:0"], "panel"),
+        (["serve", "--bogus"], "--bogus"),
+        (["describe", "9999"], "9999"),
+        (["motor", "nema17-perpetuum"], "nema17-perpetuum"),
+        (["frobnicate"], "frobnicate"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_bad_call_is_one_line_and_exit_2(arguments, named, odd, taken):
+    places = {"odd": odd, "taken": taken}
+    done = isel_twin(*(argument.format(**places) for argument in arguments))
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert named.format(**places) in done.stderr
+
+
+def test_help_names_every_command():
+    done = isel_twin("--help")
+    assert done.returncode == 0
+    for command in ("serve", "run", "machines", "describe", "motor", "controllers"):
+        assert command in done.stdout
+
+
+def test_help_and_lists_import_nothing_heavy():
+    for arguments in (["--help"], ["run", "--help"], ["machines"]):
+        code = (
+            "import sys\nfrom isel_twin.cli import main\n"
+            f"try: main({arguments})\nexcept SystemExit: pass\n"
+            "heavy = {'mujoco', 'numba', 'pyarrow', 'matplotlib', 'scipy'} & set(sys.modules)\n"
+            "sys.exit(len(heavy))\n"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+        assert done.returncode == 0, arguments
+
+
+def test_machines_and_controllers_are_listed_and_described():
+    assert "4030" in isel_twin("machines").stdout.split()
+    assert {"imc-s8", "ismif"} <= set(isel_twin("controllers").stdout.split())
+    described = isel_twin("describe", "4030").stdout
+    assert "lead" in described
+    assert "datasheet" in described
+
+
+def test_output_that_nobody_reads_is_no_error_message(tmp_path):
+    job = tmp_path / "job.txt"
+    job.write_text("@07\n" * 20_000)
+    command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), "--plant", "kinematic", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == ""
