@@ -97,7 +97,8 @@ def _pulses(steps: Steps) -> Iterator[_Entry]:
 
 def _samples(recorder: Recorder) -> Iterator[_Entry]:
     for piece in recorder.samples():
-        for time_ns, counts, position_mm, lost_steps in piece.tolist():
+        columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
+        for time_ns, counts, position_mm, lost_steps in zip(*columns, strict=True):
             for axis, count, lost in zip(AXES, counts, lost_steps, strict=True):
                 yield time_ns, f"count_{axis}", count
                 yield time_ns, f"lost_{axis}_steps", lost
