@@ -239,9 +239,10 @@ class Ismif:
     # ---- lines and jobs (5.2) ---------------------------------------------------------------------------------------
 
     def _receive_line(self, line: bytes, starts: bool) -> None:
-        line = line.strip(b" ")
-        if line.startswith(b"@"):
+        if line.lstrip(b" ").startswith(b"@"):
             self._carry_out_master(line)
+            line = b""
+        elif not line.strip(b" "):
             line = b""
         if line or starts:
             self._waiting_lines.append((line, starts))

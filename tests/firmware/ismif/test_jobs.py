@@ -1,0 +1,323 @@
+"""Jobs, memory and faults: what docs/decisions.md (S1 to S12) says where the manual is silent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conformance.ismif_desk import (
+    ACK,
+    DONE,
+    FULL,
+    HYSTERESIS,
+    fresh,
+    job,
+    moved,
+    now,
+    pulse_times_ns,
+    referenced,
+    send_job,
+    status,
+)
+
+from isel_twin.controller import create_controller
+
+# --- S1: wrong commands -------------------------------------------------------------------------------------------
+
+
+def test_a_wrong_command_voids_its_job() -> None:
+    desk = referenced()
+    mark = desk.ticks
+    assert now(desk, "L1,x100") == ACK
+    assert now(desk, "L1,q100") == ACK
+    assert status(desk) == "001000"
+    assert now(desk, "L1,y100") == ACK
+    assert job(desk, "A1") == ACK + DONE
+    assert (desk.ticks, desk.outputs["pin12"]) == (mark, 0)
+    assert moved(desk, "L1,z10").total == (0, 0, 10, 0)  # the next job is another one
+
+
+def test_a_wrong_command_does_not_disturb_the_running_job() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X900")
+    desk.run(0.2)
+    assert now(desk, "nonsense") == ACK
+    assert status(desk) == "101001"
+    assert desk.finish() == DONE
+    assert desk.counts == (900, 0, 0, 0)
+
+
+def test_a_target_out_of_range_ends_its_job() -> None:
+    desk = referenced("#R0", "#E1,5000")
+    mark = desk.ticks
+    assert job(desk, "L1,x10", "L1,x8388600", "L1,y10") == ACK * 3 + DONE
+    assert desk.steps_since(mark).total == (10, 0, 0, 0)
+    assert status(desk) == "001000"
+
+
+def test_lines_too_long_are_wrong_commands() -> None:
+    desk = referenced()
+    good = "L1,x" + "0" * 6 + "7"
+    assert moved(desk, good + " " * (127 - len(good))).total == (7, 0, 0, 0)
+    assert now(desk, good + " " * (128 - len(good))) == ACK
+    assert status(desk) == "001000"
+    assert now(desk, "x" * 100_000) == ACK
+    assert now(desk, "@V") == "@V SMC-ISMIF 1.00\r"
+
+
+def test_line_feeds_and_empty_lines_are_not_there() -> None:
+    desk = referenced()
+    desk.send(b"\n@V\r\n\r\r \r\n@LX\n\r")
+    assert desk.read() == "@V SMC-ISMIF 1.00\r@LX0\r"
+    assert status(desk) == "000000"
+
+
+# --- S2: jobs and memory ------------------------------------------------------------------------------------------
+
+
+def test_01h_by_itself_starts_what_is_stored() -> None:
+    desk = referenced()
+    assert now(desk, "L1,x10") == ACK
+    desk.send(b"\x01")
+    assert desk.finish() == DONE
+    assert desk.counts == (10, 0, 0, 0)
+    desk.send(b"\x01")
+    assert desk.finish() == DONE  # an empty job is over at once
+
+
+def test_a_command_in_a_running_job_waits_for_its_own_start() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X900")
+    desk.run(0.3)
+    desk.read()
+    assert now(desk, "L1,Y50") == ACK
+    assert desk.finish() == DONE
+    assert (desk.counts, status(desk)) == ((900, 0, 0, 0), "000000")
+    desk.send(b"\x01")
+    assert desk.finish() == DONE
+    assert desk.counts == (900, 50, 0, 0)
+
+
+def test_a_job_queued_behind_a_running_one() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X900")
+    send_job(desk, "L1,Y50")
+    assert desk.finish() == ACK + ACK + DONE + DONE
+    assert desk.counts == (900, 50, 0, 0)
+
+
+@pytest.mark.parametrize("waits_for_answers", [True, False])
+def test_nothing_is_lost_when_the_host_sends_more_than_the_memory_holds(waits_for_answers: bool) -> None:
+    """12000 commands of 7 bytes, 84 KB. A rude host does not wait for answers; each is given once, in order."""
+    desk = referenced("#R0", "#E1,5000")
+    mark, replies, commands = desk.ticks, [], [f"L1,x{k % 2}" for k in range(12_000)]
+    for command in commands:
+        desk.start(command)
+        if waits_for_answers:
+            while not (answer := desk.read()):
+                desk.run(0.01)
+            replies.append(answer)
+    desk.send(b"\x01")
+    replies.append(desk.finish())
+    text = "".join(replies)
+    assert desk.steps_since(mark).total == (6000, 0, 0, 0)
+    assert FULL in text
+    assert text.endswith(DONE)
+    assert text.replace(DONE, "").replace(FULL, ACK) == ACK * len(commands)
+    assert status(desk) == "000000"
+
+
+def test_master_commands_overtake_a_full_memory() -> None:
+    desk = referenced()
+    send_job(desk, "W60000")
+    desk.send(b"L1,x1\r" * 15_000)
+    desk.read()
+    assert status(desk) == "010001"
+    assert now(desk, "@R") == ACK
+    assert status(desk) == "000100"
+    assert moved(desk, "L1,x3").total == (3, 0, 0, 0)
+
+
+# --- S8: reference run --------------------------------------------------------------------------------------------
+
+
+def test_starting_on_the_switch_only_runs_off() -> None:
+    desk = fresh()
+    desk.carriage[0] = -20
+    desk.run(0.0)
+    desk.power_cycle()
+    assert moved(desk, "$HX").delta[:, 0].tolist() == [1] * (20 + HYSTERESIS + 1 + 25)
+
+
+def test_bounce_of_the_switch_does_not_end_the_free_run() -> None:
+    desk = fresh()
+    send_job(desk, "$HX")
+    while desk.levels["pin11"]:
+        desk.run(0.001)
+    for k in range(3):
+        desk.at(0.0002 + 0.0003 * k, lambda: desk.set("pin11", True))
+        desk.at(0.0003 + 0.0003 * k, lambda: desk.set("pin11", False))
+    desk.at(0.0012, lambda: desk.set("pin11", "free"))
+    desk.finish()
+    assert desk.carriage[0] == HYSTERESIS + 1 + 25
+    assert status(desk)[2] == "0"
+
+
+def test_a_switch_that_is_never_found_is_an_error() -> None:
+    desk = fresh()
+    desk.set("pin11", True)
+    assert job(desk, "#R0", "#E2,5000", "$HX", "L1,x50") == ACK * 4 + DONE
+    assert desk.steps.total == (-200_000, 0, 0, 0)
+    assert status(desk) == "001100"
+
+
+def test_a_switch_that_never_lets_go_is_an_error() -> None:
+    """A broken wire, or another axis on its switch: the input is shared."""
+    desk = fresh()
+    desk.set("limit_z1", "open")
+    assert job(desk, "$HX", "L1,x50") == ACK * 2 + DONE
+    assert desk.steps.total == (4000, 0, 0, 0)
+    assert status(desk) == "001100"
+
+
+def test_switches_do_not_matter_outside_a_reference_run() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X900")
+    desk.run(0.4)
+    desk.set("pin11", False)
+    desk.finish()
+    assert desk.counts == (900, 0, 0, 0)
+    assert status(desk) == "000000"
+
+
+@pytest.mark.parametrize("after_s", [0.02, 0.3, 0.7, 0.9, 0.95, 1.0, 1.1])
+def test_pause_in_a_reference_run(after_s: float) -> None:
+    """Search from 50 to 883 ms, free run from 933 to 978, offset from 1028 to 1145: it goes on to the same end."""
+    desk = fresh()
+    send_job(desk, "$HX")
+    desk.run(after_s)
+    assert now(desk, "@A") == ACK
+    desk.finish()
+    assert status(desk) == "000110"
+    stands = desk.ticks
+    desk.run(10.0)
+    assert desk.ticks == stands
+    assert now(desk, "@C") + desk.finish() == ACK + DONE
+    assert desk.carriage[0] == HYSTERESIS + 1 + 25
+    assert desk.counts == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("after_s", [0.02, 0.3])
+def test_stop_with_ramp_in_a_reference_run_breaks_it_off(after_s: float) -> None:
+    desk = fresh()
+    send_job(desk, "$HXYZ", "L1,x5")
+    desk.run(after_s)
+    desk.send(b"@B\r")
+    desk.finish()
+    assert status(desk) == "000100"
+    assert desk.steps.delta[-5:].tolist() == [[1, 0, 0, 0]] * 5
+    assert desk.struck("limit_x1") is False
+
+
+# --- S9 to S12: pause, wait, reset, plotter -----------------------------------------------------------------------
+
+
+def test_pause_suspends_a_waiting_time() -> None:
+    desk = referenced()
+    send_job(desk, "W1000", "L1,x10")
+    desk.run(0.4)
+    now(desk, "@A")
+    assert status(desk) == "000001"
+    desk.run(30.0)
+    start_ns, mark = desk.time_ns, desk.ticks
+    now(desk, "@C")
+    assert status(desk) == "010001"
+    desk.finish()
+    assert (desk.steps_since(mark).t_ns - start_ns - 600_000_000).tolist() == pulse_times_ns(10, 600)
+
+
+def test_pause_at_rest_holds_the_next_job() -> None:
+    desk = referenced()
+    assert now(desk, "@A") == ACK
+    send_job(desk, "L1,x10")
+    desk.run(5.0)
+    assert (desk.counts, status(desk)) == ((0, 0, 0, 0), "000001")
+    assert now(desk, "@C").startswith(ACK)
+    desk.finish()
+    assert desk.counts == (10, 0, 0, 0)
+
+
+def test_continue_on_the_ramp_goes_on_as_soon_as_it_stands() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X3000")
+    desk.run(1.5)
+    now(desk, "@A")
+    desk.run(0.2)
+    now(desk, "@C")
+    assert status(desk) == "100001"
+    desk.finish()
+    assert desk.counts == (3000, 0, 0, 0)
+
+
+def test_stop_with_ramp_in_a_pause_forgets_the_vector() -> None:
+    desk = referenced()
+    send_job(desk, "L1,X3000", "L1,Y5")
+    desk.run(1.5)
+    now(desk, "@A")
+    desk.finish()
+    x = desk.counts[0]
+    now(desk, "@B")
+    now(desk, "@C")
+    desk.finish()
+    assert desk.counts == (x, 5, 0, 0)
+
+
+def test_reset_and_stop_switch_the_signals_off() -> None:
+    desk = referenced("A1", "Z2", "L1,Z5")
+    assert (desk.outputs["pin12"], desk.outputs["z_relay"]) == (1, 1)
+    now(desk, "@S")
+    assert (desk.outputs["pin12"], desk.outputs["z_relay"]) == (0, 0)
+
+
+def test_stop_keeps_the_error_and_reset_clears_it() -> None:
+    desk = referenced()
+    now(desk, "nonsense")
+    now(desk, "@S")
+    assert status(desk) == "001100"
+    now(desk, "@R")
+    assert status(desk) == "000100"
+
+
+def test_plotter_needs_no_reference_of_z() -> None:
+    desk = fresh()
+    job(desk, "Z2", "$HXYZ")
+    assert status(desk) == "000000"
+    assert desk.steps.delta[:, 2].any() == np.False_
+    job(desk, "L1,Z-3")
+    assert now(desk, "@LZ") == "@LZ-3\r"
+    assert desk.outputs["z_relay"] == 1
+
+
+def test_positions_survive_a_change_between_half_and_full_steps() -> None:
+    desk = referenced("L1,X201")
+    assert job(desk, "F1") == ACK + DONE
+    assert now(desk, "@LX") == "@LX100\r"
+    assert moved(desk, "L1,X0").total == (-200, 0, 0, 0)
+    assert job(desk, "F0") == ACK + DONE
+    assert now(desk, "@LX") == "@LX1\r"
+
+
+def test_settings_do_not_survive_the_mains() -> None:
+    desk = referenced("#E1,5000", "F1", "T1", "A1")
+    desk.power_cycle()
+    assert status(desk) == "000100"
+    assert (desk.outputs["pin12"], desk.outputs["full_steps"], desk.outputs["clock_signals"]) == (0, 0, 0)
+    assert moved(desk, "L1,x300").t_ns.tolist() == pulse_times_ns(300, 600)
+
+
+# --- settings -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [50_001, -50_001, 0.05, True, "5 %"])
+def test_a_wrong_frequency_error_is_named(value: object) -> None:
+    with pytest.raises(ValueError, match=r"frequency_error_ppm is .*; allowed: a whole number from -50000 to 50000"):
+        create_controller("ismif", settings={"frequency_error_ppm": value})
