@@ -189,8 +189,9 @@ def serve(
         server = Server(twin, Pacer(factor, twin.time_ns), endpoints)
         stack.enter_context(server.stopped_by(signal.SIGINT, signal.SIGTERM))
         where = {endpoint.kind: endpoint.address for endpoint in endpoints}
-        links = {"link": pty} if pty else {}
-        print(json.dumps({**where, **links, "machine": twin.machine.name, "controller": controller}), flush=True)
+        if pty:
+            where = {**where, "pty": pty, "device": where["pty"]}
+        print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
         server.run()
         if record is not None and recorder is not None:
             with _bad_call():
