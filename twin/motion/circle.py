@@ -65,7 +65,7 @@ def circle(
 
     Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not two.
     """
-    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, third_axis=None, third_steps=0)
+    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, None, 0)
 
 
 def helix(
@@ -76,8 +76,7 @@ def helix(
     rx: int,
     ry: int,
     clockwise: bool,
-    axes: tuple[int, int] = (0, 1),
-    *,
+    axes: tuple[int, int],
     third_axis: int | None,
     third_steps: int,
 ) -> Circle:

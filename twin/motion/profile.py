@@ -25,12 +25,13 @@ import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Profile", "Rational", "constant", "trapezoid"]
+__all__ = ["Profile", "Rational", "Trapezoid", "constant", "trapezoid"]
 
 Rational = int | Fraction
 """Frequencies and accelerations may be any exact number; floats would not say what is meant."""
@@ -52,7 +53,31 @@ numerator 3 u, the quotient 8.5 u; adding the rounded rest of T costs 1 u of the
 # ---- the public part -----------------------------------------------------------------------------------------------
 
 
-def constant(ticks: int, speed_hz: Rational) -> Profile:
+class Profile(Protocol):
+    """What a `Run` asks of a time law. Immutable; a controller may bring its own."""
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+
+    @property
+    def duration_ns(self) -> int:
+        """Time of the last tick, 0 if there is none."""
+
+    def times(self, first: int, last: int) -> NDArray[np.int64]:
+        """int64 [last - first], never decreasing: times of ticks first + 1 .. last. IndexError if there are fewer."""
+
+    def count(self, t_ns: int) -> int:
+        """Number of ticks at or before t_ns; agrees with `times`."""
+
+    def cut(self, t_ns: int) -> Profile:
+        """Only the ticks at or before t_ns."""
+
+    def stopped(self, t_ns: int) -> Profile:
+        """The same up to t_ns, then the ramp from the momentary frequency to standstill, if there is one."""
+
+
+def constant(ticks: int, speed_hz: Rational) -> Trapezoid:
     """`ticks` ticks at a constant frequency; the first one falls 1/speed_hz after the start.
 
     Raises ValueError for a negative number of ticks, a frequency that is not positive, or a time beyond 64 bits.
@@ -60,7 +85,7 @@ def constant(ticks: int, speed_hz: Rational) -> Profile:
     return trapezoid(ticks, speed_hz, speed_hz, 1)
 
 
-def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, acceleration_hz_per_s: Rational) -> Profile:
+def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, acceleration_hz_per_s: Rational) -> Trapezoid:
     """`ticks` ticks that start and end with the start-stop frequency and rise to `speed_hz` as far as they get.
 
     Without ramps, at constant frequency, if speed_hz <= start_stop_hz. Raises ValueError like `constant`.
@@ -76,23 +101,21 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
             raise ValueError(f"{name} must be positive, got {value}")
     if ticks * SECOND >= LONGEST_NS * min(speed_hz, start_stop_hz):
         raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
-    return Profile(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
+    return Trapezoid(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
-    """Times of ticks 1 .. `ticks` in ns after the start; made by `trapezoid` or `constant`."""
+class Trapezoid:
+    """Made by `trapezoid` or `constant`: times of ticks 1 .. `ticks`, in ns after the start. See `Profile`."""
 
     ticks: int
     _law: _Law
 
     @property
     def duration_ns(self) -> int:
-        """Time of the last tick, 0 if there is none."""
         return self._time(self.ticks) if self.ticks else 0
 
     def times(self, first: int, last: int) -> NDArray[np.int64]:
-        """int64 [last - first], never decreasing: times of ticks first + 1 .. last. IndexError if there are fewer."""
         if not 0 <= first <= last <= self.ticks:
             raise IndexError(f"ticks {first}..{last} of a profile of {self.ticks}")
         out = np.empty(last - first, dtype=np.int64)
@@ -103,7 +126,7 @@ class Profile:
         return out
 
     def count(self, t_ns: int) -> int:
-        """Number of ticks at or before t_ns, by the closed form of s(t): it does not depend on the number of ticks."""
+        """By the closed form of s(t), corrected by the rounded times: costs the same for any number of ticks."""
         estimate = 0
         for phase in _phases(self._law):
             estimate = min(max(phase.estimate(t_ns), phase.first), phase.last)
@@ -116,22 +139,18 @@ class Profile:
             count -= 1
         return count
 
-    def cut(self, t_ns: int) -> Profile:
-        """Only the ticks at or before t_ns."""
+    def cut(self, t_ns: int) -> Trapezoid:
         return replace(self, ticks=self.count(t_ns))
 
-    def stopped(self, t_ns: int) -> Profile:
-        """The same up to t_ns, then the ramp from the momentary frequency to the start-stop frequency.
-
-        Unchanged if it is on its last ramp at t_ns; ends at once if it has no ramps.
-        """
+    def stopped(self, t_ns: int) -> Trapezoid:
+        """Ramps down to the start-stop frequency. Unchanged on its last ramp; ends at once if it has no ramps."""
         if self._law.flat:
             return self.cut(t_ns)
         end = _stop_ramp(self._law, t_ns)
         if end is None:
             return self
         last = max(self.count(t_ns), math.floor(end[0]))
-        return Profile(min(last, self.ticks), replace(self._law, stop_ns=t_ns))
+        return Trapezoid(min(last, self.ticks), replace(self._law, stop_ns=t_ns))
 
     def _time(self, k: int) -> int:
         return int(self.times(k - 1, k)[0])
@@ -198,7 +217,7 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         planned = replace(law, stop_ns=None)
         end = _stop_ramp(planned, law.stop_ns)
         assert end is not None, "a law is stopped before its last ramp only"
-        made = Profile(n, planned).count(law.stop_ns)
+        made = Trapezoid(n, planned).count(law.stop_ns)
         phases = [replace(phase, last=min(phase.last, made)) for phase in phases if phase.first < made]
         phases.append(_ramp(made, math.floor(end[0]), -1, f0, a, end[0], a * end[1] + f0))
     return tuple(phase for phase in phases if phase.first < phase.last)
