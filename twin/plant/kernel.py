@@ -40,6 +40,8 @@ AXES = 3
 """Axes with mechanics."""
 REST_M_S = 5e-6
 """Joint speed below which a joint counts as standing."""
+HELD_M_S2 = 1e-3
+"""Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
 NEVER = np.iinfo(np.int64).max
 
 PLANT = np.dtype(
@@ -54,7 +56,7 @@ PLANT = np.dtype(
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
         ("edge", "i8"),  # 1: the last call ended because a switch changed
-        ("lost_axis", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
+        ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
     ],
     align=True,
 )
@@ -69,6 +71,7 @@ AXIS = np.dtype(
         ("v_m_s", "f8"),
         ("rest_m_s2", "f8"),  # a: acceleration by everything but nut, push and guide friction
         ("friction_n", "f8"),  # guide friction
+        ("held", "i8"),  # 1: against a stop or in a collision
         ("sum_n", "f8"),  # sum of the forces of this window
         ("mean_n", "f8"),  # mean force of the window before
         ("push_n", "f8"),  # force from outside
@@ -133,16 +136,16 @@ def wake(plants, axes):  # type: ignore[no-untyped-def]
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
     """Take the carriages from MuJoCo at the start of a window.
 
-    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision.
+    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision. That
+    holds the carriage whatever the nut does, so its velocity is not predicted: the position follows MuJoCo's own rule.
     """
     for i in range(AXES):
         axis = axes[i]
         axis.x_m = qpos[axis.dof]
         axis.v_m_s = qvel[axis.dof]
-        friction = axis.mobility_per_kg * axis.friction_n
-        held = qacc[axis.dof] - qacc_smooth[axis.dof]
-        held -= min(friction, max(-friction, held))
-        axis.rest_m_s2 = qacc_smooth[axis.dof] + held - axis.mobility_per_kg * axis.mean_n
+        held = abs(qacc[axis.dof] - qacc_smooth[axis.dof]) - axis.mobility_per_kg * axis.friction_n
+        axis.held = 1 if held > HELD_M_S2 else 0
+        axis.rest_m_s2 = qacc_smooth[axis.dof] - axis.mobility_per_kg * axis.mean_n
         axis.sum_n = 0.0
 
 
@@ -155,6 +158,9 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # 
         axis.mean_n = axis.sum_n / plant.window
         qfrc[axis.dof] = axis.mean_n
         quiet = quiet and at_rest(states[i])
+        if not math.isfinite(axis.mean_n):
+            plant.lost_dof = axis.dof
+            return
     _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
@@ -163,8 +169,8 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # 
             qvel[axis.dof] = 0.0
         qpos[axis.dof] = axis.x_m + window_s * (qvel[axis.dof] - axis.v_m_s)
     for j in range(qvel.shape[0]):
-        if not (math.isfinite(qpos[j]) and math.isfinite(qvel[j])):
-            plant.lost_axis = j
+        if plant.lost_dof < 0 and not (math.isfinite(qpos[j]) and math.isfinite(qvel[j])):
+            plant.lost_dof = j
         quiet = quiet and abs(qvel[j]) < REST_M_S
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
@@ -239,6 +245,9 @@ def advance(  # type: ignore[no-untyped-def]
                 drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
             axis.sum_n += force_n
+            if axis.held:
+                axis.x_m += dt_s * axis.v_m_s
+                continue
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
             stop_m_s = dt_s * axis.mobility_per_kg * axis.friction_n
             axis.v_m_s = free_m_s - min(stop_m_s, max(-stop_m_s, free_m_s))
@@ -247,7 +256,7 @@ def advance(  # type: ignore[no-untyped-def]
         plant.now += 1
         if plant.now % plant.window == 0:
             _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc)
-            if plant.lost_axis >= 0:
+            if plant.lost_dof >= 0:
                 break
         if _strike(switches, axes):
             plant.edge = 1

@@ -225,7 +225,7 @@ class MujocoPlant:
         self._plant["mj_step"] = _mj_step_address()
         self._plant["model"] = model._address
         self._plant["data"] = data._address
-        self._plant["lost_axis"] = -1
+        self._plant["lost_dof"] = -1
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
@@ -240,8 +240,8 @@ class MujocoPlant:
             until_ns // substep_ns, t_ns, code,
         )  # fmt: skip
         self.time_ns = int(plant["now"][0]) * substep_ns
-        if plant["lost_axis"][0] >= 0:
-            joint = self.model.joint(int(self.model.dof_jntid[plant["lost_axis"][0]])).name
+        if plant["lost_dof"][0] >= 0:
+            joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
             raise PlantError(
                 f"axis {joint}: position is not a finite number at {self.time_ns / 1e9:.6f} s; "
                 f"shorten timing.mujoco_step or lower the stiffness in {self.machine.file}"
@@ -281,7 +281,9 @@ class MujocoPlant:
         self._set_phases()
 
     def apply_force(self, axis: int, force_n: float) -> None:
-        """See Plant.apply_force."""
+        """See Plant.apply_force. Raises ValueError for a force that is not a finite number."""
+        if not math.isfinite(force_n):
+            raise ValueError(f"force on axis {AXIS_NAMES[axis]}: {force_n!r} N is not a finite number")
         kernel.wake(self._plant, self._axes)
         self._axes["push_n"][axis] = force_n
 
