@@ -1,0 +1,40 @@
+"""The iMC-M, iMC-MP and iMC-S8 controllers, and their older relative C142, after the iMC programming manual (03/2012).
+
+    grammar.py     bytes to lines, lines to codes and numbers
+    commands.py    every command of the manual, as three tables
+    controller.py  what host, inputs and clock do: implements isel_twin.controller.Controller
+    executor.py    carries out what takes time: activities (activity.py)
+    moves.py       straight moves, arcs, moves until an event
+    reference.py   reference run, running free
+    program.py     stored programs
+    adjust.py      commands that set something
+    query.py       commands that ask something
+    device.py      the state behind all of them: counters, references, outputs
+    safety.py      the safety chain's three states
+    limits.py      limit switches
+    ports.py       input and output ports
+    settings.py    initialisation values and the flash image
+    profile.py     members of the family, as data (profiles.toml)
+    replies.py     the reply codes
+
+docs/imc.md is the overview of commands, docs/safety.md the safety chain, docs/decisions.md F1... what the manual leaves
+open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from isel_twin.firmware.imc.controller import Imc
+from isel_twin.firmware.imc.profile import load_profile
+
+__all__ = ["Imc", "create"]
+
+
+def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Imc:
+    """Entry point of `isel_twin.controllers`; `name` is a profile of profiles.toml.
+
+    Settings: any number of profiles.toml by its name, such as program_memory_bytes. Raises ValueError for a wrong one.
+    """
+    return Imc(load_profile(name, settings), flash)

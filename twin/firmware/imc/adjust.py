@@ -1,0 +1,256 @@
+"""Commands that set something: axes, zeros, modal values, ports, initialisation values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from isel_twin.firmware.imc.activity import Activity, Pause
+from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.grammar import Number
+from isel_twin.firmware.imc.moves import speed
+from isel_twin.firmware.imc.ports import OUTPUT_PORTS
+from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
+from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
+from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, default_settings
+
+A_AXIS = 8
+
+# ---- axes ----------------------------------------------------------------------------------------------------------
+
+
+def check_axis_choice(device: Device, mask: int) -> None:
+    """Only 1, 3, 7 and 8 may be set (F1)."""
+    if mask not in (1, 3, 7, A_AXIS):
+        raise Refusal(BAD_AXES)
+
+
+def initialise(device: Device, mask: int) -> Activity:
+    """`@0<axes>`: close the safety relay if need be, switch the stages on, set the axes (2.2.1)."""
+    if not powered(device.inputs):
+        if not circuits_closed(device.inputs) or not hood_safe(device.inputs):
+            raise Refusal(FAULT)
+        device.outputs["power_request"] = 1
+        try:
+            yield Pause(device.profile.relay_ms * MILLISECOND)
+        finally:
+            device.outputs["power_request"] = 0
+        if not powered(device.inputs):
+            raise Refusal(FAULT)
+    device.note(Event.INITIALISED)
+    device.energise()
+    device.axes = device.axes | A_AXIS if mask == A_AXIS else mask
+
+
+def check_axes(device: Device, mask: int) -> None:
+    """Masks of 2.2.19 to 2.2.22: 1..7, or A alone, and axes that are set only."""
+    if not 1 <= mask <= A_AXIS or mask & ~device.axes:
+        raise Refusal(BAD_AXES)
+
+
+def set_virtual_zero(device: Device, mask: int) -> None:
+    """`@0n`, `n`: absolute moves count from here."""
+    for axis in range(AXES):
+        if mask >> axis & 1:
+            device.virtual_zero[axis] = device.counts[axis]
+
+
+def simulate_reference(device: Device, mask: int) -> None:
+    """`@0N`, `N`: the reference point is here (F25)."""
+    device.require_power()
+    device.note(Event.REFERENCE_BEGUN)
+    for axis in range(AXES):
+        if mask >> axis & 1:
+            device.set_reference(axis)
+
+
+# ---- modal values --------------------------------------------------------------------------------------------------
+
+
+def reference_speed_parameters(device: Device) -> tuple[Number, ...]:
+    """One speed for each axis that is set (2.2.5)."""
+    return (speed(device),) * len(device.axis_list)
+
+
+def four_speeds(device: Device) -> tuple[Number, ...]:
+    """Always four speeds (3.2.10, 4.2.1)."""
+    return (speed(device),) * AXES
+
+
+def set_reference_speeds(device: Device, *speeds_hz: int) -> None:
+    """`@0d`: in the order of the axes that are set."""
+    now = [device.reference_hz(axis) for axis in range(AXES)]
+    for axis, speed_hz in zip(device.axis_list, speeds_hz, strict=False):
+        now[axis] = speed_hz
+    device.set_modal(reference_hz=tuple(now))
+
+
+def set_all_reference_speeds(device: Device, *speeds_hz: int) -> None:
+    """`d` of a stored program: four speeds."""
+    device.set_modal(reference_hz=speeds_hz)
+
+
+def set_start_stop(device: Device, frequency_hz: int) -> None:
+    """`@0j`, `j`."""
+    device.set_modal(start_stop_hz=frequency_hz)
+
+
+def set_acceleration(device: Device, hz_per_ms: int) -> None:
+    """`@0J`, `J`."""
+    device.set_modal(acceleration_hz_per_ms=hz_per_ms)
+
+
+def set_plane(device: Device, plane: int) -> None:
+    """`@0e`, `e`: 0 XY, 1 XZ, 2 YZ."""
+    device.set_modal(plane=plane)
+
+
+def set_turn(device: Device, turn: int) -> None:
+    """`@0f`, `f`: 0 clockwise, -1 counter-clockwise."""
+    device.set_modal(clockwise=turn == 0)
+
+
+def set_three_d(device: Device, on: int) -> None:
+    """`@0z`, `z`."""
+    device.set_modal(three_d=bool(on))
+
+
+def set_test_mode(device: Device, on: int) -> None:
+    """`@0T`, `T`."""
+    device.set_modal(test_mode=bool(on))
+
+
+def set_number(device: Device, number: int) -> None:
+    """`@0G`: until the next reset (F27)."""
+    device.number = number
+
+
+# ---- output ports --------------------------------------------------------------------------------------------------
+
+
+def check_port_value(device: Device, port: int, value: int) -> None:
+    """Refuse ports that do not exist and values a port does not take (1)."""
+    if port == device.profile.spindle_port:
+        port = 2
+    if port not in OUTPUT_PORTS or not 0 <= value <= (255 if OUTPUT_PORTS[port].byte else 1):
+        raise Refusal(BAD_NUMBER)
+
+
+def write_port(device: Device, port: int, value: int) -> None:
+    """`@0B`: all outputs of the port, or none if the spindle or the stages may not be switched on."""
+    if port == device.profile.spindle_port:
+        port = 2
+    levels = device.outputs.levels_for(port, value)
+    rising = {name for name, level in levels.items() if level and not device.outputs[name]}
+    if "spindle" in rising:
+        device.require_power()
+    if "stages" in rising and (device.safety is State.FAULT or not powered(device.inputs)):
+        raise Refusal(FAULT)
+    if "stages" in levels:
+        levels = {"stages": levels.pop("stages"), **levels}
+    for name, level in levels.items():
+        device.outputs[name] = level
+
+
+def set_brake(device: Device, on: int) -> None:
+    """`@0g`, `g`."""
+    device.outputs["brake"] = on
+
+
+WHOLE_BYTE = 128
+"""Bit number that means the whole port (3.2.19, 3.2.20)."""
+
+
+def check_port_bit(device: Device, port: int, bit: int, value: int) -> None:
+    """Refuse what `p` cannot write (1)."""
+    if port not in OUTPUT_PORTS and port != device.profile.spindle_port:
+        raise Refusal(BAD_NUMBER)
+    if bit == WHOLE_BYTE:
+        check_port_value(device, port, value)
+    elif not (0 <= bit <= 7 and 0 <= value <= 1):
+        raise Refusal(BAD_NUMBER)
+
+
+def write_port_bit(device: Device, port: int, bit: int, value: int) -> None:
+    """`p`: one bit of an output port, or the whole."""
+    if bit != WHOLE_BYTE and port in OUTPUT_PORTS:
+        value = device.outputs.read(port) & ~(1 << bit) | value << bit
+    check_port_value(device, port, value)
+    write_port(device, port, value)
+
+
+# ---- initialisation values -----------------------------------------------------------------------------------------
+
+
+def set_values(name: str):  # type: ignore[no-untyped-def]
+    """Handler that puts all its parameters into the initialisation value `name`."""
+
+    def handler(device: Device, *values: int) -> None:
+        device.settings = replace(device.settings, **{name: values})
+
+    return handler
+
+
+def set_value(name: str):  # type: ignore[no-untyped-def]
+    """Handler that puts its parameter into the initialisation value `name`."""
+
+    def handler(device: Device, value: int) -> None:
+        device.settings = replace(device.settings, **{name: value})
+
+    return handler
+
+
+def set_inverted(device: Device, mask: int) -> None:
+    """`@0ID`: an axis that changes its direction is not referenced any more (F28)."""
+    changed = device.settings.inverted ^ mask
+    device.settings = replace(device.settings, inverted=mask)
+    for axis in range(AXES):
+        if changed >> axis & 1:
+            device.referenced[axis] = False
+
+
+def set_io_only(device: Device, on: int) -> None:
+    """`@0IO`: without axes, the stages are off (F29)."""
+    device.settings = replace(device.settings, io_only=on)
+    if device.safety is not State.FAULT:
+        device.energise()
+
+
+def set_user_info(device: Device, text: str) -> None:
+    """`@0IU`: at most 32 printable characters (4.2.16)."""
+    if len(text) > USER_INFO_LENGTH or not (text.isascii() and text.isprintable()):
+        raise Refusal(BAD_NUMBER)
+    device.settings = replace(device.settings, user_info=text)
+
+
+def load_settings(device: Device) -> None:
+    """`@0IL`: values from flash are in force, those set by `@0d`, `@0j` and `@0J` are not."""
+    _put_in_force(device, device.flash.settings)
+
+
+def save_settings(device: Device) -> None:
+    """`@0IW`."""
+    device.store(settings=device.settings)
+
+
+def default_all(device: Device) -> None:
+    """`@0IX`."""
+    _put_in_force(device, default_settings(device.profile))
+
+
+def _put_in_force(device: Device, settings) -> None:  # type: ignore[no-untyped-def]
+    set_inverted(device, settings.inverted)
+    device.settings = settings
+    device.set_modal(reference_hz=None, start_stop_hz=None, acceleration_hz_per_ms=None)
+    set_io_only(device, settings.io_only)
+
+
+def erase(device: Device) -> Activity:
+    """`@0k`: forget the stored program, whatever state it is in (2.2.17)."""
+    yield Pause(device.profile.erase_ms * MILLISECOND)
+    device.store(program=Program())
+
+
+def axis_bits(values: Sequence[bool]) -> int:
+    """Bits 0..3 from flags of X, Y, Z, A."""
+    return sum(bool(value) << axis for axis, value in enumerate(values))

@@ -1,0 +1,237 @@
+"""Every command of the manual, as data: code, section, parameters, what must hold, what it does.
+
+Three tables, as in chapter 1: DNC (`@<number>` in front), CNC (storable), INITIALISATION (`@<number>I` in front).
+What a reader looks for is here; what a command does is in the module its handler comes from.
+
+A command that needs axes requires them first (4); then it is read (7, 1 or the parameter's own code), checked, and
+done. What depends on the state of the machine (5, 9, H, 2, R) is the handler's business. A stored command is read and
+checked when it is stored, and done when it runs. A handler returns nothing (reply `0`), a text (the reply) or an
+activity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from isel_twin.firmware.imc import adjust, moves, program, query, reference
+from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers
+from isel_twin.firmware.imc.replies import NOT_STORABLE, SYNTAX, Refusal
+
+Numbers = tuple[Number, ...]
+
+SWITCH = Number(0, 1)
+BYTE = Number(0, 255)
+AXIS_MASK = Number(0, 15)
+INPUT_PORT = Number(0, 3)
+USER_PORT = Number(0, 0)
+START_STOP_HZ = Number(20, 4000)
+ACCELERATION = Number(1, 4000)
+OFFSET = Number(-32768, 32767)
+VISIBLE = Number(33, 126)
+STEPS = Number(0)
+WATCH = (INPUT_PORT, BYTE, BYTE)
+
+
+def anything(device: Device) -> None:
+    """Allowed in every state."""
+
+
+def with_axes(device: Device) -> None:
+    """Only after the axes have been set."""
+    device.require_axes()
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row of a table.
+
+    parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
+    require(device) and check(device, *values) raise Refusal. do(device, *values) is the handler. forgets_rest: what was
+    stopped before cannot be resumed any more.
+    """
+
+    section: str
+    purpose: str
+    parameters: Numbers | Callable[[Device], Numbers] | None
+    do: Callable[..., Any]
+    check: Callable[..., None] | None = None
+    require: Callable[[Device], None] = anything
+    forgets_rest: bool = False
+
+    def read(self, device: Device, text: str) -> tuple[Any, ...]:
+        """Read and check the parameters. Raises Refusal."""
+        if self.parameters is None:
+            return (text,)
+        numbers = self.parameters(device) if callable(self.parameters) else self.parameters
+        values = read_numbers(text, numbers)
+        if self.check is not None:
+            self.check(device, *values)
+        return values
+
+
+DNC: Mapping[str, Command] = {
+    AXES_CODE: Command(
+        "2.2.1",
+        "set the axes, initialise",
+        (Number(),),
+        adjust.initialise,
+        check=adjust.check_axis_choice,
+        forgets_rest=True,
+    ),
+    "A": Command(
+        "2.2.2",
+        "relative move",
+        moves.move_parameters,
+        moves.relative_move,
+        moves.check_relative,
+        require=with_axes,
+        forgets_rest=True,
+    ),
+    "b": Command("2.2.3", "read a port", (INPUT_PORT,), query.read_port),
+    "B": Command("2.2.4", "write a port", (Number(), Number()), adjust.write_port, check=adjust.check_port_value),
+    "d": Command(
+        "2.2.5",
+        "reference speeds",
+        adjust.reference_speed_parameters,
+        adjust.set_reference_speeds,
+        require=with_axes,
+    ),
+    "D": Command("2.2.6", "diagnosis", None, query.diagnosis),
+    "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_plane),
+    "f": Command("2.2.8", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
+    "F": Command(
+        "2.2.9", "run free", (Number(),), reference.run_free, adjust.check_axes, require=with_axes, forgets_rest=True
+    ),
+    "g": Command("2.2.10", "brake", (SWITCH,), adjust.set_brake),
+    "G": Command("2.2.11", "device number", (Number(0, 9),), adjust.set_number),
+    "h": Command("2.2.12", "limit switches in words", (), query.limit_text),
+    "H": Command("2.2.12", "state in words", (), query.status_text),
+    "j": Command("2.2.15", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
+    "J": Command("2.2.16", "acceleration", (ACCELERATION,), adjust.set_acceleration),
+    "k": Command("2.2.17", "erase the program", (), adjust.erase),
+    "M": Command(
+        "2.2.18",
+        "absolute move",
+        moves.move_parameters,
+        moves.absolute_move,
+        moves.check_absolute,
+        require=with_axes,
+        forgets_rest=True,
+    ),
+    "n": Command("2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes, require=with_axes),
+    "N": Command(
+        "2.2.20",
+        "simulated reference run",
+        (Number(),),
+        adjust.simulate_reference,
+        adjust.check_axes,
+        require=with_axes,
+    ),
+    "P": Command("2.2.21", "position", (), query.position),
+    "R": Command(
+        "2.2.22",
+        "reference run",
+        (Number(),),
+        reference.reference_run,
+        adjust.check_axes,
+        require=with_axes,
+        forgets_rest=True,
+    ),
+    "T": Command("2.2.24", "test mode", (SWITCH,), adjust.set_test_mode),
+    "U": Command("2.2.25", "user information", (), query.user_info),
+    "V": Command("2.2.26", "version", (), query.version),
+    "w": Command(
+        "2.2.27", "helix", moves.helix_parameters, moves.arc, moves.check_arc, require=with_axes, forgets_rest=True
+    ),
+    "y": Command(
+        "2.2.28", "arc", moves.arc_parameters, moves.arc, moves.check_arc, require=with_axes, forgets_rest=True
+    ),
+    "z": Command("2.2.29", "3D interpolation", (SWITCH,), adjust.set_three_d),
+    "Z": Command(
+        "2.2.30",
+        "move until port event",
+        moves.until_port_parameters,
+        moves.move_until_port,
+        require=with_axes,
+        forgets_rest=True,
+    ),
+}
+"""DNC commands that a device carries out. `@0i` (2.2.13), `@0S` (2.2.23) and the control bytes (2.2.31) concern the
+flow of commands itself: controller.py. `@0I...` (2.2.14): INITIALISATION."""
+
+DNC_ALIASES: Mapping[str, str] = {"a": "A", "m": "M", "r": "R", "s": "S", "p": "P", "?": "V"}
+"""Letters that mean the same as another one."""
+
+INITIALISATION: Mapping[str, Command] = {
+    "Id": Command("4.2.1", "default reference speeds", adjust.four_speeds, adjust.set_values("reference_hz")),
+    "IF": Command("4.2.2", "run-free steps", (STEPS,) * 4, adjust.set_values("run_free_steps")),
+    "IJ": Command("4.2.3", "default acceleration", (ACCELERATION,), adjust.set_value("acceleration_hz_per_ms")),
+    "Ij": Command("4.2.4", "default start-stop frequency", (START_STOP_HZ,), adjust.set_value("start_stop_hz")),
+    "IO": Command("4.2.5", "IO-only mode", (SWITCH,), adjust.set_io_only),
+    "IE": Command("4.2.6", "limit switches", (Number(0, 65535),), adjust.set_value("limit_switches")),
+    "Ie": Command("4.2.7", "swapped limit switches", (AXIS_MASK,), adjust.set_value("swapped")),
+    "ID": Command("4.2.8", "inverted axes", (AXIS_MASK,), adjust.set_inverted),
+    "IR": Command("4.2.9", "inverted reference directions", (AXIS_MASK,), adjust.set_value("reference_inverted")),
+    "IT": Command("4.2.10", "rotary axes", (AXIS_MASK,), adjust.set_value("rotary")),
+    "IA": Command("4.2.11", "abort input of programs", WATCH, adjust.set_values("abort")),
+    "Ia": Command("4.2.12", "error output of programs", (USER_PORT, BYTE, BYTE), adjust.set_values("error_signal")),
+    "IH": Command("4.2.13", "external hood input of programs", WATCH, adjust.set_values("hood")),
+    "IN": Command("4.2.14", "external emergency input of programs", WATCH, adjust.set_values("emergency")),
+    "IC": Command("4.2.15", "9600 baud from the next reset on", (SWITCH,), adjust.set_value("baud_9600")),
+    "IU": Command("4.2.16", "set the user information", None, adjust.set_user_info),
+    "IL": Command("4.2.17", "read the values from flash", (), adjust.load_settings),
+    "IW": Command("4.2.18", "write the values to flash", (), adjust.save_settings),
+    "IX": Command("4.2.19", "default values", (), adjust.default_all),
+}
+"""Initialisation commands."""
+
+CNC: Mapping[str, Command] = {
+    "0": Command("3.2.2", "relative move", moves.move_parameters, moves.relative_move, moves.check_relative),
+    "1": Command("3.2.3", "send a character", (VISIBLE,), program.send_sync),
+    "2": Command("3.2.4", "wait for a character", (VISIBLE, OFFSET), program.wait_for_sync),
+    "3": Command("3.2.5", "loop, branch", (Number(0, 32767), OFFSET), program.loop, program.check_loop),
+    "5": Command("3.2.6", "delay", (STEPS,), program.delay),
+    "6": Command(
+        "3.2.7", "condition of the next move", (USER_PORT, BYTE, BYTE), program.set_port_condition, program.check_input
+    ),
+    "7": Command("3.2.8", "reference run", (Number(),), reference.reference_run, adjust.check_axes),
+    "d": Command("3.2.10", "reference speeds", adjust.four_speeds, adjust.set_all_reference_speeds),
+    "e": Command("3.2.11", "plane of arcs", (Number(0, 2),), adjust.set_plane),
+    "f": Command("3.2.12", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
+    "g": Command("3.2.13", "brake", (SWITCH,), adjust.set_brake),
+    "j": Command("3.2.14", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
+    "J": Command("3.2.15", "acceleration", (ACCELERATION,), adjust.set_acceleration),
+    "m": Command("3.2.16", "absolute move", moves.move_parameters, moves.absolute_move, moves.check_absolute),
+    "n": Command("3.2.17", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes),
+    "N": Command("3.2.18", "simulated reference run", (Number(),), adjust.simulate_reference, adjust.check_axes),
+    "o": Command(
+        "3.2.19", "branch on a port", (INPUT_PORT, BYTE, BYTE, OFFSET), program.branch_on_input, program.check_input
+    ),
+    "p": Command("3.2.20", "write a port", (Number(),) * 3, adjust.write_port_bit, adjust.check_port_bit),
+    "T": Command("3.2.21", "test mode", (SWITCH,), adjust.set_test_mode),
+    "w": Command("3.2.22", "helix", moves.helix_parameters, moves.arc, moves.check_arc_numbers),
+    "y": Command("3.2.23", "arc", moves.arc_parameters, moves.arc, moves.check_arc_numbers),
+    "z": Command("3.2.24", "3D interpolation", (SWITCH,), adjust.set_three_d),
+}
+"""Storable commands. `9` (3.2.9) ends the data field: controller.py."""
+
+CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
+"""The overview prints these codes as capitals, their sections as small letters; both are taken."""
+
+
+def find_dnc(device: Device, code: str) -> Command:
+    """The DNC or initialisation command with this code. Raises Refusal(5)."""
+    command = DNC.get(code) or INITIALISATION.get(code)
+    if command is None or code in device.profile.unknown_commands:
+        raise Refusal(SYNTAX)
+    return command
+
+
+def find_cnc(code: str) -> Command:
+    """The storable command with this code. Raises Refusal(8)."""
+    if code not in CNC:
+        raise Refusal(NOT_STORABLE)
+    return CNC[code]

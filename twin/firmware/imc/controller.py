@@ -1,0 +1,297 @@
+"""The iMC: what the host, the inputs and the clock do to the device.
+
+    host bytes --> 253, 254, 255 at once
+              `-> lines, first in first out --> command --> reply now, or a task in the executor
+    inputs ----> keys, limit switches, safety chain
+    clock -----> ends of runs, pauses, supervision cycles
+
+A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
+last pulse. There is no processing time in between (F22).
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Generator, Mapping
+from typing import Any
+
+from isel_twin.controller import AXES, CounterSet, Event
+from isel_twin.firmware.imc import commands, grammar, settings
+from isel_twin.firmware.imc.device import Device, Steps
+from isel_twin.firmware.imc.executor import Executor, Task, signal_error, watched
+from isel_twin.firmware.imc.ports import SIGNALS, Inputs
+from isel_twin.firmware.imc.profile import Profile
+from isel_twin.firmware.imc.program import Recorder, run_program
+from isel_twin.firmware.imc.replies import BAD_AXES, INVALID_FIELD, OK, SYNTAX, Refusal
+from isel_twin.firmware.imc.safety import Event as SafetyEvent
+from isel_twin.firmware.imc.safety import State, powered
+from isel_twin.motion import Run
+
+BAUD, SLOW_BAUD = 19_200, 9_600
+CONTROL_BYTES = (grammar.STOP, grammar.RESET, grammar.BREAK)
+
+
+class Imc:
+    """Implements `isel_twin.controller.Controller`."""
+
+    def __init__(self, profile: Profile, flash: bytes | None) -> None:
+        """flash: image from the last power-off; None for a new device."""
+        self._profile = profile
+        self._events: list[Event] = []
+        self._flash = settings.Flash(settings.default_settings(profile)) if flash is None else settings.decode(flash)
+        self._inputs = Inputs({})
+        self._boot(0)
+        self._events.clear()
+
+    def _boot(self, now_ns: int) -> None:
+        """Everything as after power-on; inputs are what they are."""
+        self._lines: deque[bytes] = deque()
+        self._lines_bytes = 0
+        self._lost_lines = 0
+        self._assembler = grammar.LineAssembler(self._profile.line_bytes)
+        self._recorder: Recorder | None = None
+        self._shown: dict[str, bool] = {}
+        self._device = Device(self._profile, self._flash, self._inputs, self._events)
+        self._device.now_ns = now_ns
+        self._executor = Executor(self._device, self._device.send)
+        self._baud = SLOW_BAUD if self._device.settings.baud_9600 else BAUD
+        self._device.outputs.reset()
+        self._device.outputs["flash_fault"] = int(self._flash is None)
+        if powered(self._inputs):
+            self._device.note(SafetyEvent.INITIALISED)
+            self._device.energise()
+
+    # ---- the border -------------------------------------------------------------------------------------------------
+
+    @property
+    def baud(self) -> int:
+        """19200, or 9600 if the flash said so at the last power-on or reset (4.2.15)."""
+        return self._baud
+
+    @property
+    def counts(self) -> Steps:
+        """Counters X, Y, Z, A."""
+        return self._device.counts
+
+    @property
+    def direction(self) -> Steps:
+        """Motor sense of each counter (4.2.8)."""
+        return self._device.direction
+
+    @property
+    def run(self) -> Run | None:
+        """The step stream in execution."""
+        return self._device.run
+
+    @property
+    def next_ns(self) -> int | None:
+        """End of a run or a pause, or the next supervision cycle."""
+        return self._executor.next_ns
+
+    @property
+    def idle(self) -> bool:
+        """No command waits, none is carried out."""
+        return self._executor.task is None and not self._lines and not self._lost_lines
+
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
+        """Mains on."""
+        self._inputs = Inputs(levels)
+        self._boot(t_ns)
+        self._settle()
+
+    def receive(self, t_ns: int, data: bytes) -> None:
+        """Bytes from the host."""
+        self.advance(t_ns)
+        for byte in data:
+            self._receive_byte(byte)
+            self._settle()
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        """A level changes. It meets the motion whose pulses it follows, even if that ends at this instant."""
+        device = self._device
+        device.now_ns = t_ns
+        changed = device.inputs.set(terminal, level)
+        if changed is not None:
+            self._executor.input_changed(*changed)
+            if changed == SIGNALS["stop_released"] and not level:
+                self._executor.stop_key()
+            elif changed == SIGNALS["start"] and level:
+                self._start_key()
+        self._settle()
+
+    def advance(self, t_ns: int) -> None:
+        """Let time pass."""
+        self._device.now_ns = t_ns
+        self._settle()
+
+    def take(self) -> list[Event]:
+        """Events since the last call."""
+        events = self._events[:]
+        self._events.clear()
+        return events
+
+    def wiring(self) -> None:
+        """The machine's own wiring table names the terminals."""
+        return None
+
+    def machine_overrides(self) -> Mapping[str, Any]:
+        """None: the controller fits any stage."""
+        return {}
+
+    # ---- one instant ------------------------------------------------------------------------------------------------
+
+    def _settle(self) -> None:
+        """Do everything that is due now: ends of runs and pauses, then the next lines."""
+        while True:
+            if self._executor.due:
+                self._executor.tick()
+            elif self._executor.task is None and self._lines:
+                line = self._lines.popleft()
+                self._lines_bytes -= len(line)
+                self._execute(line)
+            elif self._executor.task is None and self._lost_lines:
+                self._lost_lines -= 1
+                self._device.send(SYNTAX)
+            else:
+                break
+        self._show()
+
+    def _show(self) -> None:
+        """Tell what goes on. A lamp the host has switched by hand stays so until what it stands for changes."""
+        executor = self._executor
+        shown = {
+            "moving": executor.moving,
+            "lamp_start": executor.moving or (executor.task is not None and executor.task.program),
+            "lamp_stop": executor.parked is not None,
+            "lamp_fault": self._device.safety is not State.OPERATING,
+        }
+        for name, on in shown.items():
+            if self._shown.get(name) != on:
+                self._device.outputs[name] = int(on)
+        self._shown = shown
+
+    # ---- bytes and lines --------------------------------------------------------------------------------------------
+
+    def _receive_byte(self, byte: int) -> None:
+        if byte == grammar.STOP:
+            self._executor.stop()
+        elif byte == grammar.BREAK:
+            self._executor.break_off()
+        elif byte == grammar.RESET:
+            self._reset()
+        elif self._executor.listening and byte not in (grammar.CR, grammar.LF):
+            self._executor.hear(byte)
+        else:
+            line = self._assembler.feed(byte)
+            if line is not None:
+                self._queue(line)
+
+    def _queue(self, line: bytes) -> None:
+        """Put a line in the queue. Once it is full, lines are lost until it is empty; each is answered `5` (F19)."""
+        if self._lost_lines or self._lines_bytes + len(line) > self._profile.input_bytes:
+            self._lost_lines += 1
+        else:
+            self._lines.append(line)
+            self._lines_bytes += len(line)
+
+    def _reset(self) -> None:
+        """Byte 254: as after power-on, at once; the flash stays (2.2.31)."""
+        self._executor.discard()
+        counts = self._device.counts
+        self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
+        self._boot(self._device.now_ns)
+        for axis in range(AXES):
+            if counts[axis]:
+                self._events.append(CounterSet(axis, 0))
+
+    # ---- commands ---------------------------------------------------------------------------------------------------
+
+    def _execute(self, line: bytes) -> None:
+        """Carry out one line: reply, or start a task."""
+        try:
+            reply = self._record(line) if self._recorder is not None else self._carry_out(line)
+        except Refusal as refusal:
+            reply = refusal.code
+        if reply is not None:
+            self._device.send(reply)
+
+    def _carry_out(self, line: bytes) -> str | None:
+        """A DNC line. Returns the reply, or None if it comes later or not at all. Raises Refusal."""
+        device = self._device
+        parts = grammar.split_dnc(line, device.number, commands.DNC_ALIASES)
+        if parts is None:
+            return None
+        letter, code, text = parts
+        if code in ("S", "i"):
+            grammar.read_numbers(text, ())
+            if code == "i":
+                return self._begin_recording()
+            self._start(answers=True)
+            return None
+        command = commands.find_dnc(device, code)
+        command.require(device)
+        result = command.do(device, *command.read(device, text))
+        if not isinstance(result, Generator):
+            return result or OK
+        if command.forgets_rest:
+            self._executor.forget_parked()
+        at_once = letter in device.profile.acknowledge_at_once
+        self._executor.start(Task(result, answers=not at_once))
+        return OK if at_once else None
+
+    def _begin_recording(self) -> str:
+        """`@0i` (2.2.13)."""
+        self._device.require_axes()
+        self._recorder = Recorder(self._device)
+        return OK
+
+    def _record(self, line: bytes) -> str:
+        """A line of the data field. Any error ends the field and spoils it (3.1)."""
+        recorder, self._recorder = self._recorder, None
+        assert recorder is not None
+        try:
+            code, text = grammar.split_cnc(line, commands.CNC_ALIASES)
+            if code == "9":
+                grammar.read_numbers(text, ())
+                recorder.finish()
+            else:
+                recorder.add(code, commands.find_cnc(code).read(self._device, text))
+                self._recorder = recorder
+        except Refusal:
+            recorder.spoil()
+            raise
+        return OK
+
+    # ---- starting ---------------------------------------------------------------------------------------------------
+
+    def _start(self, *, answers: bool) -> None:
+        """Go on with what was stopped, or start the stored program (2.2.23). Raises Refusal."""
+        if self._executor.parked is not None:
+            self._device.require_move()
+            self._executor.resume_parked(answers=answers)
+        else:
+            self._start_program(answers=answers)
+
+    def _start_key(self) -> None:
+        """The start key, which is heard at rest only; nobody is told if it does nothing (F33)."""
+        if self._executor.task is not None or self._recorder is not None:
+            return
+        with contextlib.suppress(Refusal):
+            self._start(answers=False)
+
+    def _start_program(self, *, answers: bool) -> None:
+        device, program = self._device, self._device.flash.program
+        if program.state != settings.VALID:
+            raise Refusal(INVALID_FIELD)
+        device.require_power()
+        code = watched(device)
+        if code is not None:
+            signal_error(device, error=True)
+            raise Refusal(code)
+        if not device.axes:
+            device.axes, device.modal = program.axes, program.modal
+        if device.axes != program.axes:
+            raise Refusal(BAD_AXES)
+        signal_error(device, error=False)
+        self._executor.start(Task(run_program(device, commands.CNC), answers=answers, program=True))

@@ -1,0 +1,227 @@
+"""The controller as a machine: counters, references, settings, outputs. Knows neither lines nor replies to them.
+
+Counters count what the step streams make. `counts` at any time is what they were when the present run began plus what
+the run has made since; they jump only where a CounterSet says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+
+from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Reply
+from isel_twin.firmware.imc import settings as flash_image
+from isel_twin.firmware.imc.limits import LimitSwitches
+from isel_twin.firmware.imc.ports import Inputs, Outputs
+from isel_twin.firmware.imc.profile import Profile
+from isel_twin.firmware.imc.replies import (
+    BAD_NUMBER,
+    FAULT,
+    HOOD_OPEN,
+    LIMIT_SWITCH,
+    NO_AXES,
+    NOT_REFERENCED,
+    SYNTAX,
+    Refusal,
+)
+from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
+from isel_twin.firmware.imc.safety import Event as SafetyEvent
+from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
+from isel_twin.motion import Profile as TimeLaw
+from isel_twin.motion import Run, trapezoid
+
+POSITION_LIMIT = 1 << 23
+"""Counters have 24 bits, two's complement."""
+MILLISECOND = 1_000_000
+"""Nanoseconds."""
+
+Steps = tuple[int, int, int, int]
+
+
+class Device:
+    """State of one controller from power-on or reset to the next."""
+
+    def __init__(self, profile: Profile, flash: Flash | None, inputs: Inputs, events: list[Event]) -> None:
+        """flash: what it holds (None: cannot be read); events: where everything that happens is noted."""
+        self.profile = profile
+        self.flash = flash or Flash(flash_image.default_settings(profile))
+        self.settings = self.flash.settings
+        self.inputs = inputs
+        self.limits = LimitSwitches(inputs, lambda: self.settings, profile.debounce_ms * MILLISECOND)
+        self.outputs = Outputs(lambda name, value: events.append(Output(name, value)))
+        self.safety = State.FAULT
+        self.now_ns = 0
+        self.run: Run | None = None
+        self.number = 0
+        self.axes = 0
+        self.referenced = [False] * AXES
+        self.virtual_zero = [0] * AXES
+        self.modal = Modal()
+        self.port_condition: tuple[int, int, int] | None = None
+        """Port, mask, value that ends the next move of a stored program (3.2.7)."""
+        self._events = events
+        self._base: Steps = (0, 0, 0, 0)
+
+    # ---- step streams and counters ----------------------------------------------------------------------------------
+
+    @property
+    def counts(self) -> Steps:
+        """Counters X, Y, Z, A now."""
+        return self._base if self.run is None else _sum(self._base, self.run.displacement(self.now_ns))
+
+    def finish_run(self) -> int:
+        """The stream ends here and now; return the path ticks made."""
+        assert self.run is not None
+        ticks = self.run.count(self.now_ns)
+        self._base = self.counts
+        self.run = None
+        return ticks
+
+    def set_counter(self, axis: int, value: int) -> None:
+        """Set a counter without a step."""
+        counts = list(self._base)
+        counts[axis] = value
+        self._base = (counts[0], counts[1], counts[2], counts[3])
+        self._events.append(CounterSet(axis, value))
+
+    def heading(self, axis: int) -> int:
+        """Counter direction (+1, -1, 0) in which the present run moves an axis, over its last ticks."""
+        if self.run is None:
+            return 0
+        path, made = self.run.path, self.run.count(self.now_ns)
+        for begin in (max(made - 100, 0), 0):  # a slow axis may not have stepped within the last 100 ticks
+            steps = path.displacement(made)[axis] - path.displacement(begin)[axis]
+            if steps:
+                return 1 if steps > 0 else -1
+        return 0
+
+    @property
+    def direction(self) -> Steps:
+        """Motor sense of each counter (`@0ID`)."""
+        x, y, z, a = (-1 if self.settings.inverted >> axis & 1 else 1 for axis in range(AXES))
+        return x, y, z, a
+
+    # ---- axes and references ----------------------------------------------------------------------------------------
+
+    @property
+    def axis_list(self) -> tuple[int, ...]:
+        """Axes that are set, in the order X, Y, Z, A."""
+        return tuple(axis for axis in range(AXES) if self.axes >> axis & 1)
+
+    def set_reference(self, axis: int) -> None:
+        """Here is the reference point of an axis: counter 0, no virtual zero."""
+        self.set_counter(axis, 0)
+        self.referenced[axis] = True
+        self.virtual_zero[axis] = 0
+
+    def lose_references(self) -> None:
+        """No position is known any more."""
+        self.referenced = [False] * AXES
+
+    # ---- what may be done -------------------------------------------------------------------------------------------
+
+    def note(self, event: SafetyEvent) -> None:
+        """Take a step of the safety state machine."""
+        self.safety = TRANSITIONS.get((self.safety, event), self.safety)
+
+    def require_axes(self) -> None:
+        """Raise Refusal(4) unless axes are set."""
+        if not self.axes:
+            raise Refusal(NO_AXES)
+
+    def require_power(self) -> None:
+        """Raise Refusal unless something may move or the spindle start: IO-only (5), power (9), hood (H)."""
+        if self.settings.io_only:
+            raise Refusal(SYNTAX)
+        if self.safety is State.FAULT or not powered(self.inputs) or not self.outputs["stages"]:
+            raise Refusal(FAULT)
+        self.require_hood()
+
+    def require_hood(self) -> None:
+        """Raise Refusal(H) if the hood is open in automatic."""
+        if not hood_safe(self.inputs):
+            raise Refusal(HOOD_OPEN)
+
+    def require_move(self) -> None:
+        """Raise Refusal unless a move is allowed as such: power, hood, and no limit switch struck since (2)."""
+        self.require_power()
+        if self.safety is State.LIMIT:
+            raise Refusal(LIMIT_SWITCH)
+
+    def guards(self, axis: int) -> bool:
+        """Do limit switches end the motions of this axis? Not in test mode, not those of a rotary axis (F30)."""
+        return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.modal.test_mode
+
+    def require_room(self, *legs: Steps) -> None:
+        """Raise Refusal unless these displacements, one after the other, are allowed: reference (R), 24 bits (1)."""
+        counts = self.counts
+        for leg in legs:
+            counts = _sum(counts, leg)
+            if any(not -POSITION_LIMIT <= n < POSITION_LIMIT for n in counts):
+                raise Refusal(BAD_NUMBER)
+        self.require_reference(axis for leg in legs for axis in range(AXES) if leg[axis])
+
+    def require_reference(self, axes: Iterable[int]) -> None:
+        """Raise Refusal(R) unless these axes are referenced."""
+        if not all(self.referenced[axis] for axis in axes):
+            raise Refusal(NOT_REFERENCED)
+
+    # ---- power ------------------------------------------------------------------------------------------------------
+
+    def energise(self) -> None:
+        """Stages on, brake released."""
+        self.outputs["stages"] = int(not self.settings.io_only)
+        self.outputs["brake"] = self.outputs["stages"]
+
+    def shut_down(self) -> None:
+        """Fault: everything that moves or holds is off, positions are lost."""
+        self.note(SafetyEvent.POWER_LOST)
+        for name in ("stages", "brake", "spindle"):
+            self.outputs[name] = 0
+        self.lose_references()
+
+    # ---- time laws --------------------------------------------------------------------------------------------------
+
+    @property
+    def start_stop_hz(self) -> int:
+        """In force now: by `@0j`, or the default."""
+        return self.modal.start_stop_hz or self.settings.start_stop_hz
+
+    @property
+    def acceleration_hz_per_ms(self) -> int:
+        """In force now: by `@0J`, or the default."""
+        return self.modal.acceleration_hz_per_ms or self.settings.acceleration_hz_per_ms
+
+    def reference_hz(self, axis: int) -> int:
+        """Reference speed in force now: by `@0d`, or the default."""
+        return (self.modal.reference_hz or self.settings.reference_hz)[axis]
+
+    def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
+        """Time law, for any number of ticks, with the ramps in force now, however late it is used."""
+        return partial(
+            trapezoid,
+            speed_hz=speed_hz,
+            start_stop_hz=self.start_stop_hz,
+            acceleration_hz_per_s=1000 * self.acceleration_hz_per_ms,
+        )
+
+    # ---- flash ------------------------------------------------------------------------------------------------------
+
+    def store(self, *, settings: Settings | None = None, program: Program | None = None) -> None:
+        """Write the flash: new settings or a new program beside what it holds of the other."""
+        self.flash = Flash(settings or self.flash.settings, program or self.flash.program)
+        self.outputs["flash_fault"] = 0
+        self._events.append(FlashWrite(flash_image.encode(self.flash)))
+
+    def send(self, text: str) -> None:
+        """Bytes to the host."""
+        self._events.append(Reply(text.encode("latin-1")))
+
+    def set_modal(self, **values: object) -> None:
+        """Change values that last until the next reset."""
+        self.modal = replace(self.modal, **values)  # type: ignore[arg-type]
+
+
+def _sum(a: Steps, b: Steps) -> Steps:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]

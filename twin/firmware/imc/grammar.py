@@ -1,0 +1,118 @@
+"""From bytes to commands: lines, codes, numbers. Knows the form of a command, nothing of its meaning.
+
+    bytes  ->  LineAssembler  ->  lines  ->  split_dnc / split_cnc  ->  code, parameter text  ->  read_numbers
+
+A line is everything up to CR. LF counts for nothing, wherever it stands, and an empty line is no command (F6). The
+control bytes 253, 254 and 255 never come here. Nothing that comes from the line is ever evaluated: a number is matched
+by a pattern and converted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from isel_twin.firmware.imc.replies import BAD_NUMBER, PARAMETER_COUNT, SYNTAX, Refusal
+
+CR, LF = 13, 10
+STOP, RESET, BREAK = 253, 254, 255
+"""Control bytes (2.2.31)."""
+
+AXES_CODE = "axes"
+"""Code given to `@0<number>`, the command without a letter."""
+
+_NUMBER = re.compile(r"([+-]?)(?:([0-9]+)(?:\.[0-9]*)?|\.[0-9]+)")
+
+
+class LineAssembler:
+    """Collects bytes into lines of at most `limit` bytes."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._line = bytearray()
+        self._too_long = False
+
+    def feed(self, byte: int) -> bytes | None:
+        """Take one byte; return a line when this byte ends one. A line that was too long comes out empty.
+
+        Its bytes beyond the limit are dropped, so memory is bounded whatever the host sends.
+        """
+        if byte == LF:
+            return None
+        if byte != CR:
+            if len(self._line) < self._limit:
+                self._line.append(byte)
+            else:
+                self._too_long = True
+            return None
+        line = b"" if self._too_long else bytes(self._line)
+        complete = self._too_long or line.strip()
+        self.clear()
+        return line if complete else None
+
+    def clear(self) -> None:
+        """Forget the line begun."""
+        self._line.clear()
+        self._too_long = False
+
+
+@dataclass(frozen=True)
+class Number:
+    """One numeric parameter: allowed range and the reply when it is outside (also when it is no number: `1`)."""
+
+    low: int = -(1 << 23)
+    high: int = (1 << 23) - 1
+    code: str = BAD_NUMBER
+
+    def check(self, value: int) -> int:
+        """Return value; raise Refusal if it is out of range."""
+        if not self.low <= value <= self.high:
+            raise Refusal(self.code)
+        return value
+
+
+def split_dnc(line: bytes, device_number: int, aliases: dict[str, str]) -> tuple[str, str, str] | None:
+    """Split `@<number><letter(s)><parameters>` into (letter as sent, code, parameter text); None: for another device.
+
+    Raises Refusal for anything that does not begin like a command.
+    """
+    text = line.decode("latin-1").strip(" ")
+    if len(text) < 3 or text[0] != "@" or text[1] not in "0123456789":
+        raise Refusal(SYNTAX)
+    if int(text[1]) != device_number:
+        return None
+    rest = text[2:].lstrip(" ")
+    letter = rest[:1]
+    if letter in "0123456789":
+        return letter, AXES_CODE, rest
+    if letter == "I":
+        return letter, rest[:2], rest[2:]
+    return letter, aliases.get(letter, letter), rest[1:]
+
+
+def split_cnc(line: bytes, aliases: dict[str, str]) -> tuple[str, str]:
+    """Split a storable command into (code, parameter text)."""
+    text = line.decode("latin-1").strip(" ")
+    return aliases.get(text[:1], text[:1]), text[1:]
+
+
+def read_numbers(text: str, numbers: Sequence[Number]) -> tuple[int, ...]:
+    """Read comma-separated parameters, as many as `numbers` has.
+
+    Raises Refusal: 7 for another count, 1 for what is no number, the parameter's own code when out of range.
+    """
+    fields = text.split(",") if text.strip(" ") else []
+    if len(fields) != len(numbers):
+        raise Refusal(PARAMETER_COUNT)
+    values = [read_number(field) for field in fields]
+    return tuple(number.check(value) for number, value in zip(numbers, values, strict=True))
+
+
+def read_number(field: str) -> int:
+    """Read one number; a decimal fraction is cut off (F6). Raises Refusal(1)."""
+    match = _NUMBER.fullmatch(field.strip(" "))
+    if match is None:
+        raise Refusal(BAD_NUMBER)
+    sign, digits = match[1], match[2] or "0"
+    return -int(digits) if sign == "-" else int(digits)

@@ -1,0 +1,70 @@
+"""Limit switches: which are struck, which way they lie, and when one is newly struck.
+
+Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
+A switch that a motion has struck lies where that motion went, whatever the settings say: so even an axis inverted by
+`@0ID` without exchanging its switches finds its way off them (F21).
+
+    level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
+    struck        ^ newly struck: at once
+    released                          ^   ^ ^ chatter shorter than debounce after a release strikes nothing (F20)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from isel_twin.firmware.imc.ports import LIMIT_PORT, Inputs
+from isel_twin.firmware.imc.settings import AXES, Settings
+
+
+class LimitSwitches:
+    """The eight limit switches; bit 2 * axis is switch 1, bit 2 * axis + 1 switch 2, as on port 3."""
+
+    def __init__(self, inputs: Inputs, settings: Callable[[], Settings], debounce_ns: int) -> None:
+        self._inputs = inputs
+        self._settings = settings
+        self._debounce_ns = debounce_ns
+        self._released_ns: dict[int, int] = {}
+        self._found: dict[int, int] = {}
+
+    def active(self, bit: int) -> bool:
+        """Enabled (`@0IE`) and at its active level."""
+        axis, switch = divmod(bit, 2)
+        nibble = self._settings().limit_switches >> 4 * axis
+        enabled, low_active = nibble >> switch & 1, nibble >> 2 + switch & 1
+        return bool(enabled) and self._inputs.bit(LIMIT_PORT, bit) != bool(low_active)
+
+    def struck(self, axis: int) -> list[int]:
+        """Switches of an axis that are active now."""
+        return [bit for bit in (2 * axis, 2 * axis + 1) if self.active(bit)]
+
+    def edge(self, bit: int, now_ns: int) -> bool:
+        """Tell that the level at a switch has changed; return whether it has been newly struck."""
+        if not self.active(bit):
+            self._released_ns[bit] = now_ns
+            return False
+        released_ns = self._released_ns.get(bit)
+        return released_ns is None or now_ns - released_ns > self._debounce_ns
+
+    def found(self, bit: int, motor_direction: int) -> None:
+        """Remember that a motion of the motor in this direction (+1, -1) has struck the switch."""
+        if motor_direction:
+            self._found[bit] = motor_direction
+
+    def lies(self, bit: int) -> int:
+        """Counter direction (+1, -1) in which a switch lies."""
+        axis, switch = divmod(bit, 2)
+        settings = self._settings()
+        if bit in self._found:
+            return -self._found[bit] if settings.inverted >> axis & 1 else self._found[bit]
+        return 1 if switch ^ (settings.swapped >> axis & 1) else -1
+
+    def blocks(self, axis: int, direction: int) -> bool:
+        """Is a switch struck towards which the axis would go in this direction?"""
+        return any(self.lies(bit) == direction for bit in self.struck(axis))
+
+
+def axis_of(bit: int) -> int:
+    """Axis a limit switch belongs to."""
+    assert 0 <= bit < 2 * AXES
+    return bit // 2

@@ -1,0 +1,197 @@
+"""Moves, straight and round: from parameters to legs, and the activity that travels them.
+
+A leg is a path with one time law. A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with
+an A axis its way is the last leg. In 3D it is one leg, at the speed given for X (F23). The next leg starts at the time
+of the last pulse of the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from isel_twin.firmware.imc.activity import Activity, Travel
+from isel_twin.firmware.imc.device import Device, Steps
+from isel_twin.firmware.imc.grammar import Number
+from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, Refusal
+from isel_twin.motion import Path, helix, line
+from isel_twin.motion import Profile as TimeLaw
+
+XYZ = 7
+ANY_SPEED = Number(-(1 << 62), 1 << 62)
+"""A speed whose range is checked later, because it may not matter."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A path, and the time law for as many of its ticks as are left."""
+
+    path: Path
+    law: Callable[[int], TimeLaw]
+
+
+def travel(legs: Iterable[Leg], until: Callable[[], bool] | None = None) -> Activity:
+    """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it."""
+    for leg in legs:
+        made = 0
+        while made < leg.path.ticks:
+            ended = yield Travel(leg.path, leg.law(leg.path.ticks - made), made, until)
+            if ended.by_event:
+                return
+            made = ended.ticks
+
+
+# ---- parameters ----------------------------------------------------------------------------------------------------
+
+
+def move_parameters(device: Device) -> tuple[Number, ...]:
+    """Pairs of steps and speed: one an axis, with X, Y and Z four (2.2.2)."""
+    pairs = 4 if device.axes == XYZ else len(device.axis_list)
+    return (Number(), ANY_SPEED) * pairs
+
+
+def check_relative(device: Device, *values: int) -> None:
+    """Refuse speeds out of range (D); that of a second Z way only if it is gone."""
+    _check_speeds(device, values, second_z=bool(len(values) > 6 and values[6]) and not device.modal.three_d)
+
+
+def check_absolute(device: Device, *values: int) -> None:
+    """Refuse speeds out of range (D); the second Z pair is ignored."""
+    _check_speeds(device, values, second_z=False)
+
+
+def _check_speeds(device: Device, values: Sequence[int], second_z: bool) -> None:
+    speeds = values[1::2]
+    if device.axes == XYZ and not second_z:
+        speeds = speeds[:3]
+    for speed_hz in speeds:
+        speed(device).check(speed_hz)
+
+
+def speed(device: Device) -> Number:
+    """The valid range of speeds."""
+    return Number(device.profile.min_speed_hz, device.profile.max_speed_hz, BAD_SPEED)
+
+
+# ---- linear moves --------------------------------------------------------------------------------------------------
+
+
+def relative_move(device: Device, *values: int) -> Activity:
+    """`@0A`, `0`: by the given steps."""
+    steps = dict(zip(device.axis_list, values[0::2], strict=False))
+    second_z = values[6] if device.axes == XYZ else 0
+    return _linear(device, steps, values[1::2], second_z)
+
+
+def absolute_move(device: Device, *values: int) -> Activity:
+    """`@0M`, `m`: to the given positions, counted from the virtual zero."""
+    steps = {
+        axis: target + device.virtual_zero[axis] - device.counts[axis]
+        for axis, target in zip(device.axis_list, values[0::2], strict=False)
+    }
+    return _linear(device, steps, values[1::2], 0)
+
+
+def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> Activity:
+    device.require_move()
+    speed_of = dict(zip(device.axis_list, speeds, strict=False))
+    if device.modal.three_d:
+        ways = [(steps, speeds[0])]
+    else:
+        plane = {axis: n for axis, n in steps.items() if axis < 2}
+        leader = max(plane, key=lambda axis: abs(plane[axis]), default=0)
+        ways = [(plane, speed_of.get(leader, 0))]
+        ways += [({axis: n}, speed_of[axis]) for axis, n in steps.items() if axis >= 2]
+        if second_z:
+            ways.append(({2: second_z}, speeds[3]))
+    ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
+    device.require_room(*(as_steps(way) for way, _ in ways))
+    legs = [straight_leg(device, as_steps(way), speed_hz) for way, speed_hz in ways]
+    return travel(legs, take_condition(device))
+
+
+def as_steps(way: dict[int, int]) -> Steps:
+    """Steps of all four axes from those of some."""
+    return way.get(0, 0), way.get(1, 0), way.get(2, 0), way.get(3, 0)
+
+
+def straight_leg(device: Device, steps: Steps, speed_hz: int) -> Leg:
+    """A straight way with the ramps in force now, however late it is travelled."""
+    return Leg(line(steps), device.law(speed_hz))
+
+
+# ---- moves until an event ------------------------------------------------------------------------------------------
+
+
+def until_port_parameters(device: Device) -> tuple[Number, ...]:
+    """Port, mask, value, speed, and the steps of each axis (2.2.30)."""
+    byte = Number(0, 255)
+    return (Number(0, 3), byte, byte, speed(device)) + (Number(),) * len(device.axis_list)
+
+
+def move_until_port(device: Device, port: int, mask: int, value: int, speed_hz: int, *steps: int) -> Activity:
+    """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30)."""
+    device.require_move()
+    way = as_steps(dict(zip(device.axis_list, steps, strict=True)))
+    device.require_room(way)
+    return travel([straight_leg(device, way, speed_hz)], _condition(device, port, mask, value))
+
+
+def take_condition(device: Device) -> Callable[[], bool] | None:
+    """The port condition set for the next move of a stored program (3.2.7), used up."""
+    condition, device.port_condition = device.port_condition, None
+    return None if condition is None else _condition(device, *condition)
+
+
+def _condition(device: Device, port: int, mask: int, value: int) -> Callable[[], bool]:
+    return lambda: (device.inputs.port(port) ^ value) & mask == 0
+
+
+# ---- arcs ----------------------------------------------------------------------------------------------------------
+
+PLANES = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
+"""The two axes of the plane, and the third axis of a helix, by the number `@0e` takes."""
+
+
+def arc_parameters(device: Device) -> tuple[Number, ...]:
+    """Length, speed, D, start point, directions (2.2.28)."""
+    steps, sign = Number(0), Number(-1, 1)
+    return steps, speed(device), Number(-(1 << 47), 1 << 47), Number(), Number(), sign, sign
+
+
+def helix_parameters(device: Device) -> tuple[Number, ...]:
+    """As for an arc, and the steps of the third axis (2.2.27)."""
+    return (*arc_parameters(device), Number())
+
+
+def check_arc_numbers(device: Device, *values: int) -> None:
+    """Directions are +1 or -1, and a third axis cannot make more steps than the arc has (1)."""
+    if not values[5] or not values[6] or abs(_third(values)) > values[0]:
+        raise Refusal(BAD_NUMBER)
+
+
+def _third(values: Sequence[int]) -> int:
+    return values[7] if len(values) > 7 else 0
+
+
+def check_arc(device: Device, *values: int) -> None:
+    """As above; the axes of the plane, and of the third way, must be set (3)."""
+    check_arc_numbers(device, *values)
+    third = _third(values)
+    first, second, other = PLANES[device.modal.plane]
+    used = 1 << first | 1 << second | (1 << other if third else 0)
+    if used & ~device.axes:
+        raise Refusal(BAD_AXES)
+
+
+def arc(device: Device, length: int, speed_hz: int, *rest: int) -> Activity:
+    """`@0y`, `@0w`, `y`, `w`: an arc in the plane of `@0e`, the way round of `@0f`; with S3 a helix."""
+    device.require_move()
+    check_arc(device, length, speed_hz, *rest)
+    d, xs, ys, rx, ry, third = (*rest, 0)[:6]
+    first, second, other = PLANES[device.modal.plane]
+    path = helix(length, d, xs, ys, rx, ry, device.modal.clockwise, (first, second), other if third else None, third)
+    if length:
+        device.require_reference((first, second, *((other,) if third else ())))
+    device.require_room(path.displacement(length))
+    return travel([Leg(path, device.law(speed_hz))], take_condition(device))

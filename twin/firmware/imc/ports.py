@@ -1,0 +1,139 @@
+"""Ports: terminals to input bytes, output bytes to named levels (2.2.3, 2.2.4).
+
+Input terminals are called `p<port>.<bit>`; a terminal that is not wired reads 0.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+INPUT_PORTS = 4
+_TERMINAL = re.compile(r"p([0-3])\.([0-7])")
+
+SIGNALS: Mapping[str, tuple[int, int]] = {
+    "estop_1": (1, 0),
+    "estop_2": (1, 1),
+    "cool": (1, 2),
+    "start": (1, 3),
+    "stop_released": (1, 4),
+    "probe": (1, 5),
+    "spindle": (2, 0),
+    "power_ok": (2, 1),
+    "hood_automatic": (2, 5),
+    "hood_setup": (2, 6),
+    "setup": (2, 7),
+}
+"""Status inputs: name -> (port, bit). All of them fail safe: an open wire (0) is the alarm or the stricter state."""
+
+LIMIT_PORT = 3
+
+
+class Inputs:
+    """Levels at the input terminals, as port bytes and as named signals."""
+
+    def __init__(self, levels: Mapping[str, bool]) -> None:
+        self._ports = [0] * INPUT_PORTS
+        for terminal, level in levels.items():
+            self.set(terminal, level)
+
+    def set(self, terminal: str, level: bool) -> tuple[int, int] | None:
+        """Take a new level; return (port, bit) if this changes an input, None if it does not (or is not ours)."""
+        match = _TERMINAL.fullmatch(terminal)
+        if match is None:
+            return None
+        port, bit = int(match[1]), int(match[2])
+        if bool(self._ports[port] >> bit & 1) == level:
+            return None
+        self._ports[port] ^= 1 << bit
+        return port, bit
+
+    def port(self, number: int) -> int:
+        """Byte 0..255 of port 0..3."""
+        return self._ports[number]
+
+    def bit(self, port: int, bit: int) -> bool:
+        """One input."""
+        return bool(self._ports[port] >> bit & 1)
+
+    def __getitem__(self, signal: str) -> bool:
+        return self.bit(*SIGNALS[signal])
+
+
+@dataclass(frozen=True)
+class OutputPort:
+    """An output port: outputs of its bits, lowest first (None: not connected); does it take a byte, or 0 and 1?"""
+
+    bits: tuple[str | None, ...]
+    byte: bool
+
+
+OUTPUT_PORTS: Mapping[int, OutputPort] = {
+    0: OutputPort(("user",), byte=True),
+    1: OutputPort(("hood_release",), byte=False),
+    2: OutputPort(("spindle",), byte=False),
+    3: OutputPort(("stages",), byte=False),
+    4: OutputPort(("analog",), byte=True),
+    5: OutputPort(("current_lowering",), byte=False),
+    6: OutputPort(("brake",), byte=False),
+    100: OutputPort(
+        ("current_lowering", None, "power_request", "stages", "spindle", "hood_release", "brake", "software_ok"),
+        byte=True,
+    ),
+    101: OutputPort((None, None, None, None, None, "lamp_stop", "lamp_start", "lamp_fault"), byte=True),
+}
+"""Output ports of 2.2.4. Ports 100 and 101 show the same outputs as 1 to 6 bit by bit."""
+
+POWER_ON_LEVELS: Mapping[str, int] = {
+    "software_ok": 1,
+    "stages": 0,
+    "power_request": 0,
+    "brake": 0,
+    "spindle": 0,
+    "hood_release": 1,
+    "current_lowering": 1,
+    "analog": 0,
+    "user": 0,
+    "lamp_start": 0,
+    "lamp_stop": 0,
+    "lamp_fault": 0,
+    "moving": 0,
+    "flash_fault": 0,
+}
+"""Every output and its level after power-on or reset, before the power stages are considered (F24)."""
+
+
+class Outputs:
+    """Levels of the outputs; `changed(name, value)` is called for every change, and for all of them at `reset`."""
+
+    def __init__(self, changed: Callable[[str, int], None]) -> None:
+        self._changed = changed
+        self._levels: dict[str, int] = {}
+
+    def reset(self) -> None:
+        """All outputs to their power-on level."""
+        for name, value in POWER_ON_LEVELS.items():
+            self[name] = value
+
+    def __getitem__(self, name: str) -> int:
+        return self._levels[name]
+
+    def __setitem__(self, name: str, value: int) -> None:
+        if self._levels.get(name) != value:
+            self._levels[name] = value
+            self._changed(name, value)
+
+    def read(self, number: int) -> int:
+        """Byte an output port shows now."""
+        bits = OUTPUT_PORTS[number].bits
+        if len(bits) == 1 and bits[0] is not None:
+            return self[bits[0]]
+        return sum(self[name] << bit for bit, name in enumerate(bits) if name is not None)
+
+    def levels_for(self, number: int, value: int) -> dict[str, int]:
+        """The outputs, and their new levels, that writing a value to a port means."""
+        bits = OUTPUT_PORTS[number].bits
+        if len(bits) == 1 and bits[0] is not None:
+            return {bits[0]: value}
+        return {name: value >> bit & 1 for bit, name in enumerate(bits) if name is not None}

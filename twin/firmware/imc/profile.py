@@ -1,0 +1,55 @@
+"""Controller profiles: numbers and habits that tell the members of the family apart, as data (profiles.toml)."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from importlib.resources import files
+from typing import Any
+
+BASE = "imc-s8"
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One member of the family; see profiles.toml for the meaning, unit and origin of each field."""
+
+    name: str
+    min_speed_hz: int
+    max_speed_hz: int
+    reference_hz: tuple[int, ...]
+    run_free_steps: tuple[int, ...]
+    start_stop_hz: int
+    acceleration_hz_per_ms: int
+    limit_switches: int
+    step_out_hz: int
+    settle_ms: int
+    debounce_ms: int
+    relay_ms: int
+    cycle_ms: int
+    erase_ms: int
+    line_bytes: int
+    input_bytes: int
+    program_memory_bytes: int
+    loop_depth: int
+    acknowledge_at_once: str
+    spindle_port: int
+    unknown_commands: tuple[str, ...]
+
+
+def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
+    """The profile called `name`, with the numbers in `settings` in place of its own; keys of others are ignored.
+
+    Raises ValueError if a setting is not a positive whole number.
+    """
+    profiles = tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))
+    values = profiles[BASE] | profiles[name]
+    for key, value in settings.items():
+        if key not in values or not isinstance(values[key], int):
+            continue
+        if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+            raise ValueError(f"controller setting {key} = {value!r}: give a positive whole number")
+        values[key] = value
+    as_tuples: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
+    return Profile(**{field.name: as_tuples[field.name] for field in fields(Profile)})

@@ -1,0 +1,69 @@
+"""Commands that ask: position, input ports, diagnosis, texts. They answer in every state."""
+
+from __future__ import annotations
+
+from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.ports import SIGNALS
+from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
+from isel_twin.firmware.imc.settings import AXES
+
+AXIS_NAMES = "XYZA"
+VERSION = "isel-twin 0.1"
+END = "\r\n"
+
+
+def position(device: Device) -> str:
+    """`@0P`: 24 bits an axis, two's complement, hexadecimal; three axes, or four if A is set (2.2.21)."""
+    axes = 4 if device.axes & 8 else 3
+    return OK + "".join(f"{count & 0xFFFFFF:06X}" for count in device.counts[:axes])
+
+
+def read_port(device: Device, port: int) -> str:
+    """`@0b`: two hexadecimal digits (2.2.3)."""
+    return f"{OK}{device.inputs.port(port):02X}"
+
+
+def diagnosis(device: Device, text: str) -> str:
+    """`@0D`: `Rp` and `Rn`, limit switches struck in positive and negative direction."""
+    match text.strip(" "):
+        case "Rp":
+            value = _blocked(device, 1)
+        case "Rn":
+            value = _blocked(device, -1)
+        case _:
+            raise Refusal(SYNTAX)
+    return f"{OK}{value:02X}"
+
+
+def _blocked(device: Device, direction: int) -> int:
+    return sum(device.limits.blocks(axis, direction) << axis for axis in range(AXES))
+
+
+def status_text(device: Device) -> str:
+    """`@0H`: operator's elements and safety inputs in plain text, then the handshake (2.2.12)."""
+    lines = [f"{name.replace('_', ' '):<16}{int(device.inputs[name])}" for name in SIGNALS]
+    lines.append(f"{'state':<16}{device.safety.value}")
+    if device.outputs["flash_fault"]:
+        lines.append(f"{'flash':<16}unreadable, defaults in use")
+    return "".join(line + END for line in lines) + OK
+
+
+def limit_text(device: Device) -> str:
+    """`@0h`: limit switches in plain text, then the handshake (2.2.12)."""
+    lines = []
+    for bit in range(2 * AXES):
+        level = int(device.inputs.bit(3, bit))
+        state = "struck" if device.limits.active(bit) else "free"
+        lines.append(f"{AXIS_NAMES[bit // 2]}{bit % 2 + 1}  input {level}  {state}{END}")
+    return "".join(lines) + OK
+
+
+def user_info(device: Device) -> str:
+    """`@0U` (2.2.25)."""
+    return f"{OK}UserInfo: {device.settings.user_info}{END}"
+
+
+def version(device: Device) -> str:
+    """`@0V`, `@0?` (2.2.26)."""
+    lines = (device.profile.name, VERSION, f"program memory {device.profile.program_memory_bytes} bytes")
+    return OK + "".join(line + END for line in lines)

@@ -1,0 +1,92 @@
+"""Reference run (2.2.22, 4.2.2) and running free (2.2.9).
+
+    position   switch  |  travel ->
+               #########
+       start           |<----------------------------- approach at reference speed, ends at once when the switch opens
+       settle          |  50 ms
+       step out        |-|-|-|-|-|>                    one step, look, one step, look ... until the switch closes
+       run free                   |--------->          the run-free steps of the axis, at reference speed
+       zero                                 0
+
+An axis that stands on its switch leaves out the approach. Directions are those of the counter: negative, or positive
+for axes named by `@0IR`. Whichever switch of the axis opens on the way is its reference switch (F8).
+"""
+
+from __future__ import annotations
+
+from isel_twin.firmware.imc.activity import Activity, Pause, Travel
+from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.moves import as_steps
+from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
+from isel_twin.firmware.imc.safety import Event
+from isel_twin.motion import constant, line
+
+ORDER = (2, 1, 0, 3)
+"""Z, Y, X, A (2.2.22)."""
+FARTHEST = (1 << 23) - 1
+"""Steps after which a switch that does not answer is taken to be missing."""
+SECOND = 1_000_000_000
+"""Nanoseconds."""
+
+
+def reference_run(device: Device, mask: int) -> Activity:
+    """`@0R`, `7`: find the reference points of the axes in `mask`. In test mode they are where the axes stand."""
+    device.require_power()
+    device.note(Event.REFERENCE_BEGUN)
+    device.set_modal(three_d=False)
+    axes = [axis for axis in ORDER if mask >> axis & 1]
+    for axis in axes:
+        device.referenced[axis] = False
+    return _reference_run(device, axes)
+
+
+def _reference_run(device: Device, axes: list[int]) -> Activity:
+    for axis in axes:
+        if not device.modal.test_mode:
+            yield from _find_switch(device, axis)
+        device.set_reference(axis)
+
+
+def run_free(device: Device, mask: int) -> Activity:
+    """`@0F`: run the axes in `mask` off the switches they stand on; they must be referenced afterwards."""
+    device.require_power()
+    axes = [axis for axis in ORDER if mask >> axis & 1]
+    for axis in axes:
+        device.referenced[axis] = False
+    return _run_free(device, axes)
+
+
+def _run_free(device: Device, axes: list[int]) -> Activity:
+    for axis in axes:
+        struck = device.limits.struck(axis)
+        if len(struck) > 1:
+            raise Refusal(LIMIT_SWITCH)
+        if struck:
+            yield from _leave(device, axis, -device.limits.lies(struck[0]))
+
+
+def _find_switch(device: Device, axis: int) -> Activity:
+    direction = 1 if device.settings.reference_inverted >> axis & 1 else -1
+    if len(device.limits.struck(axis)) > 1:
+        raise Refusal(LIMIT_SWITCH)
+    if not device.limits.blocks(axis, direction):
+        path = line(as_steps({axis: direction * FARTHEST}))
+        ended = yield Travel(path, device.law(device.reference_hz(axis))(path.ticks), reference=True, seek=axis)
+        if not ended.by_event:
+            raise Refusal(LIMIT_SWITCH)
+        yield Pause(device.profile.settle_ms * MILLISECOND, reference=True)
+    yield from _leave(device, axis, -direction)
+
+
+def _leave(device: Device, axis: int, direction: int) -> Activity:
+    """Step out of the switch until it closes, then run free. The level is looked at half a period after each step."""
+    step = line(as_steps({axis: direction}))
+    half_hz = 2 * device.profile.step_out_hz
+    for _ in range(FARTHEST):
+        if not device.limits.struck(axis):
+            break
+        yield Travel(step, constant(1, half_hz), reference=True)
+        yield Pause(SECOND // half_hz, reference=True)
+    free = line(as_steps({axis: direction * device.settings.run_free_steps[axis]}))
+    if free.ticks:
+        yield Travel(free, device.law(device.reference_hz(axis))(free.ticks), reference=True)

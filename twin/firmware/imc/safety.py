@@ -1,0 +1,71 @@
+"""The safety chain as the firmware sees it: three states, and what each forbids.
+
+Goal: one place that decides whether something may move. The hardware (safety relay, hood lock) works without it; this
+machine reads their contacts, drops the controller's own enable signals and refuses commands.
+
+                  initialised (@0<axes>: circuits closed, power on)
+          +------------------------------------------------------------+
+          |                 initialised, reference begun               |
+          |          +-----------------------------------------+       |
+          v          v                                         |       |
+        [ OPERATING ] ------- limit switch struck ------> [ LIMIT ]    |
+          |                                                    |       |
+          +---- power, circuit or temperature lost, -----------+       |
+          |     hood open in automatic while moving            |       |
+          +---------------------> [ FAULT ] <------------------+       |
+                                      |                                |
+                                      +--------------------------------+
+
+FAULT: stages, brake and spindle off, every reference lost; what moves or starts the spindle answers 9.
+LIMIT: every reference lost; moves answer 2. docs/safety.md has the table of events.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+
+from isel_twin.firmware.imc.ports import Inputs
+
+
+class State(enum.Enum):
+    """What the controller allows."""
+
+    OPERATING = "operating"
+    LIMIT = "limit"
+    FAULT = "fault"
+
+
+class Event(enum.Enum):
+    """What changes it."""
+
+    INITIALISED = "initialised"
+    REFERENCE_BEGUN = "reference begun"
+    LIMIT_STRUCK = "limit struck"
+    POWER_LOST = "power lost"
+
+
+TRANSITIONS: Mapping[tuple[State, Event], State] = {
+    (State.OPERATING, Event.LIMIT_STRUCK): State.LIMIT,
+    (State.OPERATING, Event.POWER_LOST): State.FAULT,
+    (State.LIMIT, Event.POWER_LOST): State.FAULT,
+    (State.LIMIT, Event.INITIALISED): State.OPERATING,
+    (State.LIMIT, Event.REFERENCE_BEGUN): State.OPERATING,
+    (State.FAULT, Event.INITIALISED): State.OPERATING,
+}
+"""Whatever is not listed leaves the state as it is."""
+
+
+def circuits_closed(inputs: Inputs) -> bool:
+    """Both emergency stop circuits closed and the power stages cool."""
+    return inputs["estop_1"] and inputs["estop_2"] and inputs["cool"]
+
+
+def powered(inputs: Inputs) -> bool:
+    """The stages have power and nothing speaks against it."""
+    return circuits_closed(inputs) and inputs["power_ok"]
+
+
+def hood_safe(inputs: Inputs) -> bool:
+    """The hood is closed, or the key is on setup. Both hood contacts must say so: a broken wire counts as open."""
+    return inputs["hood_setup"] and (inputs["setup"] or inputs["hood_automatic"])
