@@ -13,7 +13,8 @@ TOKENS = [
     b"\r", b"\r", b"\r", b"\n", b"\x01", b" ", b",", b"@", b"#", b"$", b"-", b"0", b"99", b"100", b"5001", b"8388608",
     b"X", b"y", b"z5", b"L", b"L1,x9", b"L2,X3,Y4,Z5", b"L1,q1", b"L99,x-40,y7", b"W", b"W3", b"$HXYZ", b"$HX", b"A1",
     b"#E1,600", b"#E7,5000", b"#S65", b"#R0", b"#R60000", b"#DX,1,2,3,4", b"#OY,0", b"F1", b"F0", b"T1", b"Z2", b"Z1",
-    b"\rL2,x30,y-7\x01", b"\r$HY\x01", b"\r@C\r", b"@A", b"@C", b"@B", b"@S", b"@R", b"@X", b"@LX", b"@V", b"\xff", b"\x02", b"\x03", b"\x00",
+    b"\rL2,x30,y-7\x01", b"\r$HY\x01", b"\r@C\r",
+    b"@A", b"@C", b"@B", b"@S", b"@R", b"@X", b"@LX", b"@V", b"\xff", b"\x02", b"\x03", b"\x00",
 ]  # fmt: skip
 
 
