@@ -11,6 +11,7 @@ import threading
 import time
 
 import serial
+from rich import box
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -62,16 +63,13 @@ class _Host:
 
 
 def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tuple[tuple[str, str], ...]) -> None:
-    table = Table(title=title, title_justify="left", caption_justify="left")
-    for heading, justify in (
-        ("virtual s", "right"),
-        ("host sends", "left"),
-        ("reply", "left"),
-        ("counters mm", "right"),
-        ("true position mm", "right"),
-        ("difference um", "right"),
-    ):
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 1, 0))
+    table.add_column("virtual s", justify="right", no_wrap=True)
+    table.add_column("host sends", overflow="fold")
+    table.add_column("reply", overflow="fold")
+    table.add_column("", no_wrap=True)
+    for heading in ("counter mm", "true mm", "difference um"):
+        table.add_column(heading, justify="right", no_wrap=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("")
@@ -86,16 +84,17 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
                 f"{twin.time_ns / 1e9:.3f}",
                 f"{command}\n[dim]{purpose}[/dim]",
                 reply,
-                " ".join(f"{value:8.3f}" for value in counter_mm),
-                " ".join(f"{value:8.3f}" for value in true_mm),
-                " ".join(f"{1e3 * (true - counter):8.1f}" for true, counter in zip(true_mm, counter_mm, strict=True)),
+                "X\nY\nZ",
+                "\n".join(f"{value:.3f}" for value in counter_mm),
+                "\n".join(f"{value:.3f}" for value in true_mm),
+                "\n".join(f"{1e3 * (true - counter):.1f}" for true, counter in zip(true_mm, counter_mm, strict=True)),
             )
     console.print(table)
 
 
 def main() -> None:
     """Run the demonstration on the terminal."""
-    console = Console(width=max(Console().width, 132))
+    console = Console()
     with console.status("building the machine (the first time, the physics kernel is compiled: about a minute)"):
         twin = Twin(machine="4030", controller="imc-s8", seed=int(os.environ.get("SEED", "0")), line_speed=True)
     pty = PtyEndpoint()

@@ -224,6 +224,6 @@ def test_timed_line_delays_bytes_and_replies() -> None:
 
 def test_query_that_never_ends_times_out_in_virtual_time() -> None:
     twin = homed(plant="kinematic")
-    twin.write(b"@0A16000000,30,0,30,0,30,0,30\r")
+    twin.write(b"@0A8000000,30,0,30,0,30,0,30\r")
     with pytest.raises(TimeoutError, match=r"no complete reply to '@0P' within 1 s"):
         twin.query("@0P", timeout_s=1.0)
