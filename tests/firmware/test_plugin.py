@@ -18,7 +18,7 @@ from isel_twin.controller import controller_names
 
 assert "toy" in controller_names()
 twin = Twin(controller="toy", plant="kinematic", start_mm=(100.0, 50.0, 30.0))
-print(repr(twin.query("X1600")), list(twin.counts), [float(x) for x in twin.position_mm])
+print(repr(twin.query("X1600")), twin.counts.tolist(), twin.position_mm.round(9).tolist())
 print(repr(twin.query("?")), repr(twin.query("nonsense")))
 print(repr(twin.query("X-90000")), float(twin.counts[0]), float(twin.machine_position_mm[0]) < 0.01)
 """
