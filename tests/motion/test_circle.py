@@ -1,0 +1,237 @@
+"""Circles and helices: the manual's two printed commands, every octant, both directions, every way to compute D."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from isel_twin.motion import circle, decode, helix
+from isel_twin.motion.circle import Circle
+
+RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
+OCTANTS = [8 + 45 * k for k in range(8)]
+AXES = [0, 90, 180, 270]
+
+
+def on_circle(radius: float, degrees: float) -> tuple[int, int]:
+    """Start point, manual 2.3.4, rounded."""
+    angle = math.radians(degrees)
+    return round(radius * math.cos(angle)), round(radius * math.sin(angle))
+
+
+def senses(x: int, y: int, clockwise: bool) -> tuple[int, int]:
+    """Rx, Ry, manual 2.3.5: the way the path leaves the point; on an axis that of the quadrant it enters."""
+    forward = -1 if clockwise else 1
+    rx = -forward * y or -x
+    ry = forward * x or -y
+    return (1 if rx > 0 else -1), (1 if ry > 0 else -1)
+
+
+def summe_printed(n: int) -> int:
+    """Summe(n) as the worked example computes it: Summe(-141) = 141 (-141 + 1)."""
+    return abs(n) * (n + 1)
+
+
+def summe_odd(n: int) -> int:
+    """Summe(n) as it makes the register exact: an odd function."""
+    return n * (abs(n) + 1)
+
+
+def manual_d(r: int, x: int, y: int, rx: int, ry: int, clockwise: bool, summe: Callable[[int], int]) -> float:
+    """D of manual 2.3.6; clockwise is its mirror image."""
+    if clockwise:
+        x, y, rx, ry = y, x, ry, rx
+    sums = rx * ry * (r + summe(r - 1)) - rx * summe(x + (rx - ry) // 2) + ry * summe(y + (rx + ry) // 2)
+    return sums / 2
+
+
+def field_d(r: float, x: int, y: int, rx: int, ry: int) -> float:
+    """D as hosts in the field compute it."""
+    return (r * r - x * (x - rx) - y * (y - ry)) / 2
+
+
+def points(path: Circle, x: int, y: int) -> NDArray[np.int64]:
+    """int64 [ticks + 1, 2] around the centre; every tick must be one step of one of the two axes."""
+    delta = decode(path.codes(0, path.ticks))[:, :2].astype(np.int64)
+    assert (np.abs(delta).sum(axis=1) == 1).all()
+    return np.concatenate([[(x, y)], np.array((x, y)) + np.cumsum(delta, axis=0)])
+
+
+def off(path: NDArray[np.int64], radius: float) -> float:
+    """Largest distance from the circle."""
+    return float(np.abs(np.hypot(path[:, 0], path[:, 1]) - radius).max())
+
+
+def turns(path: NDArray[np.int64]) -> float:
+    """Turns made around the centre, counter-clockwise positive."""
+    angle = np.unwrap(np.arctan2(path[:, 1], path[:, 0]))
+    return float(angle[-1] - angle[0]) / (2 * math.pi)
+
+
+def test_the_arc_printed_in_the_manual() -> None:
+    """y400,1500,119,-141,141,-1,-1 after f-1: a quarter of R = 200 from 135 to 225 degrees."""
+    path = points(circle(400, 119, -141, 141, -1, -1, clockwise=False), -141, 141)
+    assert len(path) == 401
+    assert path[-1].tolist() == [-141, -141]
+    assert off(path, 200) <= 1
+    assert path[:, 0].min() == -200
+    assert turns(path) == pytest.approx(0.25)
+
+
+def test_the_helix_printed_in_the_manual() -> None:
+    """w32000,600,-1000,-2000,0,1,-1,6000: 32000 = 2 x 8 x 2000, two turns of R = 2000 from 180 degrees."""
+    spiral = helix(32_000, -1000, -2000, 0, 1, -1, False, (0, 1), 2, 6000)
+    path = points(spiral, -2000, 0)
+    assert off(path, 2000) <= 1
+    assert turns(path) == pytest.approx(2)
+    assert spiral.displacement(32_000) == (0, 0, 6000, 0)
+    third = np.cumsum(decode(spiral.codes(0, 32_000))[:, 2].astype(int))
+    assert third.tolist() == [(2 * k * 6000 + 32_000) // 64_000 for k in range(1, 32_001)]
+
+
+def test_the_arc_of_a_field_host() -> None:
+    """f0, y2400,400,-200,0,-400,-1,1: three quarters of R = 400, clockwise from the bottom."""
+    path = points(circle(2400, -200, 0, -400, -1, 1, clockwise=True), 0, -400)
+    assert off(path, 400) <= 1
+    assert path[-1].tolist() == [400, 0]
+    assert turns(path) == pytest.approx(-0.75)
+
+
+@pytest.mark.parametrize("summe", [summe_printed, summe_odd])
+@pytest.mark.parametrize("clockwise", [False, True], ids=["ccw", "cw"])
+@pytest.mark.parametrize("radius", RADII)
+def test_octants_with_the_manuals_formula(radius: int, clockwise: bool, summe: Callable[[int], int]) -> None:
+    """One turn from a point in each octant: never more than a step off, whichever way D is made a whole number."""
+    for degrees in OCTANTS:
+        x, y = on_circle(radius, degrees)
+        rx, ry = senses(x, y, clockwise)
+        d = manual_d(radius, x, y, rx, ry, clockwise, summe)
+        for whole in {math.floor(d), math.ceil(d)}:
+            path = points(circle(8 * radius, whole, x, y, rx, ry, clockwise), x, y)
+            assert off(path, radius) <= 1
+            assert turns(path) == pytest.approx(-1 if clockwise else 1, abs=2 / radius)
+
+
+@pytest.mark.parametrize("summe", [summe_printed, summe_odd])
+@pytest.mark.parametrize("clockwise", [False, True], ids=["ccw", "cw"])
+@pytest.mark.parametrize("radius", RADII)
+def test_full_circles_from_an_axis_close(radius: int, clockwise: bool, summe: Callable[[int], int]) -> None:
+    for degrees in AXES:
+        x, y = on_circle(radius, degrees)
+        rx, ry = senses(x, y, clockwise)
+        d = manual_d(radius, x, y, rx, ry, clockwise, summe)
+        for whole in {math.floor(d), math.ceil(d)}:
+            full = circle(8 * radius, whole, x, y, rx, ry, clockwise)
+            path = points(full, x, y)
+            assert path[-1].tolist() == [x, y]
+            assert full.displacement(full.ticks) == (0, 0, 0, 0)
+            assert off(path, radius) <= 0.75
+            assert np.abs(path).max() == radius
+
+
+@pytest.mark.parametrize("whole", [int, round], ids=["cut", "rounded"])
+@pytest.mark.parametrize("clockwise", [False, True], ids=["ccw", "cw"])
+@pytest.mark.parametrize("radius", [*RADII, 7.5, 12.34, 99.9, 400.4])
+def test_octants_with_the_formulas_of_the_field(radius: float, clockwise: bool, whole: Callable[[float], int]) -> None:
+    for degrees in OCTANTS + AXES:
+        angle = math.radians(degrees)
+        x, y = whole(radius * math.cos(angle)), whole(radius * math.sin(angle))
+        rx, ry = senses(x, y, clockwise)
+        for factor in (1, -rx * ry):
+            d = whole(factor * field_d(radius, x, y, rx, ry))
+            path = points(circle(round(8 * radius), d, x, y, rx, ry, clockwise), x, y)
+            assert off(path, radius) <= 4
+            # The same number of steps is a longer arc on a smaller circle: 1.5 turns at 5 instead of 7.5 steps.
+            assert 0.7 < turns(path) * (-1 if clockwise else 1) < 1.6
+
+
+@given(
+    st.integers(-(1 << 70), 1 << 70),
+    st.integers(-(1 << 24), 1 << 24),
+    st.integers(-(1 << 24), 1 << 24),
+    st.sampled_from([-1, 0, 1]),
+    st.sampled_from([-1, 0, 1]),
+    st.booleans(),
+)
+@settings(deadline=None, max_examples=200)
+def test_any_parameters_make_one_step_a_tick(d: int, x: int, y: int, rx: int, ry: int, clockwise: bool) -> None:
+    path = points(circle(300, d, x, y, rx, ry, clockwise), x, y)
+    assert off(path, math.hypot(x, y)) <= 3.5
+
+
+@given(st.integers(-3, 3), st.integers(-3, 3), st.integers(-100, 100), st.booleans())
+@settings(deadline=None, max_examples=100)
+def test_the_centre_is_no_trap(x: int, y: int, d: int, clockwise: bool) -> None:
+    path = points(circle(200, d, x, y, 1, 1, clockwise), x, y)
+    assert np.abs(path).max() <= 6
+
+
+@pytest.mark.parametrize("axes", [(0, 1), (0, 2), (1, 2), (2, 0)])
+def test_planes(axes: tuple[int, int]) -> None:
+    """A quarter of R = 100 from the first towards the second axis of the plane."""
+    displacement = [0, 0, 0, 0]
+    displacement[axes[0]], displacement[axes[1]] = -100, 100
+    assert circle(200, -50, 100, 0, -1, 1, False, axes).displacement(200) == tuple(displacement)
+
+
+@pytest.mark.parametrize("third_steps", [0, 1, -1, 777, -3200, 3200])
+@pytest.mark.parametrize("third_axis", [2, 3])
+def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None:
+    flat = circle(3200, -200, 400, 0, -1, 1, False)
+    spiral = helix(3200, -200, 400, 0, -1, 1, False, (0, 1), third_axis, third_steps)
+    delta = decode(spiral.codes(0, 3200))
+    assert delta[:, :2].tolist() == decode(flat.codes(0, 3200))[:, :2].tolist()
+    made = np.cumsum(delta[:, third_axis].astype(int))
+    sign = -1 if third_steps < 0 else 1
+    assert made.tolist() == [sign * ((2 * k * abs(third_steps) + 3200) // 6400) for k in range(1, 3201)]
+    assert spiral.displacement(1234)[third_axis] == made[1233]
+
+
+@given(st.lists(st.integers(0, 160_000), min_size=1, max_size=6))
+@settings(deadline=None, max_examples=30)
+def test_windows_and_displacements_do_not_depend_on_how_they_are_cut(cuts: list[int]) -> None:
+    """160000 ticks: some twenty checkpoints."""
+    spiral = helix(160_000, -10_000, 20_000, 0, -1, 1, False, (1, 0), 3, -5000)
+    whole = spiral.codes(0, 160_000)
+    made = np.cumsum(decode(whole).astype(np.int64), axis=0)
+    edges = sorted({0, 160_000, *cuts})
+    for first, last in pairwise(edges):
+        assert spiral.codes(first, last).tolist() == whole[first:last].tolist()
+        assert spiral.displacement(last) == tuple(made[last - 1])
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 8191, 8192, 8193, 16_384])
+def test_lengths_around_a_checkpoint(ticks: int) -> None:
+    arc = circle(ticks, -10_000, 20_000, 0, -1, 1, False)
+    made = decode(arc.codes(0, ticks)).sum(axis=0, dtype=int)
+    assert arc.displacement(ticks) == tuple(made)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((10, 0, 5, 0, -1, 1, False, (0, 0), None, 0), "different axes"),
+        ((10, 0, 5, 0, -1, 1, False, (0, 4), None, 0), "different axes"),
+        ((10, 0, 5, 0, -1, 1, False, (0, 1), 1, 5), "different axes"),
+        ((-1, 0, 5, 0, -1, 1, False, (0, 1), None, 0), "ticks"),
+        ((10, 0, 1 << 28, 0, -1, 1, False, (0, 1), None, 0), "below"),
+        ((10, 0, 5, 0, -1, 1, False, (0, 1), 2, -11), "-11 steps in 10 ticks"),
+    ],
+)
+def test_what_is_no_circle(arguments: tuple, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        helix(*arguments)
+
+
+def test_ticks_that_do_not_exist() -> None:
+    with pytest.raises(IndexError, match="of 10"):
+        circle(10, 0, 5, 0, -1, 1, False).codes(0, 11)
+    with pytest.raises(IndexError, match="of 10"):
+        circle(10, 0, 5, 0, -1, 1, False).displacement(11)
