@@ -48,17 +48,28 @@ def line(*steps: int) -> NDArray[np.int8]:
     return np.diff(made, axis=0).astype(np.int8)
 
 
-def _sum(n: int) -> int:
-    """The manual's Summe(n) as its worked example computes it (2.3.6): |n| (n + 1)."""
-    return abs(n) * (n + 1)
+READINGS = ("meant", "printed", "slipped")
+"""How hosts may read the formula for D in 2.3.6, whose worked example contradicts it twice.
+
+meant: Summe(n) = n (|n| + 1), which gives the example's 119 from the formula as it stands. printed: the formula with
+Summe(n) = |n| (n + 1), as the example computes Summe(-141). slipped: both slips of the example, |n| (n + 1) and
+Ys + (Rx - Ry) / 2, which gives 119 again.
+"""
 
 
-def interpolation_parameter(radius: int, xs: int, ys: int, rx: int, ry: int, clockwise: bool = False) -> int:
+def interpolation_parameter(
+    radius: int, xs: int, ys: int, rx: int, ry: int, clockwise: bool = False, reading: str = "meant"
+) -> int:
     """D of section 2.3.6; clockwise is the mirror image: the same with the roles of the two axes exchanged."""
     if clockwise:
         xs, ys, rx, ry = ys, xs, ry, rx
-    twice = rx * ry * (radius + _sum(radius - 1)) - rx * _sum(xs + (rx - ry) // 2) + ry * _sum(ys + (rx + ry) // 2)
-    return twice // 2
+
+    def summe(n: int) -> int:
+        return n * (abs(n) + 1) if reading == "meant" else abs(n) * (n + 1)
+
+    y_shift = (rx - ry if reading == "slipped" else rx + ry) // 2
+    twice = rx * ry * (radius + summe(radius - 1)) - rx * summe(xs + (rx - ry) // 2) + ry * summe(ys + y_shift)
+    return round(twice / 2)
 
 
 def directions(xs: int, ys: int, clockwise: bool) -> tuple[int, int]:
