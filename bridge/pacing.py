@@ -12,6 +12,7 @@ A twin that cannot keep up with the speed asked for slips: the relation is ancho
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -34,7 +35,9 @@ class Clocked(Protocol):
     def next_event_ns(self) -> int | None: ...
     @property
     def idle(self) -> bool: ...
-    def run_until(self, time_ns: int) -> None: ...
+    @property
+    def reply_waiting(self) -> bool: ...
+    def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None: ...
 
 
 def parse_speed(text: str) -> float | None:
@@ -73,13 +76,13 @@ class Pacer:
     def advance(self, twin: Clocked) -> None:
         """Let the twin catch up: to its next event, to the present, or for about a tick of computing.
 
-        Whatever comes first; so its answers leave in time and the host is heard between two calls.
+        Whatever comes first; so its answers leave in time and the host is heard between two calls. At speed `max` it
+        stops at the very instant of a reply, or when there is nothing more to do.
         """
         present, event = self.present_ns(), twin.next_event_ns
         if present is None:
-            if twin.idle or event is None:
-                return
-            self._compute(twin, event)
+            if not twin.idle and event is not None:
+                self._compute(twin, sys.maxsize, lambda: twin.idle or twin.reply_waiting)
         elif twin.idle:  # nothing to compute: any stretch of time is cheap
             twin.run_until(present if event is None else max(twin.time_ns, min(present, event)))
         else:
@@ -89,10 +92,10 @@ class Pacer:
                 self.slipped = True
                 self._anchor(twin.time_ns)
 
-    def _compute(self, twin: Clocked, until_ns: int) -> None:
+    def _compute(self, twin: Clocked, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance at most to until_ns, in a slice whose length adapts so that it takes about a tick."""
         began, start_ns = self._clock(), twin.time_ns
-        twin.run_until(max(start_ns, min(until_ns, start_ns + self._slice_ns)))
+        twin.run_until(max(start_ns, min(until_ns, start_ns + self._slice_ns)), stop)
         took_ns = self._clock() - began
         if took_ns > 2 * TICK_NS:
             self._slice_ns = max(self._slice_ns // 2, 100_000)

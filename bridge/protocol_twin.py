@@ -32,8 +32,9 @@ import urllib.parse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from isel_twin.bridge.pacing import Pacer, parse_speed
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException, to_bytes
+
+from isel_twin.bridge.pacing import Pacer, parse_speed
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -42,6 +43,9 @@ __all__ = ["Serial", "parse_url"]
 
 POLL_NS = 10_000_000
 """Virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep."""
+
+LOOK_NS = 1_000_000_000
+"""Virtual time between two looks whether a read without timeout can still end: 1 s."""
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
@@ -131,17 +135,19 @@ class Serial(SerialBase):
     # time
 
     def _pass(self, until_ns: int) -> None:
-        """Let virtual time pass to until_ns; at a finite speed not before its time has come."""
+        """Let virtual time pass to until_ns (at a finite speed not before its time), or until a byte arrives."""
         twin = self.twin
         if self._pacer.speed is not None:
             time.sleep(self._pacer.until_s(until_ns))
-        twin.run_until(max(until_ns, twin.time_ns))
+        twin.run_until(until_ns, lambda: twin.reply_waiting)
         self._buffer += twin.read()
 
     def _catch_up(self) -> None:
         """Bring the twin to the present (finite speeds) and fetch what has arrived."""
         present = self._pacer.present_ns()
-        self._pass(self.twin.time_ns if present is None else present)
+        self._buffer += self.twin.read()
+        while present is not None and self.twin.time_ns < present:
+            self._pass(present)
 
     def _look(self) -> None:
         """Fetch what has arrived; finding nothing takes a moment."""
@@ -183,7 +189,7 @@ class Serial(SerialBase):
             if limits and twin.time_ns >= min(limits):
                 return
             if (event := twin.next_event_ns) is not None:
-                limits.append(event)
+                limits.append(event if self._pacer.speed is not None else twin.time_ns + LOOK_NS)
             if not limits:
                 raise SerialException("read without timeout, but the twin is waiting for the host: no byte can come")
             self._pass(min(limits))
@@ -204,7 +210,8 @@ class Serial(SerialBase):
     def flush(self) -> None:
         """Wait until everything written has gone over the line."""
         self._check_open()
-        self._pass(max(self._line_free_ns, self.twin.time_ns))
+        while self.twin.time_ns < self._line_free_ns:
+            self._pass(self._line_free_ns)
 
     @property
     def out_waiting(self) -> int:

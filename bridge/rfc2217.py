@@ -13,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import serial
-from isel_twin.bridge.tcp import ProtocolError
 from serial.rfc2217 import PortManager
+
+from isel_twin.bridge.tcp import ProtocolError
 
 __all__ = ["Rfc2217Codec"]
 

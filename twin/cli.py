@@ -88,15 +88,15 @@ def _one_line(text: str) -> str:
 
 
 @contextmanager
-def _bad_call() -> Iterator[None]:
-    """What a caller may have got wrong becomes one line."""
+def _bad_call(about: object = None) -> Iterator[None]:
+    """What a caller may have got wrong becomes one line, about a file if the error does not name one itself."""
     try:
         yield
     except FileNotFoundError as error:
         raise BadCall(f"{error.filename}: there is no such file") from error
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        raise BadCall(f"{where}{error.strerror or error}") from error
+        where = error.filename or about
+        raise BadCall(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
     except ValueError as error:
         raise BadCall(str(error)) from error
 
@@ -110,7 +110,7 @@ def _build(
     flash: Path | None,
     line_speed: bool,
 ) -> Twin:
-    with _bad_call():
+    with _bad_call(flash):
         from isel_twin.files import FlashFile
         from isel_twin.twin import Twin
 
@@ -276,7 +276,7 @@ def run(
     """
     from isel_twin.job import parse_job, play
 
-    with _bad_call():
+    with _bad_call(job):
         try:
             lines = parse_job(job.read_text(encoding="latin-1"))
         except ValueError as error:

@@ -154,6 +154,12 @@ class Twin:
         return self.idle
 
     @property
+    def reply_waiting(self) -> bool:
+        """Whether `read` would return something."""
+        arrival_ns = self._line.next_reply_ns
+        return arrival_ns is not None and arrival_ns <= self.time_ns
+
+    @property
     def baud(self) -> int:
         """Speed of the serial line in bit/s."""
         return self._controller.baud
@@ -170,9 +176,12 @@ class Twin:
         """Let virtual time pass."""
         self.run_until(self.time_ns + round(seconds * NANOSECOND))
 
-    def run_until(self, time_ns: int) -> None:
-        """Let virtual time pass to time_ns; a time in the past does nothing."""
-        self._advance(time_ns)
+    def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
+        """Let virtual time pass to time_ns, or until `stop` (asked whenever something has happened) returns True.
+
+        A time in the past does nothing.
+        """
+        self._advance(time_ns, stop)
 
     @property
     def next_event_ns(self) -> int | None:

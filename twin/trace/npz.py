@@ -14,8 +14,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from isel_twin.files import replacing
 from numpy.typing import NDArray
+
+from isel_twin.files import replacing
 
 if TYPE_CHECKING:
     from isel_twin.motion import Steps

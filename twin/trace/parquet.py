@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
 from isel_twin.files import replacing
 from isel_twin.trace.recorder import SAMPLE, Change, Recorder
-from numpy.typing import NDArray
 
 __all__ = ["write_parquet"]
 

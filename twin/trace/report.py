@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
-from isel_twin.files import atomic_write
-from isel_twin.trace.recorder import SAMPLE, Recorder
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from isel_twin.files import atomic_write
+from isel_twin.trace.recorder import SAMPLE, Recorder
 
 if TYPE_CHECKING:
     from isel_twin.job import Result

@@ -21,9 +21,10 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from vcd import VCDWriter
+
 from isel_twin.files import replacing
 from isel_twin.trace.recorder import Change, Recorder
-from vcd import VCDWriter
 
 if TYPE_CHECKING:
     from isel_twin.motion import Steps
