@@ -42,6 +42,8 @@ REST_M_S = 5e-6
 """Joint speed below which a joint counts as standing."""
 HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
+FAR_M = 1e3
+"""A joint this far away is lost, finite or not."""
 NEVER = np.iinfo(np.int64).max
 
 PLANT = np.dtype(
@@ -71,7 +73,7 @@ AXIS = np.dtype(
         ("v_m_s", "f8"),
         ("rest_m_s2", "f8"),  # a: acceleration by everything but nut, push and guide friction
         ("friction_n", "f8"),  # guide friction
-        ("held", "i8"),  # 1: against a stop or in a collision
+        ("held", "f8"),  # +1, -1: a stop or a collision pushes this way, 0: nothing does
         ("sum_n", "f8"),  # sum of the forces of this window
         ("mean_n", "f8"),  # mean force of the window before
         ("push_n", "f8"),  # force from outside
@@ -136,21 +138,22 @@ def wake(plants, axes):  # type: ignore[no-untyped-def]
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
     """Take the carriages from MuJoCo at the start of a window.
 
-    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision. That
-    holds the carriage whatever the nut does, so its velocity is not predicted: the position follows MuJoCo's own rule.
+    Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
+    carriage cannot go on that way, however the nut pushes.
     """
     for i in range(AXES):
         axis = axes[i]
         axis.x_m = qpos[axis.dof]
         axis.v_m_s = qvel[axis.dof]
-        held = abs(qacc[axis.dof] - qacc_smooth[axis.dof]) - axis.mobility_per_kg * axis.friction_n
-        axis.held = 1 if held > HELD_M_S2 else 0
+        push_m_s2 = qacc[axis.dof] - qacc_smooth[axis.dof]
+        free = abs(push_m_s2) <= axis.mobility_per_kg * axis.friction_n + HELD_M_S2
+        axis.held = 0.0 if free else math.copysign(1.0, push_m_s2)
         axis.rest_m_s2 = qacc_smooth[axis.dof] - axis.mobility_per_kg * axis.mean_n
         axis.sum_n = 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
+def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = True
     for i in range(AXES):
@@ -158,9 +161,10 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # 
         axis.mean_n = axis.sum_n / plant.window
         qfrc[axis.dof] = axis.mean_n
         quiet = quiet and at_rest(states[i])
-        if not math.isfinite(axis.mean_n):
+        if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
+    before[:] = qpos
     _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
@@ -169,13 +173,14 @@ def _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc):  # 
             qvel[axis.dof] = 0.0
         qpos[axis.dof] = axis.x_m + window_s * (qvel[axis.dof] - axis.v_m_s)
     for j in range(qvel.shape[0]):
-        if plant.lost_dof < 0 and not (math.isfinite(qpos[j]) and math.isfinite(qvel[j])):
+        if plant.lost_dof < 0 and not abs(qpos[j]) < FAR_M:
             plant.lost_dof = j
         quiet = quiet and abs(qvel[j]) < REST_M_S
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
         qvel[:] = 0.0
+        before[:] = qpos
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 
@@ -195,12 +200,13 @@ def _strike(switches, axes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
-    plants, axes, drives, states, switches, commanded, qpos, qvel, qacc, qacc_smooth, qfrc, until, t_ns, code
+    plants, axes, drives, states, switches, commanded, qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, code
 ):
     """Advance to sub-step `until`, or to the end of the first one in which a switch changed; return the pulses made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, switches [m] SWITCH,
-    commanded int64 [4] microsteps, q... [nv] views of MuJoCo's arrays; t_ns, code [n] pulses in time order.
+    commanded int64 [4] microsteps, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago; t_ns, code [n]
+    pulses in time order.
     A pulse at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -245,17 +251,15 @@ def advance(  # type: ignore[no-untyped-def]
                 drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
             axis.sum_n += force_n
-            if axis.held:
-                axis.x_m += dt_s * axis.v_m_s
-                continue
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
             stop_m_s = dt_s * axis.mobility_per_kg * axis.friction_n
-            axis.v_m_s = free_m_s - min(stop_m_s, max(-stop_m_s, free_m_s))
+            free_m_s -= min(stop_m_s, max(-stop_m_s, free_m_s))
+            axis.v_m_s = 0.0 if axis.held * free_m_s < 0.0 else free_m_s
             axis.x_m = x_mid_m + 0.5 * dt_s * axis.v_m_s
 
         plant.now += 1
         if plant.now % plant.window == 0:
-            _leave_window(plant, axes, states, qpos, qvel, qacc, qacc_smooth, qfrc)
+            _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_dof >= 0:
                 break
         if _strike(switches, axes):

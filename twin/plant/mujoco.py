@@ -44,7 +44,7 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 
 class PlantError(RuntimeError):
-    """The simulation has left the finite numbers."""
+    """A joint has run away: the numbers mean nothing any more."""
 
 
 @cache
@@ -226,25 +226,27 @@ class MujocoPlant:
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
+        self._before = data.qpos.copy()
+        """float64 [nv], joint positions one window ago."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
-        """See Plant.advance. Raises PlantError if the simulation leaves the finite numbers."""
+        """See Plant.advance. Raises PlantError if a joint runs away."""
         plant, data = self._plant, self.data
         substep_ns = self.machine.timing.substep_ns
         if len(self._late[0]):
             t_ns, code = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], code))
         made = kernel.advance(
             plant, self._axes, self._drives, self._states, self._switches, self._commanded,
-            data.qpos, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
             until_ns // substep_ns, t_ns, code,
         )  # fmt: skip
         self.time_ns = int(plant["now"][0]) * substep_ns
         if plant["lost_dof"][0] >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
             raise PlantError(
-                f"axis {joint}: position is not a finite number at {self.time_ns / 1e9:.6f} s; "
-                f"shorten timing.mujoco_step or lower the stiffness in {self.machine.file}"
+                f"axis {joint}: runs away at {self.time_ns / 1e9:.6f} s, beyond {kernel.FAR_M:g} m or any number; "
+                f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if plant["edge"][0]:
             self._late = (t_ns[:0], code[:0])
@@ -343,9 +345,13 @@ class MujocoPlant:
         return model, data
 
     def _joints(self) -> NDArray[np.float64]:
-        """float64 [nv], joint positions at this moment, somewhere inside a window."""
-        elapsed = self._plant["now"][0] % self._plant["window"][0] * self._plant["substep_ns"][0]
-        now = self.data.qpos + self.data.qvel * (1e-9 * elapsed)
+        """float64 [nv], joint positions at this moment, somewhere inside a window.
+
+        What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
+        """
+        window = self._plant["window"][0]
+        share = self._plant["now"][0] % window / window
+        now = self._before + share * (self.data.qpos - self._before)
         now[self._dof] = self._axes["x_m"]
         return now
 

@@ -1,0 +1,91 @@
+"""A bench for the MuJoCo plant: power, pulses by closed form, pushes, and nothing of the controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from isel_twin.machine import load_machine, with_overrides
+from isel_twin.plant import Switch
+from isel_twin.plant.mujoco import MujocoPlant
+
+MS = 1_000_000
+FULL_STEP = 8
+"""Microsteps in a full step at 1600 a revolution."""
+PERIOD = 4 * FULL_STEP
+"""Microsteps in which the torque of a two-phase motor repeats: what a motor loses when it loses any."""
+NONE = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)
+
+
+def ramp_ns(steps: int, top_hz: float, start_hz: float = 300.0, hz_per_ms: float = 100.0) -> NDArray[np.int64]:
+    """Times of the pulses of a move: s(t) = start t + a t^2 / 2 up to the top, mirrored at the end."""
+    acceleration = 1e3 * hz_per_ms
+    ramp = min((top_hz**2 - start_hz**2) / (2.0 * acceleration), steps / 2.0) if top_hz > start_hz else 0.0
+    top = np.sqrt(start_hz**2 + 2.0 * acceleration * ramp) if ramp else min(top_hz, start_hz)
+
+    def rising(s: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (np.sqrt(start_hz**2 + 2.0 * acceleration * s) - start_hz) / acceleration
+
+    k = np.arange(1.0, steps + 1.0)
+    up = (top - start_hz) / acceleration if ramp else 0.0
+    total = 2.0 * up + (steps - 2.0 * ramp) / top
+    seconds = up + (k - ramp) / top
+    seconds = np.where(k < ramp, rising(k), seconds)
+    seconds = np.where(k > steps - ramp, total - rising(steps - k), seconds)
+    return np.rint(seconds * 1e9).astype(np.int64)
+
+
+class Bench:
+    """A plant and the time it has reached."""
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self.plant = plant
+        self.now_ns = 0
+
+    def wait(self, ms: float) -> None:
+        """Let time pass without pulses."""
+        self.feed(round(ms * MS), *NONE)
+
+    def feed(self, duration_ns: int, after_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> None:
+        """Let time pass with pulses at after_ns from now; nothing may stop it early."""
+        until_ns = self.now_ns + duration_ns
+        assert self.plant.advance(until_ns, self.now_ns + after_ns, code) == until_ns
+        self.now_ns = until_ns
+
+    def move(self, steps: Sequence[int], top_hz: float, start_hz: float = 300.0, hz_per_ms: float = 100.0) -> None:
+        """Move by steps X, Y, Z (equal or zero, with sign) to the end of the last pulse."""
+        t_ns = ramp_ns(max(abs(n) for n in steps), top_hz, start_hz, hz_per_ms)
+        code = sum({0: 0, 1: 1, -1: 3}[int(np.sign(n))] << (2 * axis) for axis, n in enumerate(steps))
+        self.feed(int(t_ns[-1]), t_ns, np.full(len(t_ns), code, dtype=np.uint8))
+
+    @property
+    def lost(self) -> NDArray[np.float64]:
+        """Microsteps commanded and not made."""
+        return self.plant.commanded - self.plant.rotor
+
+
+@pytest.fixture
+def bench() -> Callable[..., Bench]:
+    """Build a plant: bench(overrides, start_mm, switches); stages on unless told otherwise."""
+
+    def build(
+        overrides: Mapping[str, Any] | None = None,
+        start_mm: Sequence[float] = (100.0, 100.0, 30.0),
+        switches: Sequence[Switch] = (),
+        *,
+        machine: Any = "4030",
+        power: bool = True,
+        lowering: bool = True,
+    ) -> Bench:
+        plant = MujocoPlant(with_overrides(load_machine(machine), overrides or {}), switches, np.array(start_mm))
+        result = Bench(plant)
+        if power:
+            plant.set_power(stages=True, brake_released=True, lowering=lowering)
+            result.wait(50)
+        return result
+
+    return build

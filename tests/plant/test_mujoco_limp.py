@@ -1,0 +1,137 @@
+"""Stages off, brakes, stops, collisions, and numbers that run away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from isel_twin.machine import MachineError
+from isel_twin.plant.mujoco import PlantError
+
+from .conftest import PERIOD
+
+HEAVY = {"masses.z_slide": 40.0}
+"""A Z slide whose weight (392 N) is more than friction and detent hold (about 250 N)."""
+
+
+def test_limp_axis_gives_way_to_a_hand_but_not_to_a_finger(bench):
+    """Breakaway 1.3 x 0.09 N m and detent 0.06 N m at 5 mm, guide 30 N: about 230 N at 90 % efficiency."""
+    b = bench(power=False)
+    b.plant.apply_force(0, 150.0)
+    b.wait(1000)
+    assert b.plant.position_mm[0] == pytest.approx(100.0, abs=0.05)
+    b.plant.apply_force(0, 400.0)
+    b.wait(200)
+    assert b.plant.position_mm[0] > 102.0
+    assert b.plant.commanded[0] == 0
+
+
+def test_moved_by_hand_it_snaps_to_the_nearest_period_at_power_on(bench):
+    b = bench(power=False)
+    b.plant.apply_force(0, 400.0)
+    b.wait(250)
+    b.plant.apply_force(0, 0.0)
+    b.wait(1000)
+    by_hand = b.plant.rotor[0]
+    assert by_hand > PERIOD
+    b.plant.set_power(stages=True, brake_released=True, lowering=False)
+    b.wait(1000)
+    assert b.plant.rotor[0] == pytest.approx(PERIOD * round(by_hand / PERIOD), abs=0.8)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "released", "falls"),
+    [
+        ({}, True, False),
+        (HEAVY, True, True),
+        ({**HEAVY, "axes.z.brake": 1000.0}, False, False),
+        ({**HEAVY, "axes.z.brake": 1000.0}, True, True),
+    ],
+)
+def test_z_falls_when_the_power_is_cut_unless_something_holds_it(bench, overrides, released, falls):
+    b = bench(overrides)
+    b.wait(500)
+    height = b.plant.position_mm[2]
+    b.plant.set_power(stages=False, brake_released=released, lowering=False)
+    b.wait(1000)
+    assert (b.plant.position_mm[2] - height > 10.0) == falls
+    assert falls or b.plant.position_mm[2] == pytest.approx(height, abs=0.01)
+
+
+@pytest.mark.parametrize("overrides", [HEAVY, {"imperfections": "ideal"}, {"axes.all.guide_friction": 0.0}])
+def test_limp_machine_never_gains_energy(bench, overrides):
+    """Pushed away, let go, running into its stops. (What a stop's spring holds for a moment is not in the sum.)"""
+    b = bench(overrides, power=False, start_mm=(360.0, 280.0, 100.0))
+    for axis in range(3):
+        b.plant.apply_force(axis, 800.0)
+    b.wait(60)
+    for axis in range(3):
+        b.plant.apply_force(axis, 0.0)
+    energy = [b.plant.energy_j]
+    for _ in range(3000):
+        b.wait(0.5)
+        energy.append(b.plant.energy_j)
+    spent = energy[0] - energy[-1]
+    assert spent > 0.1
+    assert np.max(energy - np.minimum.accumulate(energy)) < 1e-4 * spent
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sense", [1, -1])
+def test_stops_stand_two_kilonewtons(bench, axis, sense):
+    b = bench(power=False)
+    b.plant.apply_force(axis, 2000.0 * sense)
+    b.wait(8000)
+    travel = b.plant.machine.axes[axis].travel_mm
+    stop = travel + 3.0 if sense > 0 else -3.0
+    assert b.plant.position_mm[axis] == pytest.approx(stop, abs=0.2)
+    assert b.plant.at_rest
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_motor_stalls_at_the_stop(bench, axis):
+    """Pull-out torque 1.78 N m at 5 mm and 90 %: about 2 kN, and not through the stop."""
+    start = [100.0, 100.0, 30.0]
+    start[axis] = bench().plant.machine.axes[axis].travel_mm
+    b = bench(start_mm=start)
+    steps = [0, 0, 0]
+    steps[axis] = 3200
+    b.move(steps, 2000)
+    assert b.plant.position_mm[axis] == pytest.approx(start[axis] + 3.0, abs=0.3), "the table's structure gives"
+    b.wait(1000)
+    assert b.lost[axis] == pytest.approx(3200 - 3.0 * 320, abs=2 * PERIOD), "the nut's spring is wound up"
+
+
+FIXTURE = """
+<mujoco model="block">
+  <worldbody>
+    <body name="block"><geom type="box" size="0.28 0.17 0.02" pos="0 0 0.02" mass="2"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_spindle_runs_onto_a_fixture_and_stays_there(bench, tmp_path):
+    """The cutter is 147 mm above the table at Z = 0; a 40 mm block stops it at 107 mm."""
+    (tmp_path / "block.xml").write_text(FIXTURE)
+    b = bench({"fixture": str(tmp_path / "block.xml")}, start_mm=(200.0, 150.0, 100.0))
+    b.move((0, 0, 9600), 2000)
+    assert b.plant.position_mm[2] == pytest.approx(107.0, abs=0.5)
+    b.wait(500)
+    assert b.lost[2] >= 20 * 320
+    with pytest.raises(MachineError, match="fixture"):
+        bench({"fixture": str(tmp_path / "none.xml")})
+
+
+def test_numbers_that_run_away_name_the_axis(bench):
+    b = bench()
+    b.plant.apply_force(0, 1e12)
+    with pytest.raises(PlantError, match="axis x: runs away at 0.0505"):
+        b.wait(10)
+    with pytest.raises(ValueError, match="axis y.*not a finite number"):
+        bench().plant.apply_force(1, float("inf"))
+
+
+def test_sub_step_too_long_for_the_stiffness_is_refused(bench):
+    with pytest.raises(MachineError, match=r"motor_substep: 100 us is too long for axes\.y\.stiffness"):
+        bench({"timing.motor_substep": 100.0, "axes.y.stiffness": 200.0, "masses.table_carriage": 1.0})
