@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from isel_twin.firmware.imc.activity import Activity, Pause
@@ -142,12 +141,10 @@ def write_port(device: Device, port: int, value: int) -> None:
         port = 2
     levels = device.outputs.levels_for(port, value)
     rising = {name for name, level in levels.items() if level and not device.outputs[name]}
+    if rising & {"spindle", "stages"}:
+        device.require_supply()
     if "spindle" in rising:
-        device.require_power()
-    if "stages" in rising and (device.safety is State.FAULT or not powered(device.inputs)):
-        raise Refusal(FAULT)
-    if "stages" in levels:
-        levels = {"stages": levels.pop("stages"), **levels}
+        device.require_hood()
     for name, level in levels.items():
         device.outputs[name] = level
 
@@ -211,8 +208,9 @@ def set_inverted(device: Device, mask: int) -> None:
 
 def set_io_only(device: Device, on: int) -> None:
     """`@0IO`: without axes, the stages are off (F29)."""
+    changed = device.settings.io_only != on
     device.settings = replace(device.settings, io_only=on)
-    if device.safety is not State.FAULT:
+    if changed and device.safety is not State.FAULT:
         device.energise()
 
 
@@ -240,17 +238,12 @@ def default_all(device: Device) -> None:
 
 def _put_in_force(device: Device, settings) -> None:  # type: ignore[no-untyped-def]
     set_inverted(device, settings.inverted)
+    set_io_only(device, settings.io_only)
     device.settings = settings
     device.set_modal(reference_hz=None, start_stop_hz=None, acceleration_hz_per_ms=None)
-    set_io_only(device, settings.io_only)
 
 
 def erase(device: Device) -> Activity:
     """`@0k`: forget the stored program, whatever state it is in (2.2.17)."""
     yield Pause(device.profile.erase_ms * MILLISECOND)
     device.store(program=Program())
-
-
-def axis_bits(values: Sequence[bool]) -> int:
-    """Bits 0..3 from flags of X, Y, Z, A."""
-    return sum(bool(value) << axis for axis, value in enumerate(values))

@@ -62,6 +62,10 @@ class Imc:
             self._device.note(SafetyEvent.INITIALISED)
             self._device.energise()
 
+    def _keep_flash(self) -> None:
+        """What the device has written is there after the next start."""
+        self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
+
     # ---- the border -------------------------------------------------------------------------------------------------
 
     @property
@@ -97,6 +101,7 @@ class Imc:
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on."""
         self._inputs = Inputs(levels)
+        self._keep_flash()
         self._boot(t_ns)
         self._settle()
 
@@ -199,7 +204,7 @@ class Imc:
         """Byte 254: as after power-on, at once; the flash stays (2.2.31)."""
         self._executor.discard()
         counts = self._device.counts
-        self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
+        self._keep_flash()
         self._boot(self._device.now_ns)
         for axis in range(AXES):
             if counts[axis]:
@@ -267,11 +272,15 @@ class Imc:
 
     def _start(self, *, answers: bool) -> None:
         """Go on with what was stopped, or start the stored program (2.2.23). Raises Refusal."""
-        if self._executor.parked is not None:
-            self._device.require_move()
-            self._executor.resume_parked(answers=answers)
-        else:
+        device, parked = self._device, self._executor.parked
+        device.require_supply()
+        if parked is None:
             self._start_program(answers=answers)
+            return
+        device.require_move()
+        if parked[0].program:
+            self._require_watches()
+        self._executor.resume_parked(answers=answers)
 
     def _start_key(self) -> None:
         """The start key, which is heard at rest only; nobody is told if it does nothing (F33)."""
@@ -285,13 +294,17 @@ class Imc:
         if program.state != settings.VALID:
             raise Refusal(INVALID_FIELD)
         device.require_power()
-        code = watched(device)
-        if code is not None:
-            signal_error(device, error=True)
-            raise Refusal(code)
-        if not device.axes:
-            device.axes, device.modal = program.axes, program.modal
+        self._require_watches()
+        device.axes = device.axes or program.axes
+        device.modal = device.modal.filled(program.modal)
         if device.axes != program.axes:
             raise Refusal(BAD_AXES)
         signal_error(device, error=False)
         self._executor.start(Task(run_program(device, commands.CNC), answers=answers, program=True))
+
+    def _require_watches(self) -> None:
+        """Raise Refusal if a port watched in CNC mode forbids the program to run."""
+        code = watched(self._device)
+        if code is not None:
+            signal_error(self._device, error=True)
+            raise Refusal(code)

@@ -130,18 +130,24 @@ class Device:
         if not self.axes:
             raise Refusal(NO_AXES)
 
-    def require_power(self) -> None:
-        """Raise Refusal unless something may move or the spindle start: IO-only (5), power (9), hood (H)."""
-        if self.settings.io_only:
-            raise Refusal(SYNTAX)
-        if self.safety is State.FAULT or not powered(self.inputs) or not self.outputs["stages"]:
+    def require_supply(self) -> None:
+        """Raise Refusal(9) unless the safety chain is closed and the axes have been initialised since it was open."""
+        if self.safety is State.FAULT or not powered(self.inputs):
             raise Refusal(FAULT)
-        self.require_hood()
 
     def require_hood(self) -> None:
         """Raise Refusal(H) if the hood is open in automatic."""
         if not hood_safe(self.inputs):
             raise Refusal(HOOD_OPEN)
+
+    def require_power(self) -> None:
+        """Raise Refusal unless axes may move: IO-only mode (5), supply and stages (9), hood (H)."""
+        if self.settings.io_only:
+            raise Refusal(SYNTAX)
+        self.require_supply()
+        if not self.outputs["stages"]:
+            raise Refusal(FAULT)
+        self.require_hood()
 
     def require_move(self) -> None:
         """Raise Refusal unless a move is allowed as such: power, hood, and no limit switch struck since (2)."""
@@ -151,7 +157,7 @@ class Device:
 
     def guards(self, axis: int) -> bool:
         """Do limit switches end the motions of this axis? Not in test mode, not those of a rotary axis (F30)."""
-        return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.modal.test_mode
+        return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
     def require_room(self, *legs: Steps) -> None:
         """Raise Refusal unless these displacements, one after the other, are allowed: reference (R), 24 bits (1)."""
@@ -181,7 +187,7 @@ class Device:
             self.outputs[name] = 0
         self.lose_references()
 
-    # ---- time laws --------------------------------------------------------------------------------------------------
+    # ---- modal values -----------------------------------------------------------------------------------------------
 
     @property
     def start_stop_hz(self) -> int:
@@ -196,6 +202,26 @@ class Device:
     def reference_hz(self, axis: int) -> int:
         """Reference speed in force now: by `@0d`, or the default."""
         return (self.modal.reference_hz or self.settings.reference_hz)[axis]
+
+    @property
+    def three_d(self) -> bool:
+        """3D interpolation; off by default."""
+        return bool(self.modal.three_d)
+
+    @property
+    def test_mode(self) -> bool:
+        """Test mode; off by default."""
+        return bool(self.modal.test_mode)
+
+    @property
+    def plane(self) -> int:
+        """Plane of arcs: 0 XY (default), 1 XZ, 2 YZ."""
+        return self.modal.plane or 0
+
+    @property
+    def clockwise(self) -> bool:
+        """Direction of arcs; clockwise by default (F35)."""
+        return self.modal.clockwise is not False
 
     def law(self, speed_hz: int) -> Callable[[int], TimeLaw]:
         """Time law, for any number of ticks, with the ramps in force now, however late it is used."""

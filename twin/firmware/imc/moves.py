@@ -52,7 +52,7 @@ def move_parameters(device: Device) -> tuple[Number, ...]:
 
 def check_relative(device: Device, *values: int) -> None:
     """Refuse speeds out of range (D); that of a second Z way only if it is gone."""
-    _check_speeds(device, values, second_z=bool(len(values) > 6 and values[6]) and not device.modal.three_d)
+    _check_speeds(device, values, second_z=bool(len(values) > 6 and values[6]) and not device.three_d)
 
 
 def check_absolute(device: Device, *values: int) -> None:
@@ -95,7 +95,7 @@ def absolute_move(device: Device, *values: int) -> Activity:
 def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> Activity:
     device.require_move()
     speed_of = dict(zip(device.axis_list, speeds, strict=False))
-    if device.modal.three_d:
+    if device.three_d:
         ways = [(steps, speeds[0])]
     else:
         plane = {axis: n for axis, n in steps.items() if axis < 2}
@@ -178,7 +178,7 @@ def check_arc(device: Device, *values: int) -> None:
     """As above; the axes of the plane, and of the third way, must be set (3)."""
     check_arc_numbers(device, *values)
     third = _third(values)
-    first, second, other = PLANES[device.modal.plane]
+    first, second, other = PLANES[device.plane]
     used = 1 << first | 1 << second | (1 << other if third else 0)
     if used & ~device.axes:
         raise Refusal(BAD_AXES)
@@ -189,8 +189,8 @@ def arc(device: Device, length: int, speed_hz: int, *rest: int) -> Activity:
     device.require_move()
     check_arc(device, length, speed_hz, *rest)
     d, xs, ys, rx, ry, third = (*rest, 0)[:6]
-    first, second, other = PLANES[device.modal.plane]
-    path = helix(length, d, xs, ys, rx, ry, device.modal.clockwise, (first, second), other if third else None, third)
+    first, second, other = PLANES[device.plane]
+    path = helix(length, d, xs, ys, rx, ry, device.clockwise, (first, second), other if third else None, third)
     if length:
         device.require_reference((first, second, *((other,) if third else ())))
     device.require_room(path.displacement(length))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.ports import SIGNALS
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
-from isel_twin.firmware.imc.settings import AXES
+from isel_twin.firmware.imc.safety import State
+from isel_twin.firmware.imc.settings import AXES, VALID
 
 AXIS_NAMES = "XYZA"
 VERSION = "isel-twin 0.1"
@@ -24,15 +25,35 @@ def read_port(device: Device, port: int) -> str:
 
 
 def diagnosis(device: Device, text: str) -> str:
-    """`@0D`: `Rp` and `Rn`, limit switches struck in positive and negative direction."""
+    """`@0D`: `Rp` and `Rn`, limit switches struck in positive and negative direction; `S0`, status (F26).
+
+    Status bits: 0 stages on, 1 axes set, 2 all of them referenced, 3 limit switch struck, 4 fault, 5 3D interpolation,
+    6 test mode, 7 valid program.
+    """
     match text.strip(" "):
         case "Rp":
             value = _blocked(device, 1)
         case "Rn":
             value = _blocked(device, -1)
+        case "S0":
+            value = _status(device)
         case _:
             raise Refusal(SYNTAX)
     return f"{OK}{value:02X}"
+
+
+def _status(device: Device) -> int:
+    flags = (
+        device.outputs["stages"],
+        device.axes,
+        device.axes and all(device.referenced[axis] for axis in device.axis_list),
+        device.safety is State.LIMIT,
+        device.safety is State.FAULT,
+        device.three_d,
+        device.test_mode,
+        device.flash.program.state == VALID,
+    )
+    return sum(bool(flag) << bit for bit, flag in enumerate(flags))
 
 
 def _blocked(device: Device, direction: int) -> int:

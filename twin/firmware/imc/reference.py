@@ -42,7 +42,7 @@ def reference_run(device: Device, mask: int) -> Activity:
 
 def _reference_run(device: Device, axes: list[int]) -> Activity:
     for axis in axes:
-        if not device.modal.test_mode:
+        if not device.test_mode:
             yield from _find_switch(device, axis)
         device.set_reference(axis)
 

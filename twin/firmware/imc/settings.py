@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from isel_twin.firmware.imc.profile import Profile
@@ -62,15 +62,20 @@ def default_settings(profile: Profile) -> Settings:
 
 @dataclass(frozen=True)
 class Modal:
-    """Values that commands set until the next reset; stored with a program by `9` (3.2.9). None: the default."""
+    """Values that commands set until the next reset; stored with a program by `9` (3.2.9). None: not set."""
 
     reference_hz: tuple[int, ...] | None = None
     start_stop_hz: int | None = None
     acceleration_hz_per_ms: int | None = None
-    three_d: bool = False
-    plane: int = 0
-    clockwise: bool = True
-    test_mode: bool = False
+    three_d: bool | None = None
+    plane: int | None = None
+    clockwise: bool | None = None
+    test_mode: bool | None = None
+
+    def filled(self, other: Modal) -> Modal:
+        """These values, and those of `other` where nothing is set."""
+        unset = {f.name: getattr(other, f.name) for f in fields(self) if getattr(self, f.name) is None}
+        return replace(self, **unset)
 
 
 EMPTY, INCOMPLETE, VALID = "empty", "incomplete", "valid"
