@@ -1,0 +1,148 @@
+"""Two controllers, one machine: the same job ends at the same place, and a stop without a ramp is physics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from isel_twin import Twin
+
+SQUARE_MM = [(10.0, 10.0), (40.0, 10.0), (40.0, 40.0), (10.0, 40.0), (10.0, 10.0)]
+TOLERANCE_MM = 0.03
+IMC_STEPS_MM = 320
+ISMIF_STEPS_MM = 80  # half steps
+
+
+def imc_corners(twin: Twin, corners: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
+    """Reference run and absolute moves at 12.5 mm/s by the iMC; true positions at the corners."""
+    assert twin.query("@07") == "0"
+    assert twin.query("@0R7") == "0"
+    positions = []
+    for x, y in corners:
+        steps = ",".join(f"{round(v * IMC_STEPS_MM)},4000" for v in (x, y))
+        assert twin.query(f"@0M{steps},0,30,0,30") == "0"
+        positions.append(settled(twin))
+    return positions
+
+
+def ismif_corners(twin: Twin, corners: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
+    """The same by the iSMIF: 12.5 mm/s are 1000 half steps a second."""
+    assert twin.query("$HZXY\x01") == "\r\x02\r"
+    assert twin.query("#E5,1000\x01") == "\r\x02\r"
+    positions = []
+    for x, y in corners:
+        assert twin.query(f"L5,X{round(x * ISMIF_STEPS_MM)},Y{round(y * ISMIF_STEPS_MM)},Z0\x01") == "\r\x02\r"
+        positions.append(settled(twin))
+    return positions
+
+
+def settled(twin: Twin) -> NDArray[np.float64]:
+    """True position once the machine has come to rest."""
+    twin.run(0.5)
+    return twin.position_mm
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_the_same_square_ends_at_the_same_place(seed: int) -> None:
+    drives: list[tuple[str, Callable[..., list[NDArray[np.float64]]]]] = [
+        ("imc-s8", imc_corners),
+        ("ismif", ismif_corners),
+    ]
+    corners = {}
+    for controller, drive in drives:
+        twin = Twin(controller=controller, seed=seed)
+        corners[controller] = drive(twin, SQUARE_MM)
+        assert np.abs(twin.lost_steps).max() < 1.0
+    for imc, ismif, (x, y) in zip(corners["imc-s8"], corners["ismif"], SQUARE_MM, strict=True):
+        assert np.abs(imc - ismif).max() < TOLERANCE_MM
+        assert np.abs(ismif - (x, y, 0.0)).max() < TOLERANCE_MM
+
+
+def ismif_at_speed(speed_hz: int) -> Twin:
+    """A referenced iSMIF, 1.2 s after the start of a long X vector; the ramp takes 0.5 s."""
+    twin = Twin(controller="ismif", seed=3)
+    assert twin.query("$HZXY\x01") == "\r\x02\r"
+    assert twin.query(f"#E1,{speed_hz}\x01") == "\r\x02\r"
+    twin.write(b"L1,X8000\x01")
+    twin.run(1.2)
+    assert twin.read() == b"\r"
+    return twin
+
+
+def status(twin: Twin) -> str:
+    return twin.query("@X").removeprefix("@X").removesuffix("\r")
+
+
+@pytest.mark.parametrize("stop", ["@S", "@R"])
+def test_a_stop_without_a_ramp_overshoots_and_loses_the_position(stop: str) -> None:
+    """From 3000 Hz, 37.5 mm/s, the rotor cannot stand still at once: it slips by whole electrical periods of 8 half
+    steps (0.1 mm). Where the last pulse fell is the counter's new zero; the carriage is not there."""
+    twin = ismif_at_speed(3000)
+    last_pulse_mm = twin.machine_position_mm[0]
+    assert twin.query(stop) == "\r"
+    ticks = len(twin.steps)
+    assert status(twin) == "000100"
+    assert twin.counts.tolist() == [0, 0, 0, 0]
+    twin.run(1.0)
+    assert len(twin.steps) == ticks
+    assert twin.machine_position_mm[0] - last_pulse_mm > 0.1
+    assert twin.position_mm[0] > 0.08
+    slips = twin.lost_steps[0] / 8
+    assert slips == pytest.approx(round(slips), abs=0.1)
+    assert round(slips) <= -1
+
+
+@pytest.mark.parametrize("stop", ["@B", "@A"])
+def test_a_stop_with_a_ramp_keeps_the_position(stop: str) -> None:
+    twin = ismif_at_speed(3000)
+    before = twin.counts[0]
+    assert twin.query(stop).startswith("\r")
+    twin.run(1.0)
+    assert twin.counts[0] - before == pytest.approx((3000**2 - 200**2) / (2 * 5600), abs=1)
+    assert twin.position_mm[0] == pytest.approx(twin.counts[0] / ISMIF_STEPS_MM, abs=TOLERANCE_MM)
+    assert status(twin)[3] == "0"
+
+
+def test_counters_do_not_know_of_lost_steps() -> None:
+    """5000 Hz without a ramp is 62.5 mm/s from a standing start."""
+    twin = Twin(controller="ismif", seed=3)
+    twin.query("$HZXY\x01")
+    assert twin.query("#S5000\r#E1,5000\rL1,X4000\x01") == "\r\r\r\x02\r"
+    twin.run(0.5)
+    assert twin.query("@LX") == "@LX4000\r"
+    assert twin.lost_steps[0] > 100
+    assert twin.position_mm[0] < 4000 / ISMIF_STEPS_MM - 1.0
+
+
+def test_reference_run_to_the_far_end() -> None:
+    """With `#DY,1` Y runs to its far switch at 300 mm, off it, and 25 half steps (0.3125 mm) further."""
+    twin = Twin(controller="ismif", seed=2, start_mm=(50.0, 290.0, 30.0))
+    assert twin.query("#DY,1,1,2,3\r$HY\x01") == "\r\r\x02\r"
+    twin.run(0.5)
+    hysteresis_mm, scatter_mm = 0.2, 0.06
+    assert twin.machine_position_mm[1] == pytest.approx(300 - hysteresis_mm - 0.3125, abs=scatter_mm)
+    assert twin.counts[1] == 0
+    assert status(twin) == "000100"  # X and Z are not known yet
+
+
+def test_full_steps_go_twice_as_far() -> None:
+    twin = Twin(controller="ismif", seed=1)
+    twin.query("$HZXY\x01")
+    assert twin.query("F1\r#E1,300\rL1,X800,Y-0\x01") == "\r\r\r\x02\r"
+    twin.run(0.5)
+    assert twin.query("@LX") == "@LX800\r"
+    assert twin.position_mm[0] == pytest.approx(2 * 800 / ISMIF_STEPS_MM, abs=TOLERANCE_MM)
+    assert abs(twin.lost_steps[0]) < 1.0
+
+
+def test_emergency_stop_is_hardware() -> None:
+    """The interface is not told: it counts on while the stages have no power."""
+    twin = ismif_at_speed(600)
+    before = twin.position_mm[0]
+    twin.set_input("estop", "pressed")
+    twin.run(3.0)
+    assert twin.counts[0] > 2000
+    assert abs(twin.position_mm[0] - before) < 1.0
