@@ -66,7 +66,8 @@ AXIS_PARAMETERS = np.dtype(
         ("phase_offset_rad", "f8"),  # electrical angle at counter 0: pi/4 in full step (both phases on), else 0
         ("stepped", "f8"),  # 1: corners of full and half step, 0: sine
         ("current_a", "f8"),  # peak phase current at current fraction 1
-        ("supply_v", "f8"),  # largest voltage at a phase
+        ("drive_v", "f8"),  # largest voltage that drives a current
+        ("return_v", "f8"),  # largest voltage against which a current flows back into the supply
         ("decay", "f8"),  # E = exp(-R dt / L)
         ("gain_a_per_v", "f8"),  # A = (1 - E) / R
         ("gain_v_per_a", "f8"),  # 1 / A
@@ -109,7 +110,7 @@ AXIS_STATE = np.dtype(
 
 
 def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> NDArray[np.void]:
-    """Constants of a drive for sub-steps of dt_s: one record, shape [1], so that axes are put together by concatenation.
+    """Constants of a drive for sub-steps of dt_s: one record, shape [1]; axes are put together by concatenation.
 
     Raises ValueError if the sub-step is too long for the nut spring on this shaft.
     """
@@ -130,7 +131,8 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["phase_offset_rad"] = math.pi / 4.0 if stage.microsteps == 1 else 0.0
     p["stepped"] = float(stage.stepped)
     p["current_a"] = stage.current_a
-    p["supply_v"] = stage.effective_supply_v
+    p["drive_v"] = stage.drive_v
+    p["return_v"] = stage.supply_v
     p["decay"] = decay
     p["gain_a_per_v"] = gain
     p["gain_v_per_a"] = 1.0 / gain
@@ -172,12 +174,17 @@ def _corner(angle_rad):
 
 @njit(cache=True, error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
-    """Phase current after a sub-step: what is wanted, or as far as the supply gets it."""
+    """Phase current after a sub-step: what is wanted, or as far as the supply gets it.
+
+    Drops in the switches take from the voltage that drives a current, not from the one it flows back against (D1).
+    """
     voltage_v = (wanted_a - p.decay * current_a) * p.gain_v_per_a + emf_v
-    if voltage_v > p.supply_v:
-        return p.decay * current_a + p.gain_a_per_v * (p.supply_v - emf_v)
-    if voltage_v < -p.supply_v:
-        return p.decay * current_a - p.gain_a_per_v * (p.supply_v + emf_v)
+    highest_v = p.drive_v if current_a >= 0.0 else p.return_v
+    if voltage_v > highest_v:
+        return p.decay * current_a + p.gain_a_per_v * (highest_v - emf_v)
+    lowest_v = -p.drive_v if current_a <= 0.0 else -p.return_v
+    if voltage_v < lowest_v:
+        return p.decay * current_a + p.gain_a_per_v * (lowest_v - emf_v)
     return wanted_a
 
 
@@ -188,8 +195,8 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     p                 record of AXIS_PARAMETERS
     s                 record of AXIS_STATE, changed in place
     command           time mean over the sub-step of the microstep counter (a pulse in it: a fraction)
-    phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. Open phases carry
-                      no current from this sub-step on (they collapse into the supply in less than 0.3 ms)
+    phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. An open phase
+                      carries no current from this sub-step on (in truth it fades within 0.3 ms, decision D5)
     current_fraction  phase current over nominal, for the lowered current at rest
     nut_position_m    where the carriage stands in the middle of the sub-step, 0: in the middle of its backlash at theta 0
     nut_velocity_m_s  its velocity

@@ -8,7 +8,7 @@ follows from the holding torque, which is measured with both phases at rated cur
 Two quantities are rarely printed. Both rules below survive a rewinding of the same motor (z times the turns: R, L and
 Rm grow with z^2, Km with z), so they say something about the iron and not about the wire:
 
-    iron loss   Rm = 12500 / s * L         40 ohm at 3.2 mH, the one value for which torque curves were compared
+    iron loss   Rm = 15000 / s * L         48 ohm at 3.2 mH, the one value for which torque curves were compared
     detent      Td = 0.12 Nm/A/sqrt(ohm)^-1 * Km / sqrt(R)     0.11 .. 0.17 for the motors that state it
 """
 
@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-IRON_LOSS_PER_INDUCTANCE = 12500.0
+IRON_LOSS_PER_INDUCTANCE = 15000.0
 """Iron-loss resistance over phase inductance, ohm/H (estimate; see decision D2)."""
 
 DETENT_PER_MOTOR_CONSTANT = 0.12

@@ -1,7 +1,7 @@
 """The shaft behind the motor as data: screw, bearings, coupling and nut.
 
 The shaft turns with the rotor. A nut of lead p moves r = p (1 + lead error) / 2 pi metres a radian and hangs on the
-screw by a spring and damper with a dead zone, the backlash. Losses in the nut are friction in proportion to the force F:
+screw by a spring and damper with a dead zone, the backlash. Losses in the nut are friction in proportion to its force:
 
     forward   T = F r / efficiency                    back-driven   T = F r * backdrive_efficiency
 """
@@ -52,7 +52,7 @@ class Screw:
             ("coulomb_nm", 0.0, 100.0),
             ("breakaway_ratio", 1.0, 10.0),
             ("stribeck_rad_s", 1e-6, 1e6),
-            ("viscous_nm_s_per_rad", 0.0, 1.0),
+            ("viscous_nm_s_per_rad", 0.0, 1e3),
             ("lead_mm", 0.1, 1000.0),
             ("lead_error", -0.1, 0.1),
             ("efficiency", 0.05, 1.0),

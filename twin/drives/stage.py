@@ -6,7 +6,8 @@ step the two waves have the corners of a switch instead:
     half step, A:  1  1  0 -1 -1 -1  0  1        full step, A:  1 -1 -1  1       (B: a quarter period later)
 
 so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) Km I in half step, and sqrt(2) Km I in
-full step. What it can do ends at the supply: |v| <= supply_factor * supply_v at the phases.
+full step. What it can do ends at the supply: supply_factor * supply_v can drive a current, and a current that the stage
+wants to get rid of flows back against supply_v.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ class Stage:
     """Current at rest over current in motion, when the controller lowers it."""
     idle_delay_s: float = 0.2
     """Rest before the current is lowered."""
-    supply_factor: float = 0.9
-    """Part of the supply that reaches the phases: switch drops, dead time (fitted, see docs/fidelity.md); 1: all of it."""
+    supply_factor: float = 0.8
+    """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision D1); 1: all of it."""
     extra_resistance_ohm: float = 0.2
-    """Switches, sense resistor and cable in each phase (fitted with the above); 0: none."""
+    """Switches, sense resistor and cable in each phase (estimate); 0: none."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -51,8 +52,8 @@ class Stage:
             raise ValueError(f"stage: microsteps must be a whole number, not {self.microsteps!r}")
 
     @property
-    def effective_supply_v(self) -> float:
-        """Largest voltage at a phase."""
+    def drive_v(self) -> float:
+        """Largest voltage that drives a phase current (it flows back against supply_v)."""
         return self.supply_factor * self.supply_v
 
     @property

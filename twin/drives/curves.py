@@ -1,0 +1,226 @@
+"""What a motor can do on a stage: pull-out torque, pull-in rate, and the closed form beside them.
+
+The goal of this code is to measure on a virtual test bench, with the very sub-step that moves the machine, what makers
+publish about their motors:
+
+    pull-out torque   the largest load at which a motor that runs already stays in step
+    pull-in rate      the highest step rate at which it starts from rest in step
+
+The bench is the motor, an inertia on its shaft and a generator as brake, whose torque is proportional to speed. The
+motor accelerates against it to the speed in question and must hold it. A motor is out of step for good once it lags by
+four full steps, one turn of the electrical angle.
+
+The closed form knows nothing of motion (P. Acarnley, Stepping Motors: a phasor diagram without instability); it bounds
+what the bench finds:
+
+    T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - Km^2 w/Rm
+    we = Nr w,  psi = Km/Nr,  |Z|^2 = R^2 + we^2 L^2,  V1 = 4/pi V,  g: fundamental of the current wave over I
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from isel_twin.drives.dynamics import BOTH, axis_parameters, axis_states, step_axis
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.stage import Stage
+
+SUB_STEP_S = 25e-6
+"""Sub-step of the bench, the same as the machine's."""
+
+START_RPM = 60.0
+"""Speed from which the bench accelerates."""
+
+
+def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Time mean of the step counter floor(phase) in each sub-step: phase [n + 1] at its borders, never falling -> [n].
+
+    Within a sub-step the phase runs evenly. Started at whole number m, it has stepped j times when it ends at m + v
+    with j = floor(v), and the counter has stood on m + i for a share of 1 each: the sum is j (j - 1)/2 + j (v - j).
+    """
+    begin, end = phase[:-1], phase[1:]
+    whole = np.floor(begin)
+    passed = end - whole
+    steps = np.floor(passed)
+    area = 0.5 * steps * (steps - 1.0) + steps * (passed - steps)
+    length = np.where(end > begin, end - begin, 1.0)
+    mean: NDArray[np.float64] = whole + area / length
+    return mean
+
+
+@njit(cache=True, nogil=True)
+def follow(parameters, states, command, load_torque_nm, limit):
+    """Let the drive parameters[0], states[0] follow a command on a bench without a nut.
+
+    command         float64 [n], mean of the microstep counter in each sub-step
+    load_torque_nm  float64 [n], torque against positive rotation
+    limit           microsteps; ends early when the rotor is further than this from the command
+
+    Returns the number of sub-steps made: n if the rotor stayed within the limit.
+    """
+    p = parameters[0]
+    s = states[0]
+    for k in range(len(command)):
+        step_axis(p, s, command[k], BOTH, 1.0, 0.0, 0.0, load_torque_nm[k])
+        if abs(command[k] - s.theta_rad * p.pole_pairs / p.microstep_rad) > limit:
+            return k
+    return len(command)
+
+
+def pull_out_torque(
+    motor: Motor,
+    stage: Stage,
+    speed_rpm: float,
+    load_inertia_kgm2: float | None = None,
+    *,
+    constant_load: bool = False,
+    dt_s: float = SUB_STEP_S,
+) -> float:
+    """Pull-out torque in Nm at a speed in rev/min, 0 if the motor cannot hold the speed at all.
+
+    load_inertia_kgm2: what turns with the rotor on the bench (None: as much as the rotor itself).
+    constant_load: a load that does not depend on speed, and rises after the speed is reached, instead of a brake. It
+    does not damp, so that mid-band instability shows: torque is lost early, and irregularly with speed.
+
+    Raises ValueError for a negative or infinite speed.
+    """
+    if not 0.0 <= speed_rpm < math.inf:
+        raise ValueError(f"speed_rpm must be 0 or more, not {speed_rpm!r}")
+    inertia = motor.rotor_inertia_kgm2 if load_inertia_kgm2 is None else load_inertia_kgm2
+    # Slower than a revolution a minute is standstill to any motor, and takes for ever.
+    omega = max(speed_rpm, 1.0) * 2.0 * math.pi / 60.0
+    rate_hz = omega / (2.0 * math.pi) * motor.full_steps_per_rev * stage.microsteps
+    start_omega = min(omega, START_RPM * 2.0 * math.pi / 60.0)
+    peak_nm = math.sqrt(2.0) * motor.torque_constant_nm_per_a * stage.current_a
+
+    # Accelerate with at most a twentieth of the peak torque, hold for at least twenty turns of the electrical angle.
+    total_inertia = motor.rotor_inertia_kgm2 + inertia
+    accelerate_s = max(0.2, 20.0 * total_inertia * (omega - start_omega) / peak_nm)
+    hold_s = max(0.4, 20.0 * 2.0 * math.pi / (omega * motor.pole_pairs))
+    t = dt_s * np.arange(round((accelerate_s + hold_s) / dt_s) + 1)
+    ramp = np.minimum(t, accelerate_s)
+    phase = rate_hz * (
+        start_omega / omega * t + (1.0 - start_omega / omega) * (0.5 * ramp**2 / accelerate_s + t - ramp)
+    )
+    command = mean_command(phase)
+    rise = np.clip((t[1:] - accelerate_s) / (0.5 * hold_s), 0.0, 1.0)
+    rise *= rise * (3.0 - 2.0 * rise)
+
+    def holds(torque_nm: float) -> bool:
+        brake = 0.0 if constant_load else torque_nm / omega
+        screw = Screw(inertia_kgm2=inertia, viscous_nm_s_per_rad=brake)
+        load = torque_nm * rise if constant_load else np.zeros_like(rise)
+        return _in_step(motor, stage, screw, command, load, start_omega, dt_s)
+
+    return _largest(holds, peak_nm)
+
+
+def pull_in_rate(
+    motor: Motor,
+    stage: Stage,
+    load_inertia_kgm2: float = 0.0,
+    load_torque_nm: float = 0.0,
+    *,
+    dt_s: float = SUB_STEP_S,
+) -> float:
+    """Highest rate at which the motor starts from rest in step, in the stage's own steps per second.
+
+    That is full steps/s with microsteps = 1, half steps/s with 2, microsteps/s above. Lower rates within the resonance
+    band (see `resonance_hz`) may fail all the same: use `starts_in_step` for one rate. 0 if it never starts.
+    """
+
+    def starts(rate_hz: float) -> bool:
+        return starts_in_step(motor, stage, rate_hz, Screw(inertia_kgm2=load_inertia_kgm2), load_torque_nm, dt_s=dt_s)
+
+    # No motor starts at fifty times its resonance: a step would have to move it within a tenth of its period.
+    return _largest(starts, 50.0 * resonance_hz(motor, stage, load_inertia_kgm2) * stage.microsteps)
+
+
+def starts_in_step(
+    motor: Motor,
+    stage: Stage,
+    rate_hz: float,
+    screw: Screw | None = None,
+    load_torque_nm: float = 0.0,
+    *,
+    steps: int = 200,
+    dt_s: float = SUB_STEP_S,
+) -> bool:
+    """True if the motor, at rest with the stage on, makes `steps` steps of the stage at rate_hz without losing any.
+
+    screw: what is on the shaft (None: nothing); its nut does not take part.
+    """
+    settle_s, after_s = 0.2, 0.1
+    t = dt_s * np.arange(round((settle_s + steps / rate_hz + after_s) / dt_s) + 1)
+    command = mean_command(np.clip((t - settle_s) * rate_hz, 0.0, float(steps)))
+    return _in_step(motor, stage, screw or Screw(), command, np.full(len(command), load_torque_nm), 0.0, dt_s)
+
+
+def resonance_hz(motor: Motor, stage: Stage, load_inertia_kgm2: float = 0.0) -> float:
+    """Natural frequency of the rotor in the field of the stage at standstill: sqrt(Nr T / J) / 2 pi.
+
+    Full steps near this rate, or a whole fraction of it, excite it.
+    """
+    length = math.sqrt(2.0) if stage.microsteps == 1 else 1.0
+    stiffness = motor.pole_pairs * length * motor.torque_constant_nm_per_a * stage.current_a
+    return math.sqrt(stiffness / (motor.rotor_inertia_kgm2 + load_inertia_kgm2)) / (2.0 * math.pi)
+
+
+def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
+    """Upper bound of the pull-out torque in Nm at a speed in rev/min, in closed form (see the module), 0 or more."""
+    omega = speed_rpm * 2.0 * math.pi / 60.0
+    electrical = motor.pole_pairs * omega
+    resistance = motor.resistance_ohm + stage.extra_resistance_ohm
+    impedance = math.hypot(resistance, electrical * motor.inductance_h)
+    km = motor.torque_constant_nm_per_a
+    by_supply = km * 4.0 / math.pi * stage.drive_v / impedance
+    by_supply -= electrical * km**2 / motor.pole_pairs * resistance / impedance**2
+    by_current = _fundamental(stage) * km * stage.current_a
+    return max(0.0, min(by_current, by_supply) - motor.iron_drag_nm_s_per_rad * omega)
+
+
+def _fundamental(stage: Stage) -> float:
+    """Amplitude of the first harmonic of the stepped current wave over the peak current.
+
+    The current vector stands still between two steps, which costs sin(x)/x with half a step for x; its mean length is 1
+    in microstep, (1 + sqrt 2)/2 in half step and sqrt 2 in full step.
+    """
+    half_step = math.pi / (4.0 * stage.microsteps)
+    length = {1: math.sqrt(2.0), 2: 0.5 + math.sqrt(0.5)}.get(stage.microsteps, 1.0)
+    return length * math.sin(half_step) / half_step
+
+
+def _in_step(
+    motor: Motor,
+    stage: Stage,
+    screw: Screw,
+    command: NDArray[np.float64],
+    load_torque_nm: NDArray[np.float64],
+    omega_rad_s: float,
+    dt_s: float,
+) -> bool:
+    """True if the motor follows the whole command without ever being four full steps off."""
+    states = axis_states(1)
+    states["omega_rad_s"] = omega_rad_s
+    parameters = axis_parameters(motor, stage, screw, dt_s)
+    return follow(parameters, states, command, load_torque_nm, 4.0 * stage.microsteps) == len(command)
+
+
+def _largest(holds: Callable[[float], bool], upper: float) -> float:
+    """Largest value that holds, to 0.1 %: down from above by 5 % a step, then halving. 0 if nothing above 1 % does."""
+    low = upper
+    while not holds(low):
+        low *= 0.95
+        if low < 0.01 * upper:
+            return 0.0
+    high = low / 0.95
+    while high - low > 1e-3 * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
