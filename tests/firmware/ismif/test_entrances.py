@@ -1,0 +1,73 @@
+"""The ways in: pySerial's twin://ismif, a served port, a job file."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import serial
+
+import isel_twin  # noqa: F401  (registers the scheme twin://)
+from tests.bridge.conftest import Served
+
+JOB = """# reference, a square of 10 mm, status
+$HZXY<1>
+#E5,1000
+L5,x800
+L5,y800
+L5,x-800
+L5,y-800<1>
+@X
+@LY
+"""
+
+
+def session(port: serial.Serial) -> None:
+    """What a host program does, on any kind of port."""
+    port.write(b"@V\r")
+    assert port.read_until(b"\r") == b"@V SMC-ISMIF 1.00\r"
+    port.write(b"$HZXY\x01")
+    assert port.read_until(b"\x02\r") == b"\r\x02\r"
+    port.write(b"#E1,5000\rL1,X800,Y-8\x01")
+    assert port.read_until(b"\x02\r") == b"\r\r\x02\r"
+    port.write(b"@X\r@LX\r@LY\r")
+    assert port.read(9 + 7 + 6) == b"@X000000\r@LX800\r@LY-8\r"
+
+
+def test_pyserial_url() -> None:
+    with serial.serial_for_url("twin://ismif?plant=kinematic&speed=max", timeout=3600) as port:
+        session(port)
+
+
+def test_status_in_mid_job_over_a_url() -> None:
+    with serial.serial_for_url("twin://ismif?plant=kinematic&speed=max", timeout=3600) as port:
+        port.write(b"L1,x8000\x01")
+        assert port.read_until(b"\r") == b"\r"
+        port.write(b"@X\r")
+        assert port.read_until(b"\r") == b"@X100101\r"
+        assert port.read_until(b"\r") == b"\x02\r"
+
+
+def test_served_port() -> None:
+    served = Served(("--controller", "ismif", "--plant", "kinematic", "--speed", "max", "--pty"))
+    try:
+        with served.open() as port:
+            session(port)
+    finally:
+        code = served.stop(signal.SIGTERM)
+    assert code == 0
+
+
+def test_job_file(tmp_path: Path) -> None:
+    """In the physics: everything accepted, nothing lost, back at the start of the square."""
+    (tmp_path / "square.job").write_text(JOB, encoding="utf-8")
+    command = [sys.executable, "-m", "isel_twin.cli", "run", "--controller", "ismif", "--json", "square.job"]
+    call = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
+    *lines, summary = [json.loads(line) for line in call.stdout.splitlines()]
+    ack, done = "\r", "\r\x02\r"
+    assert [line["reply"] for line in lines] == [done, ack, ack, ack, ack, done, "@X000000\r", "@LY0\r"]
+    assert call.returncode == 0
+    assert summary["ok"] is True
