@@ -1,0 +1,22 @@
+"""Environments: tuning of ramps, start-stop frequency and speed, by learning, by search or by hand.
+
+    moves.py    one move on a real twin, and what is measured of it
+    tuning.py   the Gymnasium environment `isel_twin/JobTuning-v0`: one step is one move
+    sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
+
+    import gymnasium, isel_twin.envs
+    env = gymnasium.make("isel_twin/JobTuning-v0")
+
+docs/tuning.md shows how they are used.
+"""
+
+from __future__ import annotations
+
+import gymnasium
+
+from isel_twin.envs.moves import JOB, Settings, Setup
+from isel_twin.envs.sweep import Fastest, Row, fastest, grid, run_job, sweep
+
+__all__ = ["JOB", "Fastest", "Row", "Settings", "Setup", "fastest", "grid", "run_job", "sweep"]
+
+gymnasium.register(id="isel_twin/JobTuning-v0", entry_point="isel_twin.envs.tuning:JobTuning")

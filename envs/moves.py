@@ -1,0 +1,243 @@
+"""One job, one move: what the environment and the sweeps have in common.
+
+Goal: let a real controller make a move on a real twin, as a host program would ask for it, and measure what an engineer
+would measure with a dial gauge and a stop watch:
+
+    @0j<start-stop>  @0J<acceleration>  @0M<x>,<v>,<y>,<v>,<z>,<v>,0,30
+
+    |<--------- time_s --------->|<-- settling_s -->|
+    command                    reply    last time outside the tolerance        end of the dwell (settle_s)
+                                 |<--- vibration_mm = half of (highest - lowest) position error --->|
+
+position error = true carriage position - counter / (steps per mm), in mm, on each axis.
+
+A motor slips by whole periods of its torque, four full steps: if counter minus rotor changes by more than half a period
+from one rest to the next, steps were lost in between; anything less is load angle.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.machine import Machine
+from isel_twin.twin import Twin
+
+__all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
+
+Job = Sequence[tuple[float, float, float]]
+"""Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
+
+JOB: Job = (
+    (100.0, 50.0, 10.0),
+    (100.0, 150.0, 10.0),
+    (105.0, 150.0, 10.0),
+    (105.0, 150.0, 15.0),
+    (40.0, 40.0, 15.0),
+    (10.0, 10.0, 5.0),
+)
+"""A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
+
+SPEED_HZ = (30, 40_000)
+START_STOP_HZ = (20, 4000)
+ACCELERATION_HZ_PER_MS = (1, 4000)
+"""What the iMC accepts (manual 2.2.2, 2.2.15, 2.2.16; the upper speed is what hosts in the field send)."""
+
+_START_MM = (1.0, 3.0)
+"""Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
+_REFERENCE = ("@07", "@0d5000,5000,5000", "@0R7", "@0z1")
+"""Initialise, reference speed, reference run, interpolate all axes together."""
+_REFERENCE_LIMIT_S = 60.0
+_BREAK = b"\xff"
+"""Ramp down and forget the rest: what a host sends that has no patience left."""
+_BREAK_LIMIT_S = 60.0
+"""The longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
+_MOVING_SAMPLE_S = 0.005
+"""Five samples in a period of the structure's 40 Hz."""
+_RESTING_SAMPLE_S = 0.001
+_SLIP_REV = 4 / 200 / 2
+"""Half a period of the motor's torque, in revolutions."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tuned. Raises ValueError for anything that the controller would refuse."""
+
+    speed_hz: int = 10_000
+    """Step frequency of the leading axis."""
+    acceleration_hz_per_ms: int = 100
+    """Of the ramps (`@0J`); 100 is the controller's default."""
+    start_stop_hz: int = 300
+    """Frequency at which ramps begin and end (`@0j`); 300 is the controller's default."""
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "speed_hz": SPEED_HZ,
+            "acceleration_hz_per_ms": ACCELERATION_HZ_PER_MS,
+            "start_stop_hz": START_STOP_HZ,
+        }
+        for name, (low, high) in ranges.items():
+            given = getattr(self, name)
+            try:
+                value = operator.index(given)  # numpy's integers become plain ones
+            except TypeError:
+                value = -1
+            if not low <= value <= high:
+                raise ValueError(f"{name} is {given!r}; it must be a whole number from {low} to {high}")
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What stays the same while settings are tried: the job, the machine, and when a move counts as good."""
+
+    job: Job = JOB
+    machine: str | Path | Machine = "4030"
+    controller: str = "imc-s8"
+    """Any controller that speaks the iMC's language."""
+    plant: str = "mujoco"
+    seed: int = 0
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    """Machine parameters to change, such as {"payload.mass": 8.0}; see `isel_twin.machine.with_overrides`."""
+    scenario: str | Path | None = None
+    """File of timed events; virtual time begins at power-on, the reference run is over after about two seconds."""
+    load_nm: float = 0.0
+    """Extra load on each moving axis, as torque at its shaft, against the motion: a cut, or a margin of safety."""
+    tolerance_mm: float = 0.05
+    """Largest position error of any axis that is allowed at rest."""
+    settle_s: float = 0.2
+    """Standstill after each move, in which the machine settles and is measured."""
+    time_limit_s: float = 120.0
+    """Virtual time for the whole job, standstill not counted; a move that is not over by then is given up."""
+
+    def __post_init__(self) -> None:
+        if not self.job:
+            raise ValueError("the job has no moves; give at least one target (x, y, z) in mm")
+        for number, point in enumerate(self.job, 1):
+            if len(point) != 3 or not all(math.isfinite(value) for value in point):
+                raise ValueError(f"job: target {number} is {point!r}; write three numbers, X, Y and Z in mm")
+        for name, low in (("load_nm", 0.0), ("tolerance_mm", 1e-6), ("settle_s", 0.01), ("time_limit_s", 1e-3)):
+            value = getattr(self, name)
+            if not low <= value <= 1e6:
+                raise ValueError(f"{name} is {value!r}; it must be a number from {low:g} to 1e6")
+
+
+@dataclass(frozen=True)
+class Move:
+    """What one move did. Arrays are float64 [3], X Y Z."""
+
+    reply: str
+    """The controller's: "0" done, "2" limit switch, ...; "" if the move was given up at the time limit."""
+    time_s: float
+    """From the command to the reply."""
+    settling_s: float
+    """From the reply to the last time that an axis was outside the tolerance; 0 if none was."""
+    slipped: bool
+    """A motor lost steps in this move."""
+    lost_steps: NDArray[np.float64]
+    """Counter minus rotor at rest, in steps, since the reference run."""
+    error_mm: NDArray[np.float64]
+    """Position error at the end of the dwell."""
+    vibration_mm: NDArray[np.float64]
+    """Half of highest minus lowest position error during the dwell."""
+    deviation_mm: float
+    """Largest position error of any axis, from command to the end of the dwell, sampled."""
+
+    def good(self, tolerance_mm: float) -> bool:
+        """Done, no step lost, and the machine stands where it should."""
+        return self.reply == "0" and not self.slipped and float(np.abs(self.error_mm).max()) <= tolerance_mm
+
+
+def referenced_twin(setup: Setup) -> Twin:
+    """A twin that has just been switched on and has made a physical reference run; all axes interpolate together.
+
+    Raises ValueError with one line for a job outside the machine, or a controller that does not answer as an iMC.
+    """
+    start_mm = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
+    twin = Twin(
+        setup.machine,
+        setup.controller,
+        setup.plant,
+        setup.seed,
+        scenario=setup.scenario,
+        overrides=setup.overrides,
+        start_mm=(float(start_mm[0]), float(start_mm[1]), float(start_mm[2])),
+    )
+    for number, point in enumerate(setup.job, 1):
+        for axis, value in zip(twin.machine.axes, point, strict=True):
+            if not 0.0 <= value < axis.travel_mm:
+                raise ValueError(f"job: target {number}: {axis.name} is {value:g} mm; allowed: 0 to {axis.travel_mm:g}")
+    for command in _REFERENCE:
+        try:
+            reply = twin.query(command, _REFERENCE_LIMIT_S)
+        except TimeoutError:
+            reply = ""
+        if reply != "0":
+            raise ValueError(
+                f"no reference run: {setup.controller} answers {reply!r} to {command}; "
+                "take a controller that speaks as the iMC does, and a scenario that begins later"
+            )
+    return twin
+
+
+def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup: Setup, limit_s: float) -> Move:
+    """Move to target_mm [3] and measure; the move is given up after limit_s seconds of virtual time."""
+    axes = twin.machine.axes
+    steps_per_mm = np.array([axis.steps_per_mm for axis in axes])
+    slip_steps = np.array([axis.steps_per_rev for axis in axes]) * _SLIP_REV
+    target = [round(mm * scale) for mm, scale in zip(target_mm, steps_per_mm, strict=True)]
+    lost_before = twin.lost_steps[:3]
+
+    def error_mm() -> NDArray[np.float64]:
+        return twin.position_mm - twin.counts[:3] / steps_per_mm
+
+    for command in (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}"):
+        twin.query(command)
+    if setup.load_nm > 0.0:
+        _push(twin, np.sign(target - twin.counts[:3]) * setup.load_nm)
+    words = [word for count in target for word in (count, settings.speed_hz)]
+    began_ns = twin.time_ns
+    deviation_mm = 0.0
+    twin.write(f"@0M{','.join(map(str, words))},0,30\r".encode())
+    while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
+        deviation_mm = max(deviation_mm, float(np.abs(error_mm()).max()))
+    time_s = (twin.time_ns - began_ns) * 1e-9
+    reply = twin.read().decode("latin-1")
+    if not reply:
+        twin.write(_BREAK)
+        twin.run_until_idle(_BREAK_LIMIT_S)
+        twin.read()
+    if setup.load_nm > 0.0:
+        _push(twin, np.zeros(3))
+
+    errors = []
+    for _ in range(round(setup.settle_s / _RESTING_SAMPLE_S)):
+        twin.run(_RESTING_SAMPLE_S)
+        errors.append(error_mm())
+    dwell_mm = np.array(errors)
+    outside = np.flatnonzero(np.abs(dwell_mm).max(axis=1) > setup.tolerance_mm)
+    lost_steps = twin.lost_steps[:3]
+    return Move(
+        reply=reply,
+        time_s=time_s,
+        settling_s=float((outside[-1] + 1) * _RESTING_SAMPLE_S) if len(outside) else 0.0,
+        slipped=bool((np.abs(lost_steps - lost_before) > slip_steps).any()),
+        lost_steps=lost_steps,
+        error_mm=dwell_mm[-1],
+        vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,
+        deviation_mm=max(deviation_mm, float(np.abs(dwell_mm).max())),
+    )
+
+
+def _push(twin: Twin, torque_nm: NDArray[np.float64]) -> None:
+    """Load each carriage with the force that its motor feels as torque_nm [3] against it: F = 2 pi eta T / lead."""
+    for number, axis in enumerate(twin.machine.axes):
+        force_n = 2.0 * math.pi * axis.efficiency * torque_nm[number] / (axis.lead_mm * 1e-3)
+        twin.apply_force(number, -float(force_n))

@@ -1,0 +1,169 @@
+"""Many settings, one job: a table of what each of them does, on as many processes, threads or machines as there are.
+
+    from concurrent.futures import ProcessPoolExecutor
+    from isel_twin.envs import Setup, fastest, grid, sweep
+
+    rows = sweep(Setup(), grid(speed_hz=[10_000, 20_000, 30_000], acceleration_hz_per_ms=[100, 400, 1600]))
+    with ProcessPoolExecutor() as pool:
+        rows = sweep(Setup(), trials, pool)                # the same rows, bit for bit
+    best = fastest(Setup(), Settings(20_000), "acceleration_hz_per_ms", margin_nm=0.3)
+
+A trial is a plain function of two frozen values, `run_job(setup, settings)`, so anything with the interface of
+`concurrent.futures.Executor` can run it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from isel_twin.envs.moves import (
+    ACCELERATION_HZ_PER_MS,
+    SPEED_HZ,
+    START_STOP_HZ,
+    Settings,
+    Setup,
+    make_move,
+    referenced_twin,
+)
+
+__all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
+
+_RANGES = {"speed_hz": SPEED_HZ, "acceleration_hz_per_ms": ACCELERATION_HZ_PER_MS, "start_stop_hz": START_STOP_HZ}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One trial: the settings, and what the job did with them. `dataclasses.asdict` makes a table row of it."""
+
+    speed_hz: int
+    acceleration_hz_per_ms: int
+    start_stop_hz: int
+    load_nm: float
+    time_s: float
+    """All moves, from command to reply."""
+    settling_s: float
+    """All moves, from reply to inside the tolerance for good."""
+    lost_steps: float
+    """Largest, of any axis, at rest after any move; fractions of a step are load angle."""
+    deviation_mm: float
+    """Largest position error of any axis at any time, sampled."""
+    error_mm: float
+    """Largest position error of any axis at rest after any move."""
+    vibration_mm: float
+    """Largest, of any axis, after any move."""
+    moves: int
+    """Moves that were made; the job ends with the first that the controller does not answer with "0"."""
+    reply: str
+    """The controller's last reply; "" if the time was up."""
+    good: bool
+    """The whole job was made, no step was lost, and every error at rest was within the tolerance."""
+
+
+@dataclass(frozen=True)
+class Fastest:
+    """The fastest good setting, its rows without and with the margin, and the row of the slowest that is not good."""
+
+    settings: Settings
+    row: Row
+    loaded: Row
+    failed: Row | None
+
+
+def grid(
+    speed_hz: Iterable[int] = (10_000,),
+    acceleration_hz_per_ms: Iterable[int] = (100,),
+    start_stop_hz: Iterable[int] = (300,),
+) -> list[Settings]:
+    """All combinations, the last parameter changing fastest. Raises ValueError for a value out of range."""
+    return [Settings(*values) for values in itertools.product(speed_hz, acceleration_hz_per_ms, start_stop_hz)]
+
+
+def run_job(setup: Setup, settings: Settings) -> Row:
+    """Make the whole job with the same settings for every move, on a new twin."""
+    twin = referenced_twin(setup)
+    moves = []
+    left_s = setup.time_limit_s
+    for target in setup.job:
+        move = make_move(twin, target, settings, setup, left_s)
+        moves.append(move)
+        left_s -= move.time_s
+        if move.reply != "0":
+            break
+    return Row(
+        **dataclasses.asdict(settings),
+        load_nm=setup.load_nm,
+        time_s=math.fsum(move.time_s for move in moves),
+        settling_s=math.fsum(move.settling_s for move in moves),
+        lost_steps=max(float(np.abs(move.lost_steps).max()) for move in moves),
+        deviation_mm=max(move.deviation_mm for move in moves),
+        error_mm=max(float(np.abs(move.error_mm).max()) for move in moves),
+        vibration_mm=max(float(move.vibration_mm.max()) for move in moves),
+        moves=len(moves),
+        reply=moves[-1].reply,
+        good=all(move.good(setup.tolerance_mm) for move in moves),
+    )
+
+
+def sweep(setup: Setup, trials: Iterable[Settings], executor: Executor | None = None) -> list[Row]:
+    """One row for each trial, in the order of the trials, whatever runs them. executor None: here, one by one."""
+    if executor is None:
+        return [run_job(setup, settings) for settings in trials]
+    futures = [executor.submit(run_job, setup, settings) for settings in trials]
+    return [future.result() for future in futures]
+
+
+def fastest(
+    setup: Setup,
+    settings: Settings,
+    vary: str,
+    *,
+    margin_nm: float,
+    low: int | None = None,
+    high: int | None = None,
+    resolution: float = 0.02,
+) -> Fastest:
+    """The largest value of one setting with which the job is good, both as it is and with an extra load; by bisection.
+
+    vary: "speed_hz", "acceleration_hz_per_ms" or "start_stop_hz"; the others stay as `settings` has them.
+    margin_nm: the margin of safety, a load torque added to `setup.load_nm` against every motion.
+    low, high: where to look; by default from the value in `settings` to the most that the controller takes.
+    resolution: the answer is within this fraction below the first value found that is not good.
+
+    Bisection believes that what is too fast stays too fast. A resonance may break that rule: a sweep over the
+    neighbourhood of the answer shows it. Raises ValueError if even `low` is not good.
+    """
+    if vary not in _RANGES:
+        raise ValueError(f"vary is {vary!r}; it can be: {', '.join(_RANGES)}")
+    if not resolution > 0.0:
+        raise ValueError(f"resolution is {resolution!r}; it must be positive, such as 0.02")
+    loaded = dataclasses.replace(setup, load_nm=setup.load_nm + margin_nm)
+
+    def trial(value: int) -> tuple[Settings, Row, Row]:
+        chosen = dataclasses.replace(settings, **{vary: value})
+        with_load = run_job(loaded, chosen)
+        return chosen, run_job(setup, chosen) if with_load.good else with_load, with_load
+
+    good_value = getattr(settings, vary) if low is None else low
+    bad_value = _RANGES[vary][1] if high is None else high
+    best = trial(good_value)
+    if not (best[1].good and best[2].good):
+        raise ValueError(f"{vary} = {good_value} is already too fast; begin lower, or slow down the other settings")
+    top = trial(bad_value)
+    if top[1].good and top[2].good:
+        return Fastest(*top, failed=None)
+    failed = top[1] if not top[1].good else top[2]
+    while bad_value > good_value + max(1, int(resolution * good_value)):
+        middle = max(good_value + 1, min(bad_value - 1, round(math.sqrt(good_value * bad_value))))
+        candidate = trial(middle)
+        if candidate[1].good and candidate[2].good:
+            good_value, best = middle, candidate
+        else:
+            bad_value, failed = middle, candidate[1]
+    return Fastest(*best, failed=failed)

@@ -1,0 +1,335 @@
+"""The Gymnasium environment: a job of moves, and before each move the choice of speed, ramp and start-stop frequency.
+
+reset   a new twin is switched on and makes its reference run
+step    action -> Settings -> @0j, @0J, @0M to the controller -> what came of it -> observation, reward
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from isel_twin.envs.moves import (
+    ACCELERATION_HZ_PER_MS,
+    JOB,
+    SPEED_HZ,
+    START_STOP_HZ,
+    Job,
+    Move,
+    Settings,
+    Setup,
+    make_move,
+    referenced_twin,
+)
+from isel_twin.machine import Machine
+from isel_twin.twin import Twin
+
+__all__ = ["JobTuning", "to_action", "to_settings"]
+
+_SIZE = 15
+_FRAME = (480, 640)
+"""Height and width of a picture in pixels."""
+
+
+def to_settings(action: NDArray[np.floating[Any]]) -> Settings:
+    """Settings that an action [3] stands for; values outside -1 .. 1 count as the nearest of these.
+
+    Raises ValueError for anything but three finite numbers.
+    """
+    values = np.asarray(action, dtype=np.float64)
+    if values.shape != (3,) or not np.isfinite(values).all():
+        raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
+    speed, acceleration, start_stop = (np.clip(values, -1.0, 1.0) + 1.0) / 2.0
+    return Settings(
+        speed_hz=round(SPEED_HZ[0] + speed * (SPEED_HZ[1] - SPEED_HZ[0])),
+        acceleration_hz_per_ms=_geometric(acceleration, *ACCELERATION_HZ_PER_MS),
+        start_stop_hz=_geometric(start_stop, *START_STOP_HZ),
+    )
+
+
+def to_action(settings: Settings) -> NDArray[np.float32]:
+    """float32 [3], the action that stands for these settings."""
+    parts = (
+        (settings.speed_hz - SPEED_HZ[0]) / (SPEED_HZ[1] - SPEED_HZ[0]),
+        _logarithmic(settings.acceleration_hz_per_ms, *ACCELERATION_HZ_PER_MS),
+        _logarithmic(settings.start_stop_hz, *START_STOP_HZ),
+    )
+    return np.array([2.0 * part - 1.0 for part in parts], dtype=np.float32)
+
+
+def _geometric(part: float, low: int, high: int) -> int:
+    return round(low * (high / low) ** part)
+
+
+def _logarithmic(value: int, low: int, high: int) -> float:
+    return math.log(value / low) / math.log(high / low)
+
+
+class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
+    """
+    ## Description
+    A gantry with stepper motors has to make a job, a list of moves, as fast as it can without losing a step. Before
+    each move the agent chooses speed, acceleration and start-stop frequency; they go to an emulated controller as the
+    commands a host program would send (`@0j`, `@0J`, `@0M`), and motors, screws and structure do what physics makes of
+    the step stream. All axes move together (`@0z1`), the speed is that of the axis with the most steps. After the move
+    the machine stands for `settle_s` and is measured. The controller has no feedback: it answers `0` also when the
+    motors have lost steps, and later moves then end in the wrong place, or in a limit switch.
+
+    ## Action Space
+    A `Box(-1, 1, (3,), float32)`. Speed is linear in the action because time goes with its inverse; the two others are
+    geometric, equal differences in the action being equal ratios. `to_settings` and `to_action` convert.
+
+    | Num | Action                      | at -1 | at 0  | at +1 | Scale     | Unit  | Command |
+    |-----|-----------------------------|-------|-------|-------|-----------|-------|---------|
+    | 0   | speed of the leading axis   | 30    | 20015 | 40000 | linear    | Hz    | `@0M`   |
+    | 1   | acceleration                | 1     | 63    | 4000  | geometric | Hz/ms | `@0J`   |
+    | 2   | start-stop frequency        | 20    | 283   | 4000  | geometric | Hz    | `@0j`   |
+
+    ## Observation Space
+    A `Box(-Inf, Inf, (15,), float64)`, all of it at rest, after the last move. Position error is true carriage position
+    minus counter; lost steps are counted at the rotor since the reference run.
+
+    | Num   | Observation                                                    | Unit  |
+    |-------|----------------------------------------------------------------|-------|
+    | 0-2   | way of the next move by the counters, X Y Z; 0 after the last  | mm    |
+    | 3-5   | position error X Y Z                                           | mm    |
+    | 6-8   | lost steps X Y Z; fractions are load angle                     | steps |
+    | 9-11  | residual vibration X Y Z: half of the range during the dwell   | mm    |
+    | 12    | duration of the last move                                      | s     |
+    | 13    | settling time of the last move                                 | s     |
+    | 14    | moves still to be made                                         | 1     |
+
+    ## Rewards
+    The unit is the second. The reward of a step is the sum of these terms, each also in `info` under its name:
+    - *reward_time*: minus the time from command to reply.
+    - *reward_settling*: minus the time from the reply until the position error of all axes stays within `tolerance_mm`
+      (at most `settle_s`).
+    - *reward_lost_steps*: minus `lost_steps_penalty` if a motor has slipped in this move.
+    - *reward_tolerance*: minus `tolerance_penalty` if an axis is outside `tolerance_mm` at the end of the dwell.
+    - *reward_abort*: minus `abort_penalty` if the controller answered anything but `0` (limit switch, stop, fault,
+      speed refused) or the time limit cut the move off.
+
+    `abort_penalty` should be more than a whole job may take, or breaking it off would pay.
+
+    `info` also has `settings` (a `Settings`), `reply`, `slipped`, `deviation_mm` (largest position error from command
+    to end of the dwell) and `time_s` (virtual time of all moves so far, standstill not counted).
+
+    ## Starting State
+    The twin has just been switched on with its carriages at a random place, $\\mathcal{U}[1, 3]$ mm off the motor-end
+    switches, and has made a reference run there: the counters are 0. Place, repeatability of the switches and bounce
+    come from the seed; everything else is the same in every episode. Same seed and same actions: same bits.
+
+    ## Episode End
+    ### Termination
+    1. The job is done: every move was answered with `0`.
+    2. The controller answered something else (`info["reply"]`): "2" limit switch, "F" stop, "9" fault, "H" hood, "D"
+       speed refused.
+
+    Lost steps do not end an episode: the controller does not know of them.
+    ### Truncation
+    The moves have taken `time_limit_s` of virtual time and the job is not done.
+
+    ## Arguments
+    ```python
+    import gymnasium, isel_twin.envs
+    env = gymnasium.make("isel_twin/JobTuning-v0", overrides={"payload.mass": 8.0})
+    ```
+
+    | Parameter            | Type            | Default    | Description                                            |
+    |----------------------|-----------------|------------|--------------------------------------------------------|
+    | `job`                | list of (x,y,z) | `JOB`      | targets in mm from the reference point                 |
+    | `machine`            | str, path       | `"4030"`   | machine of the package or folder of a user's own       |
+    | `controller`         | str             | `"imc-s8"` | any controller that speaks the iMC's language          |
+    | `plant`              | str             | `"mujoco"` | `"kinematic"`: nothing is ever lost, for trying out    |
+    | `overrides`          | dict            | none       | machine parameters to change: payload, supply, ...     |
+    | `scenario`           | path            | none       | timed events, see `isel_twin.wiring.scenario`          |
+    | `load_nm`            | float           | `0.0`      | extra load torque at the shafts of moving axes         |
+    | `tolerance_mm`       | float           | `0.05`     | allowed position error at rest                         |
+    | `settle_s`           | float           | `0.2`      | standstill after each move                             |
+    | `time_limit_s`       | float           | `120.0`    | virtual time for the whole job, standstill not counted |
+    | `lost_steps_penalty` | float           | `20.0`     | s                                                      |
+    | `tolerance_penalty`  | float           | `10.0`     | s                                                      |
+    | `abort_penalty`      | float           | `200.0`    | s                                                      |
+    | `render_mode`        | str             | none       | `"rgb_array"`: a picture of the machine as it stands   |
+
+    ## Version History
+    * v0: Initial version.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012  (the base class declares it so)
+
+    def __init__(
+        self,
+        job: Job = JOB,
+        machine: str | Path | Machine = "4030",
+        controller: str = "imc-s8",
+        plant: str = "mujoco",
+        overrides: Mapping[str, Any] | None = None,
+        scenario: str | Path | None = None,
+        load_nm: float = 0.0,
+        tolerance_mm: float = 0.05,
+        settle_s: float = 0.2,
+        time_limit_s: float = 120.0,
+        lost_steps_penalty: float = 20.0,
+        tolerance_penalty: float = 10.0,
+        abort_penalty: float = 200.0,
+        render_mode: str | None = None,
+    ) -> None:
+        """See the class. Raises ValueError with one line for a wrong argument; the machine is built by `reset`."""
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"unknown render_mode {render_mode!r}; there is: rgb_array")
+        self.action_space = Box(-1.0, 1.0, (3,), np.float32)
+        self.observation_space = Box(-np.inf, np.inf, (_SIZE,), np.float64)
+        self.render_mode = render_mode
+        self.twin: Twin | None = None
+        """The twin of this episode, for whoever wants to look closer; None before the first reset."""
+        self._setup = Setup(
+            job=job,
+            machine=machine,
+            controller=controller,
+            plant=plant,
+            overrides=dict(overrides or {}),
+            scenario=scenario,
+            load_nm=load_nm,
+            tolerance_mm=tolerance_mm,
+            settle_s=settle_s,
+            time_limit_s=time_limit_s,
+        )
+        self._lost_steps_penalty = lost_steps_penalty
+        self._tolerance_penalty = tolerance_penalty
+        self._abort_penalty = abort_penalty
+        self._made = 0
+        self._time_s = 0.0
+        self._over = True
+        self._scene: _Scene | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Switch a new twin on and let it make its reference run.
+
+        options: {"job": ...} gives this and all later episodes another job.
+        """
+        super().reset(seed=seed)
+        changes = dict(options or {})
+        if not changes.keys() <= {"job"}:
+            raise ValueError(f"unknown options {sorted(changes.keys() - {'job'})}; there is: job")
+        twin_seed = int(self.np_random.integers(1 << 32))
+        self._setup = dataclasses.replace(self._setup, seed=twin_seed, **changes)
+        self.twin = referenced_twin(self._setup)
+        self._made, self._time_s, self._over = 0, 0.0, False
+        error_mm = self.twin.position_mm - self.twin.counts[:3] / self._steps_per_mm
+        return self._observation(error_mm, self.twin.lost_steps[:3], np.zeros(3), 0.0, 0.0), {}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+        """Make the next move. Raises ResetNeeded if the episode is over, ValueError for an action that is none."""
+        if self.twin is None or self._over:
+            raise gymnasium.error.ResetNeeded("the job is over; call reset() before step()")
+        settings = to_settings(action)
+        left_s = self._setup.time_limit_s - self._time_s
+        move = make_move(self.twin, self._setup.job[self._made], settings, self._setup, left_s)
+        self._time_s += move.time_s
+        done = move.reply == "0"
+        self._made += done
+        terminated = self._made == len(self._setup.job) or move.reply not in ("0", "")
+        truncated = not terminated and self._time_s >= self._setup.time_limit_s
+        self._over = terminated or truncated
+        rewards = self._rewards(move)
+        observation = self._observation(move.error_mm, move.lost_steps, move.vibration_mm, move.time_s, move.settling_s)
+        info = {
+            **rewards,
+            "settings": settings,
+            "reply": move.reply,
+            "slipped": move.slipped,
+            "deviation_mm": move.deviation_mm,
+            "time_s": self._time_s,
+        }
+        return observation, math.fsum(rewards.values()), terminated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """uint8 [480, 640, 3], the machine as it stands now; None unless render_mode is "rgb_array".
+
+        Raises RuntimeError with one line if there is no OpenGL to draw with.
+        """
+        if self.render_mode is None:
+            return None
+        if self.twin is None:
+            raise gymnasium.error.ResetNeeded("there is no machine yet; call reset() before render()")
+        if self._scene is None:
+            self._scene = _Scene(self.twin.machine)
+        return self._scene.picture(self.twin.machine_position_mm)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._scene is not None:
+            self._scene.close()
+            self._scene = None
+
+    @property
+    def _steps_per_mm(self) -> NDArray[np.float64]:
+        assert self.twin is not None
+        return np.array([axis.steps_per_mm for axis in self.twin.machine.axes])
+
+    def _rewards(self, move: Move) -> dict[str, float]:
+        outside = bool((np.abs(move.error_mm) > self._setup.tolerance_mm).any())
+        return {
+            "reward_time": -move.time_s,
+            "reward_settling": -move.settling_s,
+            "reward_lost_steps": -self._lost_steps_penalty * move.slipped,
+            "reward_tolerance": -self._tolerance_penalty * outside,
+            "reward_abort": -self._abort_penalty * (move.reply != "0"),
+        }
+
+    def _observation(
+        self,
+        error_mm: NDArray[np.float64],
+        lost_steps: NDArray[np.float64],
+        vibration_mm: NDArray[np.float64],
+        time_s: float,
+        settling_s: float,
+    ) -> NDArray[np.float64]:
+        assert self.twin is not None
+        to_make = len(self._setup.job) - self._made
+        here_mm = self.twin.counts[:3] / self._steps_per_mm
+        way_mm = np.array(self._setup.job[self._made]) - here_mm if to_make else np.zeros(3)
+        return np.concatenate([way_mm, error_mm, lost_steps, vibration_mm, [time_s, settling_s, float(to_make)]])
+
+
+class _Scene:
+    """The machine's scene.xml and a renderer for it."""
+
+    def __init__(self, machine: Machine) -> None:
+        import mujoco
+
+        from isel_twin.plant.mujoco import load_model
+
+        self._model = load_model(machine)
+        self._data = mujoco.MjData(self._model)
+        cameras = [self._model.camera(number).name for number in range(self._model.ncam)]
+        self._camera = "front" if "front" in cameras else -1
+        self._names = [axis.name for axis in machine.axes]
+        try:
+            self._renderer = mujoco.Renderer(self._model, *_FRAME)
+        except Exception as error:
+            reason = " ".join(str(error).split())
+            raise RuntimeError(f"no picture without OpenGL: {reason}; try MUJOCO_GL=egl in the environment") from None
+
+    def picture(self, position_mm: NDArray[np.float64]) -> NDArray[np.uint8]:
+        import mujoco
+
+        for name, mm in zip(self._names, position_mm, strict=True):
+            self._data.joint(name).qpos[0] = mm * 1e-3
+        mujoco.mj_forward(self._model, self._data)
+        self._renderer.update_scene(self._data, camera=self._camera)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        self._renderer.close()
