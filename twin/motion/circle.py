@@ -11,8 +11,8 @@ which the axes go, one of them inwards (c falls), the other outwards (c rises):
             ry -1  |  ry +1            the circle by more than about half a step.
 
 The controller is not told R but the start point Xs, Ys, the senses Rx, Ry there and the start value D of its register.
-The register of this algorithm is (g - 1) / 2 = (c + rx x + ry y) / 2, with the sign Rx Ry so that "not negative" means
-"X steps" in every quadrant:
+The register of this algorithm is (g - 1) / 2 = (c + rx x + ry y) / 2, with the sign -Rx Ry so that in every quadrant
+"positive" means that X steps and "negative" that Y does (zero: the one that goes inwards):
 
     D = Rx Ry (R^2 - Xs (Xs + Rx) - Ys (Ys + Ry)) / 2,    hence    R^2 = 2 Rx Ry D + Xs (Xs + Rx) + Ys (Ys + Ry)   (1)
 

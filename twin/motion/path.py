@@ -116,11 +116,13 @@ def even(k: int, n: int, ticks: int) -> int:
 
 def fill_even(code: NDArray[np.uint8], first: int, n: int, ticks: int, axis: int) -> None:
     """Add to code[i] the step of this axis at tick first + 1 + i, by the rule of `even`; |n| <= ticks."""
-    if abs(n) == ticks:
-        code += np.uint8(step_code(axis, 1 if n > 0 else -1)) if n else np.uint8(0)
-    elif n:
-        rest = (2 * first * abs(n) + ticks) % (2 * ticks)
-        _fill_even(code, rest, 2 * abs(n), 2 * ticks, np.uint8(step_code(axis, 1 if n > 0 else -1)))
+    if n == 0:
+        return
+    step = np.uint8(step_code(axis, 1 if n > 0 else -1))
+    if abs(n) == ticks:  # the leading axis
+        code |= step
+    else:
+        _fill_even(code, (2 * first * abs(n) + ticks) % (2 * ticks), 2 * abs(n), 2 * ticks, step)
 
 
 @njit(cache=True, nogil=True)
