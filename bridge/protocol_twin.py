@@ -76,6 +76,8 @@ def parse_url(url: str) -> dict[str, str]:
 class Serial(SerialBase):
     """A serial port with a twin at its other end. See the module."""
 
+    is_open: bool
+
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._twin: Twin | None = None
         self._url: str | None = None

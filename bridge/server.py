@@ -57,8 +57,10 @@ class Endpoint(Protocol):
     """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
     address: str
     """What a host connects to."""
-    busy: bool
-    """True while a network client holds the line here."""
+
+    @property
+    def busy(self) -> bool:
+        """True while a network client holds the line here."""
 
     def attach(self, server: Server) -> None:
         """The server that will watch this endpoint, to be told what hosts send."""

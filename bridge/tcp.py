@@ -15,6 +15,7 @@ import selectors
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Protocol
 
 from isel_twin.bridge.server import Outbox, Server, Watch
@@ -117,7 +118,7 @@ class TcpEndpoint:
     def watches(self, listening: bool) -> Iterable[Watch]:
         yield Watch(self._listener, selectors.EVENT_READ, self._accept)
         for connection in self._refused:
-            yield Watch(connection, selectors.EVENT_READ, lambda connection=connection: self._drain(connection))
+            yield Watch(connection, selectors.EVENT_READ, partial(self._drain, connection))
         if (client := self._client) is not None:
             reading = listening and not client.departing
             events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)

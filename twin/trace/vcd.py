@@ -61,13 +61,14 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) ->
             signals[name] = writer.register_var("machine", name, "real", init=0.0)
         texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
         for group, name in recorder.names():
-            kind, size, first = "integer", 64, "x"
-            if (group, name) in texts:
-                kind, size, first = "string", None, ""
-            elif group == "level":
-                kind, size = "wire", 1
             key = name.replace(".", "_")
-            signals[f"{group}.{name}"] = writer.register_var(group, key, kind, size=size, init=first)
+            if (group, name) in texts:
+                signal = writer.register_var(group, key, "string", init="")
+            elif group == "level":
+                signal = writer.register_var(group, key, "wire", size=1, init="x")
+            else:
+                signal = writer.register_var(group, key, "integer", size=64, init="x")
+            signals[f"{group}.{name}"] = signal
         for time_ns, name, value in heapq.merge(
             _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
         ):
