@@ -26,28 +26,36 @@ _AXES = 4
 @njit(cache=True)
 def _follow(code, commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
     """Make ticks until a switch changes; commanded and struck change in place. Return the number of ticks made."""
+    low, high = np.full(_AXES, -np.inf), np.full(_AXES, np.inf)  # between them, no switch of the axis changes
+    for s in range(axis.shape[0]):
+        edge = sense[s] * (release[s] if struck[s] else strike[s])
+        if (sense[s] > 0) == struck[s]:
+            low[axis[s]] = max(low[axis[s]], edge)
+        else:
+            high[axis[s]] = min(high[axis[s]], edge)
     for k in range(code.shape[0]):
         byte = code[k]
-        changed = False
-        for i in range(4):
+        outside = False
+        for i in range(_AXES):
             field = (byte >> (2 * i)) & 3
-            if field == 0:
-                continue
-            commanded[i] += 1 if field == 1 else -1
-            for s in range(axis.shape[0]):
-                if axis[s] != i:
-                    continue
-                beyond = sense[s] * commanded[i]
-                if struck[s]:
-                    if beyond <= release[s]:
-                        struck[s] = False
-                        changed = True
-                elif beyond > strike[s]:
-                    struck[s] = True
-                    changed = True
-        if changed:
+            if field:
+                commanded[i] += 2 - np.int64(field)
+                outside |= not low[i] < commanded[i] < high[i]
+        if outside and _switch(commanded, axis, sense, strike, release, struck):
             return k + 1
     return code.shape[0]
+
+
+@njit(cache=True)
+def _switch(commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Set the switches for these positions; say whether one has changed."""
+    changed = False
+    for s in range(axis.shape[0]):
+        beyond = sense[s] * commanded[axis[s]]
+        now = beyond > (release[s] if struck[s] else strike[s])
+        changed |= now != struck[s]
+        struck[s] = now
+    return changed
 
 
 class KinematicPlant:
