@@ -128,6 +128,15 @@ def test_cnc_command_is_stored(command: str) -> None:
     assert desk.query(command) == "0"
 
 
+@shows("imc-1-82")
+@pytest.mark.parametrize("letter", "FGMOPWYZ")
+def test_capital_letters_of_the_cnc_overview(letter: str) -> None:
+    """Stored in capitals, the command does the same."""
+    call = next(call for call in CNC_CALLS if call[0] == letter.lower())
+    small, capital = (stored("f-1", text, "02,900,0,30,0,30,0,30") for text in (call, letter + call[1:]))
+    assert made(small, "@0S").delta.tolist() == made(capital, "@0S").delta.tolist()
+
+
 @pytest.mark.parametrize("command", [case(f"imc-1-{i}", call) for i, call in enumerate(INI_CALLS, 63)])
 def test_initialisation_command_exists(command: str) -> None:
     assert ready().query(command) == "0"
@@ -196,7 +205,7 @@ def test_a_axis_alone() -> None:
 
 
 @shows("imc-2.2.1-5")
-@pytest.mark.parametrize("number", ["0", "2", "4", "6", "9"])
+@pytest.mark.parametrize("number", ["0", "2", "4", "5", "6", "9"])
 def test_combinations_not_allowed(number: str) -> None:
     desk = fresh()
     assert desk.query(f"@0{number}") == "3"
