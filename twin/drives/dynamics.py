@@ -198,7 +198,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     phases            BOTH with the stage on, OPEN with it off, PHASE_A or PHASE_B with a wire broken. An open phase
                       carries no current from this sub-step on (in truth it fades within 0.3 ms, decision D5)
     current_fraction  phase current over nominal, for the lowered current at rest
-    nut_position_m    where the carriage stands in the middle of the sub-step, 0: in the middle of its backlash at theta 0
+    nut_position_m    where the carriage stands in the middle of the sub-step; 0: amid its backlash at theta 0
     nut_velocity_m_s  its velocity
     load_torque_nm    torque from outside against positive rotation
 

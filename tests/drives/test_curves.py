@@ -1,0 +1,176 @@
+"""Torque curves against the maker's: StepperOnline 23HS32-4004S on a DM542T, 2000 microsteps a revolution, 4.2 A peak.
+
+Expected values are the maker's curve, the closed form written out here once more, and a data sheet's starting rate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from isel_twin.drives import (
+    MOTORS,
+    Motor,
+    Screw,
+    Stage,
+    pull_in_rate,
+    pull_out_envelope,
+    pull_out_torque,
+    resonance_hz,
+    starts_in_step,
+)
+
+SPEEDS_RPM = (90, 210, 300, 390, 510, 600)
+PUBLISHED_NM = {
+    36: (1.830, 1.774, 1.642, 1.393, 1.229, 1.026),
+    48: (1.846, 1.824, 1.781, 1.733, 1.501, 1.332),
+}
+POINTS = [(v, rpm, nm) for v, row in PUBLISHED_NM.items() for rpm, nm in zip(SPEEDS_RPM, row, strict=True)]
+
+NEMA23 = MOTORS["23HS32-4004S"]
+FOUR_FIELDS = Motor(
+    resistance_ohm=0.65,
+    inductance_h=3.2e-3,
+    torque_constant_nm_per_a=2.4 / (math.sqrt(2) * 4.0),
+    rotor_inertia_kgm2=5.3e-5,
+)
+UNFITTED = Motor(0.65, 3.2e-3, 2.4 / (math.sqrt(2) * 4.0), 5.3e-5, iron_loss_ohm=math.inf)
+
+
+def dm542t(supply_v: float, **settings: float) -> Stage:
+    return Stage(supply_v=supply_v, current_a=4.2, microsteps=10, **settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("supply_v", "rpm", "published_nm"), POINTS)
+@pytest.mark.parametrize("motor", [NEMA23, FOUR_FIELDS], ids=["table", "four fields"])
+def test_pull_out_torque_is_the_makers_within_15_percent(
+    motor: Motor, supply_v: float, rpm: float, published_nm: float
+) -> None:
+    assert pull_out_torque(motor, dm542t(supply_v), rpm) == pytest.approx(published_nm, rel=0.15)
+
+
+@pytest.mark.parametrize(("supply_v", "rpm", "published_nm"), [p for p in POINTS if p[1] <= 300])
+def test_up_to_300_rpm_nothing_needs_to_be_fitted(supply_v: float, rpm: float, published_nm: float) -> None:
+    ideal = dm542t(supply_v, supply_factor=1.0, extra_resistance_ohm=0.0)
+    assert pull_out_torque(UNFITTED, ideal, rpm) == pytest.approx(published_nm, rel=0.08)
+    assert pull_out_torque(FOUR_FIELDS, dm542t(supply_v), rpm) == pytest.approx(published_nm, rel=0.08)
+
+
+@pytest.fixture(scope="module")
+def curves() -> dict[int, list[float]]:
+    """Torque every 20 rpm from 300 to 800 rpm at both supplies."""
+    return {v: [pull_out_torque(NEMA23, dm542t(v), rpm) for rpm in range(300, 801, 20)] for v in (36, 48)}
+
+
+def test_torque_falls_with_speed_above_300_rpm(curves: dict[int, list[float]]) -> None:
+    for curve in curves.values():
+        assert all(faster < slower for slower, faster in zip(curve, curve[1:], strict=False))
+
+
+def test_more_voltage_never_means_less_torque(curves: dict[int, list[float]]) -> None:
+    assert all(high >= low for low, high in zip(curves[36], curves[48], strict=True))
+
+
+def envelope_nm(motor: Motor, voltage_v: float, current_a: float, resistance_ohm: float, rpm: float) -> float:
+    """Acarnley's phasor diagram for a microstepped motor (sine current, square voltage), with iron drag."""
+    w = rpm * math.pi / 30
+    we, km = 50 * w, motor.torque_constant_nm_per_a
+    z2 = resistance_ohm**2 + (we * motor.inductance_h) ** 2
+    by_voltage = km * (4 / math.pi) * voltage_v / math.sqrt(z2) - 50 * we * (km / 50) ** 2 * resistance_ohm / z2
+    return min(km * current_a, by_voltage) - km**2 / motor.iron_loss_ohm * w
+
+
+@pytest.mark.parametrize("supply_v", [36, 48])
+@pytest.mark.parametrize("rpm", [60, 150, 300, 450, 600, 750, 900])
+def test_the_closed_form_bounds_the_bench(supply_v: float, rpm: float) -> None:
+    stage = dm542t(supply_v)
+    bound = envelope_nm(NEMA23, stage.supply_factor * supply_v, 4.2, 0.65 + stage.extra_resistance_ohm, rpm)
+    assert pull_out_torque(NEMA23, stage, rpm) <= 1.05 * bound
+    assert pull_out_envelope(NEMA23, stage, rpm) == pytest.approx(bound, rel=0.005)
+
+
+@pytest.mark.parametrize(("microsteps", "factor"), [(1, math.sqrt(2)), (2, 1.207), (10, 1.0), (64, 1.0)])
+def test_slow_torque_is_that_of_the_current_wave(microsteps: int, factor: float) -> None:
+    """Turning slowly against a brake a motor gives the mean of its holding torque: full > half > microstep."""
+    stage = Stage(supply_v=48, current_a=4.0, microsteps=microsteps)
+    hold = factor * NEMA23.torque_constant_nm_per_a * 4.0
+    torque = pull_out_torque(NEMA23, stage, 60)
+    assert 0.85 * hold < torque < hold
+    assert torque <= 1.05 * pull_out_envelope(NEMA23, stage, 60)
+
+
+def test_standstill_torque_is_the_torque_constant_times_current() -> None:
+    assert pull_out_torque(NEMA23, dm542t(48), 0) == pytest.approx(NEMA23.torque_constant_nm_per_a * 4.2, rel=0.01)
+
+
+@pytest.mark.parametrize(("supply_v", "rpm"), [(36, 90), (36, 300), (36, 510), (36, 600), (48, 390), (48, 600)])
+def test_halving_the_sub_step_changes_little(supply_v: float, rpm: float) -> None:
+    stage = dm542t(supply_v)
+    coarse = pull_out_torque(NEMA23, stage, rpm)
+    assert pull_out_torque(NEMA23, stage, rpm, dt_s=12.5e-6) == pytest.approx(coarse, rel=0.02)
+
+
+def test_the_inertia_on_the_bench_matters_little() -> None:
+    light = pull_out_torque(NEMA23, dm542t(48), 510, 0.0)
+    assert pull_out_torque(NEMA23, dm542t(48), 510, 3e-4) == pytest.approx(light, rel=0.03)
+
+
+def test_a_load_without_damping_brings_out_mid_band_instability() -> None:
+    """Where the supply limits the current, a motor that nothing damps swings itself out of step."""
+    stage = dm542t(36)
+    assert pull_out_torque(NEMA23, stage, 700, constant_load=True) < 0.8 * pull_out_torque(NEMA23, stage, 700)
+    slow = pull_out_torque(NEMA23, stage, 240)
+    assert pull_out_torque(NEMA23, stage, 240, constant_load=True) == pytest.approx(slow, rel=0.02)
+
+
+def test_pull_in_rate_of_the_57hs56_is_the_data_sheets() -> None:
+    """Data sheet: starts at 2500 half steps/s, a figure with a margin."""
+    motor = MOTORS["57HS56-2804"]
+    for supply_v in (24, 32, 36, 48):
+        assert 2500 < pull_in_rate(motor, Stage(supply_v=supply_v, current_a=2.8, microsteps=2)) < 3500
+
+
+def test_pull_in_rate_falls_with_inertia_and_load() -> None:
+    motor, stage = MOTORS["57HS56-2804"], Stage(supply_v=36, current_a=2.8, microsteps=2)
+    bare = pull_in_rate(motor, stage)
+    heavy = pull_in_rate(motor, stage, load_inertia_kgm2=9e-5)
+    assert heavy == pytest.approx(bare / math.sqrt(1.2e-4 / 0.3e-4), rel=0.2)  # rate^2 J: constant, in essence
+    assert pull_in_rate(motor, stage, load_torque_nm=0.3) < bare
+
+
+def test_pull_in_rate_counts_the_stages_own_steps() -> None:
+    motor = MOTORS["57HS56-2804"]
+    full, half = (pull_in_rate(motor, Stage(supply_v=36, current_a=2.8, microsteps=m)) for m in (1, 2))
+    assert half == pytest.approx(2 * full, rel=0.15)
+
+
+def test_natural_frequency() -> None:
+    """Bare 57HS56 rotor at full hold: sqrt(50 * 1.236 / 3e-5) / 2 pi = 228 Hz."""
+    stage = Stage(supply_v=36, current_a=2.8, microsteps=1)
+    assert resonance_hz(MOTORS["57HS56-2804"], stage) == pytest.approx(228.4, abs=0.5)
+
+
+def test_full_step_starts_fail_in_the_resonance_band_of_the_bare_motor() -> None:
+    """Near the natural frequency (228 Hz) and at half of it, but neither below nor between."""
+    motor, stage = MOTORS["57HS56-2804"], Stage(supply_v=36, current_a=2.8, microsteps=1)
+    failed = [hz for hz in range(40, 321, 20) if not starts_in_step(motor, stage, hz)]
+    assert any(80 <= hz <= 130 for hz in failed)
+    assert {200, 220, 240} <= set(failed)
+    assert not [hz for hz in failed if hz < 80 or 140 < hz < 170 or hz > 260]
+
+
+def test_half_step_starts_hold_on_the_loaded_axis() -> None:
+    """57HS56 at 2 A, 32 V on a 10 mm screw with 15 kg and an axis' friction: only full step has a band (110 Hz)."""
+    motor = MOTORS["57HS56-2804"]
+    axis = Screw(inertia_kgm2=15 * (0.010 / (2 * math.pi)) ** 2 + 2.5e-5 + 5e-6, coulomb_nm=0.02)
+    full, half = (Stage(supply_v=32, current_a=2.0, microsteps=m) for m in (1, 2))
+    rates = range(40, 501, 20)
+    assert [hz for hz in rates if not starts_in_step(motor, full, hz, axis)]
+    assert not [hz for hz in rates if not starts_in_step(motor, half, 2 * hz, axis)]
+
+
+@pytest.mark.parametrize("speed_rpm", [-1.0, math.inf, math.nan])
+def test_a_speed_that_makes_no_sense_is_refused(speed_rpm: float) -> None:
+    with pytest.raises(ValueError, match="speed_rpm"):
+        pull_out_torque(NEMA23, dm542t(48), speed_rpm)
