@@ -36,10 +36,10 @@ class Imc:
     """Implements `isel_twin.controller.Controller`."""
 
     def __init__(self, profile: Profile, flash: bytes | None) -> None:
-        """flash: image from the last power-off; None for a new device."""
+        """flash: image from the last power-off; None or nothing in it for a new device."""
         self._profile = profile
         self._events: list[Event] = []
-        self._flash = settings.Flash(settings.default_settings(profile)) if flash is None else settings.decode(flash)
+        self._flash = settings.Flash(settings.default_settings(profile)) if not flash else settings.decode(flash)
         self._inputs = Inputs({})
         self._boot(0)
         self._events.clear()

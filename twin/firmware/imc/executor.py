@@ -114,11 +114,11 @@ class Executor:
         match request:
             case Pause(ns):
                 self._pause_until = device.now_ns + ns
-            case Travel(path, profile, first, until, seek):
-                run = Run(path, profile, device.now_ns, first)
-                if until is not None and until():
-                    return Ended(first, by_event=True)
-                if seek is None and self._blocked(run):
+            case Travel():
+                run = Run(request.path, request.profile, device.now_ns, request.first)
+                if request.until is not None and request.until():
+                    return Ended(request.first, by_event=True)
+                if request.seek is None and self._blocked(run):
                     self._limit_error()
                 else:
                     device.run = run
