@@ -18,6 +18,8 @@ from conformance.ismif_desk import (
     send_job,
     status,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from isel_twin.controller import create_controller
 
@@ -52,6 +54,22 @@ def test_a_target_out_of_range_ends_its_job() -> None:
     assert job(desk, "L1,x10", "L1,x8388600", "L1,y10") == ACK * 3 + DONE
     assert desk.steps_since(mark).total == (10, 0, 0, 0)
     assert status(desk) == "001000"
+
+
+def test_a_failing_job_leaves_the_next_one_alone() -> None:
+    desk = referenced()
+    now(desk, "@A")
+    send_job(desk, "L1,x8388600", "L1,x8388600", "L1,y10")
+    send_job(desk, "L1,z10")
+    mark = desk.ticks
+    desk.read()
+    assert now(desk, "@B") == ACK  # in the pause: the first job has not begun
+    desk.start("@C")
+    desk.run(1.0)
+    desk.start("@B")
+    assert desk.finish() == ACK + ACK + DONE + DONE
+    assert desk.steps_since(mark).total[1:] == (0, 10, 0)
+    assert status(desk)[2] == "1"
 
 
 def test_lines_too_long_are_wrong_commands() -> None:
@@ -256,6 +274,26 @@ def test_continue_on_the_ramp_goes_on_as_soon_as_it_stands() -> None:
     assert status(desk) == "100001"
     desk.finish()
     assert desk.counts == (3000, 0, 0, 0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 0.6)), max_size=5), st.booleans())
+def test_any_pauses_leave_the_way_as_it_is(pauses: list[tuple[float, float]], full_steps: bool) -> None:
+    """However often a job is paused and continued, on a ramp or not, it makes its path, tick for tick."""
+    undisturbed, disturbed = (referenced(f"F{int(full_steps)}") for _ in range(2))
+    commands = ("L1,X700,Y-20", "W200", "L1,x-300,z5")
+    mark = undisturbed.ticks
+    job(undisturbed, *commands)
+    send_job(disturbed, *commands)
+    for runs_s, stands_s in pauses:
+        disturbed.run(runs_s)
+        disturbed.start("@A")
+        disturbed.run(stands_s)
+        disturbed.start("@C")
+    disturbed.finish()
+    assert np.array_equal(disturbed.steps_since(mark).delta, undisturbed.steps_since(mark).delta)
+    assert disturbed.counts == undisturbed.counts
+    assert status(disturbed) == "000000"
 
 
 def test_stop_with_ramp_in_a_pause_forgets_the_vector() -> None:

@@ -1,10 +1,11 @@
 """The iSMIF stepper interface (20 commands, a job memory of 64 KB, three axes), after its manual.
 
-    commands.py   what a line says
-    memory.py     the job memory
-    moves.py      ramp law, full steps
-    signals.py    what the 15-pin socket carries: phase patterns, clock and direction
-    device.py     what the interface does
+    commands.py        what a line says
+    configuration.py   what can be set
+    memory.py          the job memory
+    moves.py           ramp law, full steps
+    signals.py         what the 15-pin socket carries: phase patterns, clock and direction
+    device.py          what the interface does
 
 docs/ismif.md tells what the manual leaves open and the ramp law in closed form.
 """

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, Output, Reply
@@ -28,12 +28,12 @@ from isel_twin.firmware.ismif.commands import (
     AXIS_LETTERS,
     LINE_LIMIT,
     STEPS_LIMIT,
-    TABLE_SIZE,
     Command,
     CommandError,
     Target,
     parse,
 )
+from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
 from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory
 from isel_twin.firmware.ismif.moves import PAIR_NS, PairedPath, paired, profile
 from isel_twin.motion import Path, Run, line
@@ -50,30 +50,6 @@ SEARCH_LIMIT = 200_000
 FREE_LIMIT = 4_000
 """Half steps after which a search or a free run has failed (S8)."""
 AXES = range(3)
-
-
-@dataclass(frozen=True)
-class ReferenceSettings:
-    """How one axis is referenced (6.11, 6.12): direction, table indexes of the three speeds, offset in steps."""
-
-    positive: bool = False
-    search: int = 2
-    free: int = 2
-    offset_speed: int = 2
-    offset: int = 25
-
-
-@dataclass
-class Configuration:
-    """Everything that can be set, with the factory's values (5.2)."""
-
-    clock: bool = False
-    full_step: bool = False
-    plotter: bool = False
-    start_hz: int = 200
-    ramp_ms: int = 500
-    speed_hz: list[int] = field(default_factory=lambda: [600] * TABLE_SIZE)
-    reference: list[ReferenceSettings] = field(default_factory=lambda: [ReferenceSettings() for _ in AXES])
 
 
 @dataclass(frozen=True)
@@ -135,14 +111,6 @@ class Ismif:
             "@C": self._continue,
         }
         self._handlers: dict[str, Callable[..., None]] = {
-            "T": self._set_signals,
-            "F": self._set_full_step,
-            "Z": self._set_plotter,
-            "#S": self._set_start,
-            "#E": self._set_speed,
-            "#R": self._set_ramp,
-            "#D": self._set_reference,
-            "#O": self._set_offset,
             "$H": self._begin_reference,
             "L": self._begin_vector,
             "A": self._set_signal,
@@ -262,35 +230,30 @@ class Ismif:
         """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (S2)."""
         while self._waiting_lines:
             line, starts = self._waiting_lines[0]
-            size = len(line) + 1 if line else 0
-            if size > self._memory.free:
+            if len(line) + 1 > self._memory.free:
                 return
             self._waiting_lines.popleft()
-            if line:
-                self._store_command(line, size, starts)
-            elif starts:
-                self._memory.store(Entry(None, 0, ends_job=True))
+            command = self._checked(line)
+            if command is not None or starts:
+                self._memory.store(Entry(command, len(line) + 1, starts))
+            if starts:
+                self._void = False
             if self._memory.full:
-                self._memory.release()
                 self._told_full = True
+            if starts or self._memory.full:
+                self._memory.release()
             if line:
                 self._reply(FULL if self._memory.full else b"")
-            if starts:
-                self._memory.release()
-                self._void = False
 
-    def _store_command(self, line: bytes, size: int, starts: bool) -> None:
-        """A wrong command voids the job it stands in: nothing of it is carried out (S1)."""
-        command: Command | None = None
+    def _checked(self, line: bytes) -> Command | None:
+        """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
+        command = None
         try:
-            command = _parse(line)
+            command = _parse(line) if line else None
         except CommandError:
             self._error = self._void = True
             self._memory.drop_stored()
-        if not self._void:
-            self._memory.store(Entry(command, size, starts))
-        elif starts:
-            self._memory.store(Entry(None, 0, ends_job=True))
+        return None if self._void else command
 
     def _work(self) -> None:
         """Carry out what can be carried out now, until something takes time or nothing is left."""
@@ -310,12 +273,21 @@ class Ismif:
 
     def _begin_command(self, entry: Entry) -> None:
         self._entry = entry
+        self._use_room()
+        command = entry.command
+        if command is None:
+            return
+        if command.code in SETTINGS:
+            self._configure(command)
+        else:
+            self._handlers[command.code](*command.arguments)
+
+    def _use_room(self) -> None:
+        """Commands have left the memory: take in waiting lines, or tell the host."""
         self._store_lines()
         if self._told_full and self._memory.free >= ROOM and not self._waiting_lines:
             self._told_full = False
             self._reply(READY)
-        if entry.command is not None:
-            self._handlers[entry.command.code](*entry.command.arguments)
 
     def _end_command(self, entry: Entry) -> None:
         self._entry = None
@@ -323,13 +295,13 @@ class Ismif:
             self._reply(READY)
 
     def _fail(self) -> None:
-        """A job cannot be carried out: the rest of it is dropped, and the host is told that it is over (S1)."""
+        """A command cannot be carried out: the rest of its job is dropped and the host is told that it is over (S1)."""
         self._error = True
         self._actions.clear()
-        self._memory.drop_released()
-        self._told_full = False
+        while self._entry is not None and not self._entry.ends_job and self._memory.released:
+            self._entry = self._memory.take()
         self._entry = Entry(None, 0, ends_job=True)
-        self._store_lines()
+        self._use_room()
 
     # ---- actions ----------------------------------------------------------------------------------------------------
 
@@ -340,7 +312,7 @@ class Ismif:
             case Travel():
                 path = line((*action.steps, 0))
                 self._travel, self._path_made = action, 0
-                self._path = PairedPath(path) if self._unit == 2 else path
+                self._path = PairedPath(path) if self._configuration.half_steps == 2 else path
             case Referenced(axis):
                 counts = list(self._made)
                 counts[axis] = 0
@@ -352,13 +324,13 @@ class Ismif:
         travel, path = self._travel, self._path
         assert travel is not None
         assert path is not None
-        rest = (path.ticks - self._path_made) // self._unit
+        rest = (path.ticks - self._path_made) // self._configuration.half_steps
         if travel.until == self._input or rest == 0:
             self._travel = None
             return
         settings = self._configuration
         law = profile(rest, travel.speed_hz, settings.start_hz, settings.ramp_ms, self._error_ppm)
-        self.run = Run(path, paired(law) if self._unit == 2 else law, self._t_ns, self._path_made)
+        self.run = Run(path, paired(law) if self._configuration.half_steps == 2 else law, self._t_ns, self._path_made)
 
     def _run_ended(self) -> None:
         """The pulses of the run have been made: its travel is over, or it was braked on the way."""
@@ -383,7 +355,7 @@ class Ismif:
             self._travel = None
             return
         self._edge = True
-        self.run = self.run.cut(self._t_ns + (self._unit - 1) * PAIR_NS)
+        self.run = self.run.cut(self._t_ns + (self._configuration.half_steps - 1) * PAIR_NS)
         if self.run.end_ns <= self._t_ns:
             self._run_ended()
 
@@ -467,36 +439,12 @@ class Ismif:
 
     # ---- stored commands --------------------------------------------------------------------------------------------
 
-    def _set_signals(self, clock: int) -> None:
-        self._configuration.clock = bool(clock)
-        self._put_signals()
-
-    def _set_full_step(self, full: int) -> None:
-        self._configuration.full_step = bool(full)
-        self._put_signals()
-
-    def _set_plotter(self, mode: int) -> None:
-        self._configuration.plotter = mode == 2
-        self._set_pen(0)
-
-    def _set_start(self, speed_hz: int) -> None:
-        self._configuration.start_hz = speed_hz
-
-    def _set_speed(self, index: int, speed_hz: int) -> None:
-        self._configuration.speed_hz[index] = speed_hz
-
-    def _set_ramp(self, ramp_ms: int) -> None:
-        self._configuration.ramp_ms = ramp_ms
-
-    def _set_reference(self, axis: int, positive: int, search: int, free: int, offset_speed: int) -> None:
-        settings = self._configuration.reference
-        settings[axis] = replace(
-            settings[axis], positive=bool(positive), search=search, free=free, offset_speed=offset_speed
-        )
-
-    def _set_offset(self, axis: int, steps: int) -> None:
-        settings = self._configuration.reference
-        settings[axis] = replace(settings[axis], offset=steps)
+    def _configure(self, command: Command) -> None:
+        self._configuration.set(command)
+        if command.code in ("T", "F"):
+            self._put_signals()
+        elif command.code == "Z":
+            self._set_pen(0)
 
     def _set_signal(self, on: int) -> None:
         self._events += [Output("pin12", on), Output("spindle", on)]
@@ -516,8 +464,8 @@ class Ismif:
             reference = settings.reference[axis]
             towards = 1 if reference.positive else -1
             for steps, index, until in (
-                (SEARCH_LIMIT // self._unit * towards, reference.search, False),
-                (FREE_LIMIT // self._unit * -towards, reference.free, True),
+                (SEARCH_LIMIT // self._configuration.half_steps * towards, reference.search, False),
+                (FREE_LIMIT // self._configuration.half_steps * -towards, reference.free, True),
                 (reference.offset * -towards, reference.offset_speed, None),
             ):
                 x, y, z = (steps if axis == i else 0 for i in AXES)
@@ -543,11 +491,6 @@ class Ismif:
     # ---- state ------------------------------------------------------------------------------------------------------
 
     @property
-    def _unit(self) -> int:
-        """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (S4)."""
-        return 2 if self._configuration.full_step and not self._configuration.clock else 1
-
-    @property
     def _position_known(self) -> bool:
         """Every axis that has a motor has been referenced."""
         return all(self._known[: 2 if self._configuration.plotter else 3])
@@ -556,7 +499,7 @@ class Ismif:
         """Position of an axis in the steps that commands count in."""
         if self._configuration.plotter and axis == 2:
             return self._pen
-        return self.counts[axis] // self._unit
+        return self.counts[axis] // self._configuration.half_steps
 
     def _set_counts(self, counts: tuple[int, int, int, int], *axes: int) -> None:
         self._made = counts

@@ -72,11 +72,6 @@ class JobMemory:
         self.released -= 1
         return entry
 
-    def drop_released(self) -> None:
-        """Forget the jobs in execution; what is stored for the next one stays."""
-        while self.released:
-            self.take()
-
     def drop_stored(self) -> None:
         """Forget the job that has not been released yet."""
         while len(self._entries) > self.released:
@@ -84,5 +79,5 @@ class JobMemory:
 
     def clear(self) -> None:
         """Forget everything."""
-        self.drop_stored()
-        self.drop_released()
+        self._entries.clear()
+        self._used = self.released = 0
