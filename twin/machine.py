@@ -7,7 +7,8 @@ harm. The dataclasses below are the whole format: a field made with `_number` is
 
 and carries its unit and allowed range here. Words and switches are plain values. Three rules make files short:
 
-    based_on = "4030"     start from another machine, by name or by path relative to this folder, and say what differs
+    based_on = "4030"     start from another machine, by name or by path relative to this folder, and say what differs;
+                          with a `model` of its own a machine also brings all of its own [masses] and [structure]
     [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
     [switches]            holds for all position switches; an entry in [contacts] may override it
 
@@ -192,7 +193,8 @@ class Machine:
     name: str
     description: str
     kinematics: str
-    """table: the portal stands and the table moves along Y; portal: the portal moves along Y."""
+    """table: the portal stands and the table moves along Y; portal: the portal moves along Y;
+    traverse: a column along X, a slide on it along Z, an arm along Y. For people: the model says it to the plant."""
     folder: Path
     model_file: Path
     """MuJoCo model (MJCF) that the plant loads."""
@@ -344,7 +346,9 @@ def _read_file(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     if "based_on" in tree:
         parent_file = _find(str(tree.pop("based_on")), file.parent)
         parent = _read_file(parent_file, (*seen, file))
-        if "model" not in tree:
+        if "model" in tree:
+            parent = {**parent, "masses": {}, "structure": {}}
+        else:
             tree["model"] = str(parent_file.parent / parent["model"])
         tree = _merge(parent, tree)
     return tree
@@ -389,7 +393,7 @@ def _override(tree: dict[str, Any], key: str, value: Any, file: Path) -> None:
 _TEXTS: Mapping[str, tuple[str, ...]] = {
     "name": (),
     "description": (),
-    "kinematics": ("table", "portal"),
+    "kinematics": ("table", "portal", "traverse"),
     "model": (),
     "fixture": (),
 }
@@ -407,6 +411,7 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
     texts = {key: _text(tree[key], key, choices, file) for key, choices in _TEXTS.items()}
     sections = {key: _table(tree.get(key, {}), key, file) for key in _SECTIONS}
     axes = tuple(_section(Axis, sections["axes"][name], f"axes.{name}", file, name=name) for name in AXIS_NAMES)
+    imperfections = _section(Imperfections, tree["imperfections"], "imperfections", file)
     mass = {"unit": "kg", "low": 1e-3, "high": 1e4, "scale": 1.0}
     _known(sections["payload"], ("mass",), "payload", file)
     machine = Machine(
@@ -424,9 +429,10 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
             _section(Mode, value, f"structure.{key}", file, joint=key) for key, value in sections["structure"].items()
         ),
         squareness=_section(Squareness, tree["squareness"], "squareness", file),
-        imperfections=_section(Imperfections, tree["imperfections"], "imperfections", file),
+        imperfections=imperfections,
         contacts=tuple(
-            _contact(key, value, sections["switches"], axes, file) for key, value in sections["contacts"].items()
+            _as_good_as(_contact(key, value, sections["switches"], axes, file), imperfections)
+            for key, value in sections["contacts"].items()
         ),
         motors={
             key: {
@@ -479,6 +485,15 @@ def _contact(name: str, table: Any, shared: dict[str, Any], axes: tuple[Axis, ..
     return dataclasses.replace(contact, position_mm=axes[AXIS_NAMES.index(contact.axis)].travel_mm)
 
 
+def _as_good_as(contact: Contact, on: Imperfections) -> Contact:
+    """The contact without those of its imperfections that are off."""
+    return dataclasses.replace(
+        contact,
+        repeatability_mm=contact.repeatability_mm if on.repeatability else 0.0,
+        bounce_ms=contact.bounce_ms if on.bounce else 0.0,
+    )
+
+
 def _section(cls: type[T], table: Any, where: str, file: Path, **given: Any) -> T:
     """An instance of the dataclass from its table: numbers, words, flags and sections as its fields say."""
     table = _table(table, where, file)
@@ -501,7 +516,11 @@ def _section(cls: type[T], table: Any, where: str, file: Path, **given: Any) -> 
             values[item.name] = _text(table[key], path, item.metadata["choices"], file)
         else:
             number = _quantity(table[key], item.metadata, path, file)
-            values[item.name] = round(number) if item.type == "int" else number
+            if item.type == "int":
+                if abs(number - round(number)) > 1e-6:
+                    raise MachineError(f"{file}: {path}: {table[key]['value']}; allowed: whole numbers")
+                number = round(number)
+            values[item.name] = number
     return cls(**values)
 
 

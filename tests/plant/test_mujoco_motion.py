@@ -1,4 +1,4 @@
-"""Motion of the default machine: what follows, what is lost, what rings. Figures from hardware data and closed forms."""
+"""Motion of the default machine: what follows, what is lost, what rings. Figures from data sheets and closed forms."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_halving_the_time_steps_keeps_the_ring_down_frequency(bench):
 
 
 def test_imperfections_show_where_they_belong(bench):
-    """Lead error 0.046 % of 50 mm: 23 um; squareness 0.1 mm/m of 150 mm in Y and 30 in Z: 18 um; backlash 20 um on reversal."""
+    """Lead error 0.046 % of 50 mm: 23 um; squareness 0.1 mm/m of 150 mm in Y and 30 in Z: 18 um; backlash as set."""
     ideal, lead, square = (
         bench({"imperfections": "ideal", **on})
         for on in ({}, {"imperfections.lead_error": True}, {"imperfections.squareness": True})

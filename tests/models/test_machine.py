@@ -1,0 +1,179 @@
+"""Machine files: what they hold, how they are combined, and what is said about wrong ones."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from isel_twin.machine import (
+    LEVELS,
+    MachineError,
+    describe,
+    load_machine,
+    machine_names,
+    models_folder,
+    with_overrides,
+)
+
+
+def test_the_default_machine_is_the_one_of_the_data_sheets():
+    machine = load_machine("4030")
+    assert [axis.travel_mm for axis in machine.axes] == [395.0, 300.0, 140.0]
+    assert {axis.steps_per_mm for axis in machine.axes} == {320.0}
+    assert {(axis.motor, axis.stage.supply_v, axis.stage.current_a) for axis in machine.axes} == {
+        ("23HS32-4004S", 48.0, 4.2)
+    }
+    assert {(axis.stage.idle_fraction, axis.stage.idle_delay_s) for axis in machine.axes} == {(0.5, 0.2)}
+    assert {axis.stiffness_n_per_m for axis in machine.axes} == {30e6}
+    assert [(mode.frequency_hz, mode.damping_ratio) for mode in machine.structure] == [(40.0, 0.03)] * 2
+    assert not machine.imperfections.lead_error
+    assert machine.imperfections.backlash
+    assert machine.controller["program_memory_bytes"] == 32768
+
+
+def test_switches_stand_at_the_ends_of_the_travel():
+    switches = {switch.name: switch for switch in load_machine("4030").switches}
+    assert {name: (s.axis, s.end, s.position_mm, s.terminal) for name, s in switches.items()} == {
+        "limit_x1": ("x", "motor", 0.0, "p3.0"),
+        "limit_x2": ("x", "far", 395.0, "p3.1"),
+        "limit_y1": ("y", "motor", 0.0, "p3.2"),
+        "limit_y2": ("y", "far", 300.0, "p3.3"),
+        "limit_z1": ("z", "motor", 0.0, "p3.4"),
+        "limit_z2": ("z", "far", 140.0, "p3.5"),
+    }
+    assert {(s.type, s.hysteresis_mm, s.repeatability_mm, s.bounce_ms) for s in switches.values()} == {
+        ("opener", 0.2, 0.01, 1.0)
+    }
+
+
+def test_machines_of_the_package():
+    assert machine_names() == ["4030", "4030-portal", "traverse"]
+    traverse = load_machine("traverse")
+    assert {axis.travel_mm for axis in traverse.axes} == {1025.0}
+    assert {switch.position_mm for switch in traverse.switches} == {0.0, 1025.0}
+    assert load_machine("4030-portal").kinematics == "portal"
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_description_has_a_row_with_source_and_grade_for_every_number(name):
+    rows = describe(load_machine(name))
+    assert len({row.parameter for row in rows}) == len(rows)
+    for row in rows:
+        if isinstance(row.value, int | float) and not isinstance(row.value, bool):
+            assert row.unit, row
+            assert row.source, row
+        assert row.grade in ("measured", "datasheet", "estimate", "setting"), row
+    values = {row.parameter: (row.value, row.unit, row.grade) for row in rows}
+    assert values["axes.all.lead"] == (5.0, "mm", "setting")
+    assert values["axes.all.stage.supply"] == (48.0, "V", "estimate")
+
+
+def test_overrides_are_in_the_units_of_the_file():
+    machine = with_overrides(
+        load_machine("4030"),
+        {"axes.all.steps_per_rev": 400, "axes.x.stiffness": 20, "axes.y.stage.idle_delay": 100, "payload.mass": 5},
+    )
+    assert [axis.steps_per_mm for axis in machine.axes] == [80.0, 80.0, 80.0]
+    assert [axis.stiffness_n_per_m for axis in machine.axes] == [20e6, 30e6, 30e6]
+    assert [axis.stage.idle_delay_s for axis in machine.axes] == [0.2, 0.1, 0.2]
+    assert machine.payload_kg == 5.0
+    assert {r.parameter: r.source for r in describe(machine)}["payload.mass"] == "override"
+
+
+def test_imperfection_levels():
+    machine = load_machine("4030")
+    for level, on in LEVELS.items():
+        flags = with_overrides(machine, {"imperfections": level}).imperfections
+        assert {name for name in LEVELS["dynamic"] if getattr(flags, name)} == set(on)
+    ideal = with_overrides(machine, {"imperfections": "ideal", "imperfections.backlash": True})
+    assert ideal.imperfections.backlash
+    assert {(s.repeatability_mm, s.bounce_ms) for s in ideal.switches} == {(0.0, 0.0)}
+
+
+def test_a_machine_of_ones_own_says_what_differs(tmp_path):
+    (tmp_path / "machine.toml").write_text(
+        'based_on = "4030"\nname = "mine"\n[axes.x]\n'
+        'travel = { value = 200.0, unit = "mm", grade = "measured", source = "ruler" }\n'
+    )
+    for where in (tmp_path, str(tmp_path), tmp_path / "machine.toml"):
+        machine = load_machine(where)
+        assert (machine.name, machine.folder) == ("mine", tmp_path)
+        assert [axis.travel_mm for axis in machine.axes] == [200.0, 300.0, 140.0]
+        assert machine.model_file == models_folder() / "4030" / "scene.xml"
+        assert {s.name: s.position_mm for s in machine.switches}["limit_x2"] == 200.0
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("travel = 395.0", r"axes\.x\.travel: 395\.0; allowed: a table such as .*1 \.\. 10000 mm"),
+        ("travel = { value = -1, %s }", r"axes\.x\.travel: -1; allowed: 1 \.\. 10000 mm"),
+        ("travel = { value = nan, %s }", r"axes\.x\.travel: nan; allowed: 1 \.\. 10000 mm"),
+        ('travel = { value = "long", %s }', r"axes\.x\.travel: 'long'; allowed: 1 \.\. 10000 mm"),
+        ("travel = { value = true, %s }", r"axes\.x\.travel: True; allowed"),
+        (
+            'travel = { value = 1, unit = "m", grade = "estimate", source = "" }',
+            r"axes\.x\.travel: unit 'm'; allowed: 'mm'",
+        ),
+        (
+            'travel = { value = 9, unit = "mm", grade = "guess", source = "" }',
+            r"travel\.grade: 'guess'; allowed: measured",
+        ),
+        ('travel = { value = 9, unit = "mm", grade = "estimate" }', r"axes\.x\.travel\.source: missing"),
+        ("travl = { value = 9, %s }", r"axes\.x\.travl: unknown key; did you mean 'travel'\?"),
+        ("steps_per_rev = { value = 450, %s }", r"axes\.x\.steps_per_rev: 450; allowed: whole multiples of 200"),
+        ("steps_per_rev = { value = 450.5, %s }", r"axes\.x\.steps_per_rev: 450\.5; allowed: whole numbers"),
+        ("power_on_high = { value = 900.0, %s }", r"power_on_low: 20\.0 \.\. 900\.0 mm; allowed: a range within"),
+        ("motor = 3", r"axes\.x\.motor: 3; allowed: text"),
+        ("stage = 3", r"axes\.x\.stage: 3; allowed: a table"),
+        ("[imperfections]\nbacklash = 1", r"imperfections\.backlash: 1; allowed: true, false"),
+        (
+            '[contacts]\nlimit_x1 = { kind = "gate" }',
+            r"contacts\.limit_x1\.kind: 'gate'; allowed: switch, signal, bridge",
+        ),
+        ('[contacts]\nnew = { kind = "switch", terminal = "p3.7" }', r"contacts\.new: a switch needs axis \(x, y, z\)"),
+        (
+            "[timing]\nmujoco_step = { value = 0.51, %s }",
+            r"mujoco_step: 0\.51 ms; allowed: whole multiples of motor_sub",
+        ),
+        ("[tming]\n", r"tming: unknown key; did you mean 'timing'\?"),
+        ("[axes.w]\n", r"axes\.w: unknown key"),
+        ("travel = ", r"cannot be read: Invalid value"),
+    ],
+)
+def test_a_wrong_value_is_named_with_file_key_and_what_is_allowed(tmp_path, line, message):
+    unit = "1" if "steps_per_rev" in line else "ms" if "mujoco_step" in line else "mm"
+    filled = line.replace("%s", f'unit = "{unit}", grade = "estimate", source = "test"')
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\nname = "wrong"\n[axes.x]\n{filled}\n')
+    with pytest.raises(MachineError, match=message) as error:
+        load_machine(tmp_path)
+    text = str(error.value)
+    assert "\n" not in text
+    assert str(tmp_path / "machine.toml") in text
+
+
+def test_unknown_machines_and_circles_are_named(tmp_path):
+    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-portal, traverse"):
+        load_machine("nope")
+    (tmp_path / "machine.toml").write_text(f'based_on = "{tmp_path}"\n')
+    with pytest.raises(MachineError, match="circle"):
+        load_machine(tmp_path)
+    (tmp_path / "machine.toml").write_text('based_on = "4030"\nmodel = "none.xml"\n')
+    with pytest.raises(MachineError, match=re.escape(str(Path("none.xml"))) + " does not exist"):
+        load_machine(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"axes.x.backlsh": 0}, r"unknown key; did you mean 'axes\.x\.backlash'"),
+        ({"axes.x": 0}, r"axes\.x: is a section"),
+        ({"axes.x.backlash": 2}, r"axes\.x\.backlash: 2; allowed: 0 \.\. 1 mm"),
+        ({"imperfections": "some"}, "unknown level 'some'; allowed: ideal, static, dynamic"),
+    ],
+)
+def test_a_wrong_override_is_named(overrides, message):
+    with pytest.raises(MachineError, match=message):
+        with_overrides(load_machine("4030"), overrides)
