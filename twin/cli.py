@@ -159,7 +159,7 @@ def serve(
     record: Annotated[
         Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
     ] = None,
-    interval: Interval = 0.001,
+    interval: Interval = 0.01,
 ) -> int:
     """Put a twin behind a serial port and let host programs drive it until it is told to stop (Ctrl-C).
 
@@ -262,7 +262,7 @@ def run(
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the job.")] = None,
-    interval: Interval = 0.001,
+    interval: Interval = 0.01,
     timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:

@@ -47,7 +47,7 @@ class Recorder:
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         self.changes: list[Change] = []
-        self._last: dict[tuple[str, str], int | str] = {}
+        self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=SAMPLE)
         self._buffered = 0
         self._stored = 0
@@ -83,10 +83,13 @@ class Recorder:
         self._compare(time_ns, "output", twin.outputs)
 
     def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
+        last = self._last[group]
+        if values == last:
+            return
         for name, value in values.items():
             value = value if isinstance(value, str) else int(value)
-            if self._last.get((group, name)) != value:
-                self._last[group, name] = value
+            if last.get(name) != value:
+                last[name] = value
                 self.changes.append(Change(time_ns, group, name, value))
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
@@ -102,5 +105,5 @@ class Recorder:
             yield self._buffer[first : min(first + size, self._buffered)].copy()
 
     def names(self) -> list[tuple[str, str]]:
-        """(group, name) of everything that was seen to have a value, in the order of appearance."""
-        return list(self._last)
+        """(group, name) of everything that was seen to have a value, group by group."""
+        return [(group, name) for group, values in self._last.items() for name in values]
