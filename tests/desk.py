@@ -377,7 +377,7 @@ class Desk:
         edge_ns = int(t_ns[n - 1]) if n < len(t_ns) or self._would_strike(positions[n - 1]) else None
         self._chunks.append((t_ns[:n], delta[:n]))
         self._recorded += n
-        if not self.outputs.get("stages"):
+        if not (self.outputs.get("stages") and self.cabinet.relay):
             self.steps_without_stages += n
         self.carriage = positions[n - 1].copy()
         self._expected = [have + int(d) for have, d in zip(self._expected, delta[:n].sum(axis=0), strict=True)]
