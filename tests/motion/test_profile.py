@@ -88,6 +88,16 @@ def test_every_one_of_a_million_steps() -> None:
     assert (ramp(np.maximum(left - 1, 0)) <= 8 * NS**2 * (n - k[down])).all()
 
 
+def test_ramps_of_a_hundred_seconds() -> None:
+    """Where doubles alone are a nanosecond off: times as long as these, close to the middle between two nanoseconds."""
+    profile = trapezoid(1 << 23, 100_000, 1, 1000)
+    close = [319_323, 763_228, 960_587, 1_234_073, 1_350_927, 7_311_610, 7_402_182, 7_687_913, 7_762_618, 7_765_585]
+    for k in close:
+        exact = times_ns(1 << 23, 100_000, 1, 1000, range(k, k + 1))
+        assert profile.times(k - 1, k).tolist() == exact
+        assert profile.times(k - 500, k + 500)[[499]].tolist() == exact
+
+
 def test_ties_go_to_even() -> None:
     """1 / 1024 Hz is 976562.5 ns; f0 = 524, a = 1024000 put tick 1 of a ramp at (1524 - 524) / a, the same time."""
     assert constant(4, 1024).times(0, 4).tolist() == [976_562, 1_953_125, 2_929_688, 3_906_250]
@@ -95,7 +105,9 @@ def test_ties_go_to_even() -> None:
     assert trapezoid(1000, 10_000, 524, 1_024_000).times(0, 1).tolist() == [976_562]
 
 
-@pytest.mark.parametrize(("n", "v"), [(383, 1524), (764, 1524), (1145, 1524), (2, 1524), (2, 100_000)])
+@pytest.mark.parametrize(
+    ("n", "v"), [(383, 1524), (764, 1524), (1145, 1524), (2, 1524), (2, 200_000), (15_621, 200_000), (15_869, 200_000)]
+)
 def test_ties_on_the_falling_ramp(n: int, v: int) -> None:
     """The last tick but one falls 976562.5 ns, as above, before an end at a whole number of nanoseconds."""
     tick = tick_s(n - 1, n, Fraction(v), Fraction(524), Fraction(1_024_000)) * NS

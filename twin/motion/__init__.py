@@ -21,19 +21,6 @@ from isel_twin.motion.circle import circle, helix
 from isel_twin.motion.path import Path, decode, encode, line
 from isel_twin.motion.profile import Profile, constant, trapezoid
 from isel_twin.motion.record import Steps
-from isel_twin.motion.run import Run, TimeLaw
+from isel_twin.motion.run import Run
 
-__all__ = [
-    "Path",
-    "Profile",
-    "Run",
-    "Steps",
-    "TimeLaw",
-    "circle",
-    "constant",
-    "decode",
-    "encode",
-    "helix",
-    "line",
-    "trapezoid",
-]
+__all__ = ["Path", "Profile", "Run", "Steps", "circle", "constant", "decode", "encode", "helix", "line", "trapezoid"]

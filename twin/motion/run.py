@@ -3,38 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.path import Displacement, Path
+from isel_twin.motion.profile import Profile
 
-__all__ = ["Run", "TimeLaw"]
-
-
-class TimeLaw(Protocol):
-    """What a `Run` asks of a profile. Immutable; `Profile` is one, a controller may bring its own."""
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-
-    @property
-    def duration_ns(self) -> int:
-        """Time of the last tick, 0 if there is none."""
-
-    def times(self, first: int, last: int) -> NDArray[np.int64]:
-        """int64 [last - first], a new array: times of ticks first + 1 .. last in ns after the start."""
-
-    def count(self, t_ns: int) -> int:
-        """Ticks at or before t_ns."""
-
-    def cut(self, t_ns: int) -> TimeLaw:
-        """Only the ticks at or before t_ns."""
-
-    def stopped(self, t_ns: int) -> TimeLaw:
-        """The same up to t_ns, then the stop ramp."""
+__all__ = ["Run"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +24,7 @@ class Run:
     """
 
     path: Path
-    profile: TimeLaw
+    profile: Profile
     start_ns: int
     first: int = 0
 
