@@ -22,6 +22,12 @@ __all__ = ["Clocked", "Pacer", "parse_speed"]
 TICK_NS = 5_000_000
 """Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
 
+SHORTEST_S = 0.001
+"""Shortest sleep of a busy twin: bytes that arrive within it arrive together, as from the FIFO of a serial port."""
+
+LONGEST_S = 1.0
+"""Longest sleep of an idle twin, so that no stretch of time gets long; a recording has to look at all of it."""
+
 SLIP_NS = 250_000_000
 """Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
 
@@ -61,6 +67,7 @@ class Pacer:
         self.slipped = False  # True once the speed could not be kept
         self._clock = clock
         self._slice_ns = TICK_NS
+        self._behind = False
         self._anchor(virtual_ns)
 
     def _anchor(self, virtual_ns: int) -> None:
@@ -74,23 +81,24 @@ class Pacer:
         return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
 
     def advance(self, twin: Clocked) -> None:
-        """Let the twin catch up: to its next event, to the present, or for about a tick of computing.
+        """Let the twin catch up to the present, as far as a tick of computing gets it; at most to its next reply.
 
-        Whatever comes first; so its answers leave in time and the host is heard between two calls. At speed `max` it
-        stops at the very instant of a reply, or when there is nothing more to do.
+        So its replies leave in time, and the host is heard between two calls. At speed `max` there is no present: it
+        runs until there is nothing more to do.
         """
-        present, event = self.present_ns(), twin.next_event_ns
+        present = self.present_ns()
         if present is None:
-            if not twin.idle and event is not None:
+            if not twin.idle and twin.next_event_ns is not None:
                 self._compute(twin, sys.maxsize, lambda: twin.idle or twin.reply_waiting)
-        elif twin.idle:  # nothing to compute: any stretch of time is cheap
-            twin.run_until(present if event is None else max(twin.time_ns, min(present, event)))
+            return
+        if twin.idle:  # nothing to compute: any stretch of time is cheap
+            twin.run_until(present, lambda: twin.reply_waiting)
         else:
-            self._compute(twin, present if event is None else min(present, event))
-            assert self.speed is not None
-            if present - twin.time_ns > SLIP_NS * self.speed:
+            self._compute(twin, present, lambda: twin.reply_waiting)
+            if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
                 self.slipped = True
                 self._anchor(twin.time_ns)
+        self._behind = twin.time_ns < present
 
     def _compute(self, twin: Clocked, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance at most to until_ns, in a slice whose length adapts so that it takes about a tick."""
@@ -107,11 +115,10 @@ class Pacer:
         event = twin.next_event_ns
         if self.speed is None:
             return None if twin.idle or event is None else 0.0
-        due = None if event is None else self.until_s(event)
-        if twin.idle:
-            return due
-        tick = TICK_NS / 1e9
-        return tick if due is None else min(due, tick)
+        if self._behind:
+            return 0.0
+        due_s = LONGEST_S if event is None else self.until_s(event)
+        return min(due_s, LONGEST_S) if twin.idle else min(max(due_s, SHORTEST_S), TICK_NS / 1e9)
 
     def until_s(self, time_ns: int) -> float:
         """Wall seconds until virtual time reaches time_ns; 0 if that is past, or at speed `max`."""

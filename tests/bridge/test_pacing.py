@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from isel_twin.bridge.pacing import SLIP_NS, TICK_NS, Pacer, parse_speed
+from isel_twin.bridge.pacing import LONGEST_S, SLIP_NS, TICK_NS, Pacer, parse_speed
 
 MS = 1_000_000
 
@@ -31,12 +31,14 @@ class Machine:
         self._cost = cost
 
     def run_until(self, time_ns: int, stop=None) -> None:
-        """Something happens at the event: then it is idle."""
+        """At the event the reply comes, and the twin is idle."""
         assert time_ns >= self.time_ns
         event = self.next_event_ns
-        if stop is not None and event is not None and event <= time_ns:
-            time_ns, self.idle = event, True
+        if event is not None and event <= time_ns:
+            self.next_event_ns, self.idle, self.reply_waiting = None, True, True
+            assert stop is not None
             assert stop()
+            time_ns = event
         self._clock.now += int((time_ns - self.time_ns) * self._cost)
         self.time_ns = time_ns
 
@@ -61,9 +63,9 @@ def test_an_idle_twin_follows_the_wall_clock_at_once(speed):
     assert machine.time_ns == 3600 * 1000 * MS * speed
 
 
-def test_an_idle_twin_without_events_needs_no_look():
+def test_an_idle_twin_without_events_is_left_alone():
     clock = Clock()
-    assert Pacer(1.0, clock=clock).wait_s(Machine(clock)) is None
+    assert Pacer(1.0, clock=clock).wait_s(Machine(clock)) == LONGEST_S
     assert Pacer(None, clock=clock).wait_s(Machine(clock)) is None
 
 
@@ -75,12 +77,14 @@ def test_sleep_ends_at_the_next_event():
     assert pacer.wait_s(machine) == pytest.approx(0.010)
 
 
-def test_an_advance_stops_at_the_event_so_that_its_reply_leaves_in_time():
+def test_an_advance_stops_at_a_reply_so_that_it_leaves_in_time():
     clock = Clock()
-    pacer, machine = Pacer(1.0, clock=clock), Machine(clock, event_ns=30 * MS)
+    pacer, machine = Pacer(1.0, clock=clock), Machine(clock, event_ns=30 * MS, idle=False)
     clock.now += 100 * MS
-    pacer.advance(machine)
+    while machine.next_event_ns is not None:
+        pacer.advance(machine)
     assert machine.time_ns == 30 * MS
+    assert pacer.wait_s(machine) == 0.0  # the present is 70 ms ahead
 
 
 def test_a_busy_twin_is_looked_at_every_tick():
