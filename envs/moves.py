@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.machine import Machine
+from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.twin import Twin
 
 __all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
@@ -61,7 +61,7 @@ _BREAK_LIMIT_S = 60.0
 """The longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
 _MOVING_SAMPLE_S = 0.005
 """Five samples in a period of the structure's 40 Hz."""
-_RESTING_SAMPLE_S = 0.001
+_RESTING_SAMPLE_S = 0.002
 _SLIP_REV = 4 / 200 / 2
 """Half a period of the motor's torque, in revolutions."""
 
@@ -109,7 +109,7 @@ class Setup:
     scenario: str | Path | None = None
     """File of timed events; virtual time begins at power-on, the reference run is over after about two seconds."""
     load_nm: float = 0.0
-    """Extra load on each moving axis, as torque at its shaft, against the motion: a cut, or a margin of safety."""
+    """Extra load on every shaft, a torque that always opposes motion (Coulomb friction): a margin of safety."""
     tolerance_mm: float = 0.05
     """Largest position error of any axis that is allowed at rest."""
     settle_s: float = 0.2
@@ -167,7 +167,7 @@ def referenced_twin(setup: Setup) -> Twin:
         setup.plant,
         setup.seed,
         scenario=setup.scenario,
-        overrides=setup.overrides,
+        overrides={**setup.overrides, **_loaded(setup)} if setup.load_nm > 0.0 else setup.overrides,
         start_mm=(float(start_mm[0]), float(start_mm[1]), float(start_mm[2])),
     )
     for number, point in enumerate(setup.job, 1):
@@ -182,7 +182,7 @@ def referenced_twin(setup: Setup) -> Twin:
         if reply != "0":
             raise ValueError(
                 f"no reference run: {setup.controller} answers {reply!r} to {command}; "
-                "take a controller that speaks as the iMC does, and a scenario that begins later"
+                "take a controller that speaks as the iMC does, a scenario that begins later, a smaller load_nm"
             )
     return twin
 
@@ -200,8 +200,6 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
 
     for command in (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}"):
         twin.query(command)
-    if setup.load_nm > 0.0:
-        _push(twin, np.sign(target - twin.counts[:3]) * setup.load_nm)
     words = [word for count in target for word in (count, settings.speed_hz)]
     began_ns = twin.time_ns
     deviation_mm = 0.0
@@ -214,8 +212,6 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         twin.write(_BREAK)
         twin.run_until_idle(_BREAK_LIMIT_S)
         twin.read()
-    if setup.load_nm > 0.0:
-        _push(twin, np.zeros(3))
 
     errors = []
     for _ in range(round(setup.settle_s / _RESTING_SAMPLE_S)):
@@ -236,8 +232,8 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     )
 
 
-def _push(twin: Twin, torque_nm: NDArray[np.float64]) -> None:
-    """Load each carriage with the force that its motor feels as torque_nm [3] against it: F = 2 pi eta T / lead."""
-    for number, axis in enumerate(twin.machine.axes):
-        force_n = 2.0 * math.pi * axis.efficiency * torque_nm[number] / (axis.lead_mm * 1e-3)
-        twin.apply_force(number, -float(force_n))
+def _loaded(setup: Setup) -> dict[str, float]:
+    """Overrides that add the extra load to what drags at each shaft, from whatever it is in this machine."""
+    machine = setup.machine if isinstance(setup.machine, Machine) else load_machine(setup.machine)
+    axes = with_overrides(machine, setup.overrides).axes
+    return {f"axes.{axis.name}.shaft_coulomb": axis.coulomb_nm + setup.load_nm for axis in axes}

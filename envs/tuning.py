@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -151,7 +153,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     | `plant`              | str             | `"mujoco"` | `"kinematic"`: nothing is ever lost, for trying out    |
     | `overrides`          | dict            | none       | machine parameters to change: payload, supply, ...     |
     | `scenario`           | path            | none       | timed events, see `isel_twin.wiring.scenario`          |
-    | `load_nm`            | float           | `0.0`      | extra load torque at the shafts of moving axes         |
+    | `load_nm`            | float           | `0.0`      | extra drag torque at the shaft of every axis            |
     | `tolerance_mm`       | float           | `0.05`     | allowed position error at rest                         |
     | `settle_s`           | float           | `0.2`      | standstill after each move                             |
     | `time_limit_s`       | float           | `120.0`    | virtual time for the whole job, standstill not counted |
@@ -317,10 +319,10 @@ class _Scene:
         self._camera = "front" if "front" in cameras else -1
         self._names = [axis.name for axis in machine.axes]
         try:
-            self._renderer = mujoco.Renderer(self._model, *_FRAME)
-        except Exception as error:
+            self._renderer = _renderer(self._model)
+        except Exception as error:  # each backend fails in its own way
             reason = " ".join(str(error).split())
-            raise RuntimeError(f"no picture without OpenGL: {reason}; try MUJOCO_GL=egl in the environment") from None
+            raise RuntimeError(f"no picture without OpenGL: {reason}; install EGL, or set MUJOCO_GL") from None
 
     def picture(self, position_mm: NDArray[np.float64]) -> NDArray[np.uint8]:
         import mujoco
@@ -333,3 +335,23 @@ class _Scene:
 
     def close(self) -> None:
         self._renderer.close()
+
+
+def _renderer(model: Any) -> Any:
+    """A mujoco.Renderer; on a Linux machine without a screen, unless MUJOCO_GL says otherwise, one that needs none.
+
+    MuJoCo chooses its OpenGL backend once and for all when it is imported, and then one that needs a screen.
+    """
+    import mujoco
+    from mujoco.rendering.classic import gl_context
+
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if screen or os.environ.get("MUJOCO_GL") or sys.platform != "linux":
+        return mujoco.Renderer(model, *_FRAME)
+    from mujoco import egl
+
+    chosen, gl_context.GLContext = gl_context.GLContext, egl.GLContext
+    try:
+        return mujoco.Renderer(model, *_FRAME)
+    finally:
+        gl_context.GLContext = chosen

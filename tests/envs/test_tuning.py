@@ -1,0 +1,251 @@
+"""The environment: what an agent does (stimulus), and what it is told and charged for it (verdict)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given
+from hypothesis import strategies as st
+
+from isel_twin.envs import Settings
+from isel_twin.envs.tuning import JobTuning, to_action, to_settings
+
+SHORT = [(5.0, 2.0, 1.0), (0.0, 4.0, 2.0)]
+OUT_AND_BACK = [(100.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+SANE = Settings(speed_hz=10_000, acceleration_hz_per_ms=100, start_stop_hz=300)
+TOO_FAST = Settings(speed_hz=40_000, acceleration_hz_per_ms=4000, start_stop_hz=4000)
+PERIOD_STEPS = 32
+"""Four full steps of 1.8 degrees at 1600 steps a revolution."""
+
+
+def make(**options: Any) -> JobTuning:
+    env = gymnasium.make("isel_twin/JobTuning-v0", **options).unwrapped
+    assert isinstance(env, JobTuning)
+    return env
+
+
+def step(env: JobTuning, settings: Settings) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    observation, reward, terminated, truncated, info = env.step(to_action(settings))
+    terms = {name: value for name, value in info.items() if name.startswith("reward_")}
+    assert reward == pytest.approx(sum(terms.values()))
+    assert len(terms) == 5
+    return observation, reward, terminated, truncated, info
+
+
+def ramped_s(steps: int, speed_hz: int, acceleration_hz_per_ms: int, start_stop_hz: int) -> float:
+    """Duration of a trapezoid that reaches its speed: two ramps and what is left at speed."""
+    acceleration = 1000.0 * acceleration_hz_per_ms
+    ramp_s = (speed_hz - start_stop_hz) / acceleration
+    ramp_steps = (speed_hz**2 - start_stop_hz**2) / (2.0 * acceleration)
+    return 2.0 * ramp_s + (steps - 2.0 * ramp_steps) / speed_hz
+
+
+@pytest.mark.filterwarnings("ignore:.*Box observation space m..imum value is.*infinity")
+def test_gymnasium_finds_nothing_wrong() -> None:
+    check_env(make(job=SHORT), skip_render_check=True)
+
+
+@pytest.mark.parametrize(
+    ("action", "settings"),
+    [
+        ((-1.0, -1.0, -1.0), Settings(30, 1, 20)),
+        ((0.0, 0.0, 0.0), Settings(20_015, 63, 283)),
+        ((1.0, 1.0, 1.0), Settings(40_000, 4000, 4000)),
+        ((9.0, -9.0, 9.0), Settings(40_000, 1, 4000)),
+    ],
+)
+def test_actions_span_what_the_controller_takes(action: tuple[float, ...], settings: Settings) -> None:
+    assert to_settings(np.array(action)) == settings
+
+
+@given(st.builds(Settings, st.integers(30, 40_000), st.integers(1, 4000), st.integers(20, 4000)))
+def test_every_setting_has_its_action(settings: Settings) -> None:
+    action = to_action(settings)
+    assert np.abs(action).max() <= 1.0
+    assert to_settings(action) == settings
+
+
+@pytest.mark.parametrize("action", [(0.0, 0.0), (0.0, 0.0, math.nan), (math.inf, 0.0, 0.0)])
+def test_an_action_that_is_none_is_refused(action: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"action is .* three finite numbers"):
+        to_settings(np.array(action))
+
+
+def test_same_seed_same_bits_and_another_seed_another_machine() -> None:
+    def episode(seed: int | None, env: JobTuning) -> bytes:
+        observations = [env.reset(seed=seed)[0], step(env, SANE)[0], step(env, TOO_FAST)[0]]
+        return b"".join(observation.tobytes() for observation in observations)
+
+    env = make(job=SHORT)
+    first, next_one, again, other = episode(1, env), episode(None, env), episode(1, make(job=SHORT)), episode(2, env)
+    assert first == again
+    assert len({first, next_one, other}) == 3
+
+
+def test_a_sane_job_costs_its_time_and_loses_nothing() -> None:
+    env = make(job=OUT_AND_BACK)
+    start, _ = env.reset(seed=0)
+    np.testing.assert_allclose(start[0:3], [100.0, 0.0, 0.0])
+    assert start[14] == 2
+    duration_s = ramped_s(32_000, 10_000, 100, 300)
+
+    half_way, reward, terminated, truncated, info = step(env, SANE)
+    assert (terminated, truncated, info["reply"], info["slipped"]) == (False, False, "0", False)
+    assert reward == pytest.approx(-duration_s, abs=1e-3)
+    assert half_way[12] == pytest.approx(duration_s, abs=1e-3)
+    np.testing.assert_allclose(half_way[0:3], [-100.0, 0.0, 0.0])
+    assert np.abs(half_way[3:6]).max() < 0.03, "mm, as good as the machine is"
+    assert np.abs(half_way[6:9]).max() < 4.0, "load angle only"
+
+    end, reward, terminated, truncated, info = step(env, SANE)
+    assert (terminated, truncated) == (True, False)
+    assert info["time_s"] == pytest.approx(2.0 * duration_s, abs=2e-3)
+    np.testing.assert_array_equal(end[0:3], 0.0)
+    assert end[14] == 0
+
+
+def test_too_fast_loses_whole_periods_and_is_charged_though_the_controller_is_content() -> None:
+    env = make(job=OUT_AND_BACK)
+    env.reset(seed=0)
+    observation, _, terminated, _, info = step(env, TOO_FAST)
+    assert (info["reply"], terminated) == ("0", False)
+    assert info["slipped"]
+    assert (info["reward_lost_steps"], info["reward_tolerance"], info["reward_abort"]) == (-20.0, -10.0, 0.0)
+    lost = observation[6]
+    assert lost > PERIOD_STEPS
+    assert lost == pytest.approx(PERIOD_STEPS * round(lost / PERIOD_STEPS), abs=0.1 * PERIOD_STEPS)
+    assert observation[3] == pytest.approx(-lost / 320, abs=0.05), "the carriage is where the rotor is"
+
+
+def test_after_lost_steps_the_way_back_ends_in_the_limit_switch() -> None:
+    env = make(job=OUT_AND_BACK)
+    env.reset(seed=0)
+    step(env, TOO_FAST)
+    observation, _, terminated, truncated, info = step(env, SANE)
+    assert (info["reply"], terminated, truncated) == ("2", True, False)
+    assert info["reward_abort"] == -200.0
+    assert observation[14] == 1, "that move was not made"
+
+
+def test_on_the_kinematic_plant_nothing_is_ever_lost() -> None:
+    env = make(job=OUT_AND_BACK, plant="kinematic")
+    env.reset(seed=0)
+    observation, reward, *_ = step(env, TOO_FAST)
+    np.testing.assert_allclose(observation[3:12], 0.0, atol=1e-9)
+    assert reward == pytest.approx(-ramped_s(32_000, 40_000, 4000, 4000), abs=1e-3)
+
+
+@pytest.mark.parametrize("hz_per_ms", [200, 400, 800])
+def test_the_vibration_after_the_stop_is_that_of_the_structure(hz_per_ms: int) -> None:
+    # A ramp of half a period (12.5 ms at 40 Hz) leaves an oscillator at 2 a / w^2; the first two extremes of the damped
+    # one (3 %) are a quarter and three quarters of a period later. Y: the motor moves the root of the table's spring.
+    settings = Settings(300 + round(12.5 * hz_per_ms), hz_per_ms, 300)
+    env = make(job=[(0.0, 50.0, 0.0)])
+    env.reset(seed=0)
+    observation, *_ = step(env, settings)
+    undamped_mm = 2.0 * (hz_per_ms * 1000 / 320) / (2.0 * math.pi * 40.0) ** 2
+    expected_mm = undamped_mm * (math.exp(-0.03 * math.pi / 2) + math.exp(-0.03 * 3 * math.pi / 2)) / 2
+    assert observation[10] == pytest.approx(expected_mm, rel=0.2)
+
+
+def test_the_time_limit_breaks_a_move_off() -> None:
+    env = make(job=OUT_AND_BACK, plant="kinematic", time_limit_s=1.0)
+    env.reset(seed=0)
+    _, _, terminated, truncated, info = step(env, SANE)
+    assert (terminated, truncated, info["reply"]) == (False, True, "")
+    assert info["reward_time"] == pytest.approx(-1.0, abs=0.01)
+    assert info["reward_abort"] == -200.0
+    assert env.twin is not None
+    counts = env.twin.counts
+    assert 0 < counts[0] < 32_000
+    env.twin.run(1.0)
+    np.testing.assert_array_equal(env.twin.counts, counts)
+
+
+def test_a_scenario_happens_in_the_episode(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text('[[event]]\nat = 4.0\nset = { estop = "pressed" }', encoding="utf-8")
+    env = make(job=OUT_AND_BACK, plant="kinematic", scenario=scenario)
+    env.reset(seed=0)
+    _, _, terminated, _, info = step(env, SANE)
+    assert (info["reply"], terminated) == ("9", True)
+    assert info["reward_abort"] == -200.0
+
+
+def test_a_speed_that_this_controller_refuses_ends_the_episode() -> None:
+    env = make(job=OUT_AND_BACK, plant="kinematic", controller="c142")
+    env.reset(seed=0)
+    _, _, terminated, _, info = step(env, TOO_FAST)
+    assert (info["reply"], terminated) == ("D", True)
+
+
+def test_another_job_for_an_episode() -> None:
+    env = make(job=SHORT, plant="kinematic")
+    observation, _ = env.reset(seed=0, options={"job": [(0.0, 0.0, 7.0)]})
+    np.testing.assert_allclose(observation[0:3], [0.0, 0.0, 7.0])
+    with pytest.raises(ValueError, match=r"unknown options .*jobs"):
+        env.reset(options={"jobs": SHORT})
+
+
+def test_no_step_outside_an_episode() -> None:
+    env = make(job=[(1.0, 0.0, 0.0)], plant="kinematic")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(to_action(SANE))
+    env.reset(seed=0)
+    assert step(env, SANE)[2]
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(to_action(SANE))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"job": []}, "no moves"),
+        ({"job": [(1.0, 2.0)]}, "target 1"),
+        ({"job": [(1.0, 2.0, math.nan)]}, "target 1"),
+        ({"job": [(0.0, 0.0, 0.0), (400.0, 0.0, 0.0)]}, "target 2: x is 400 mm; allowed: 0 to 395"),
+        ({"settle_s": 0.0}, "settle_s is 0.0"),
+        ({"load_nm": -0.1}, "load_nm is -0.1"),
+        ({"machine": "4031"}, "unknown machine '4031'"),
+        ({"controller": "ismif"}, "no reference run: ismif"),
+        ({"overrides": {"payload.weight": 1.0}}, "payload.weight"),
+    ],
+)
+def test_bad_arguments_get_one_clear_line(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message) as caught:
+        make(plant="kinematic", **options).reset(seed=0)
+    assert "\n" not in str(caught.value)
+
+
+def picture(env: JobTuning) -> np.ndarray | str:
+    """What render gives, or the reason why it cannot (a machine without OpenGL)."""
+    try:
+        image = env.render()
+    except RuntimeError as error:
+        return str(error)
+    assert image is not None
+    return image
+
+
+def test_a_picture_or_one_line_that_says_what_is_missing() -> None:
+    env = make(job=SHORT, plant="kinematic", render_mode="rgb_array")
+    env.reset(seed=0)
+    before = picture(env)
+    env.reset(options={"job": [(300.0, 200.0, 60.0)]})
+    step(env, TOO_FAST)
+    after = picture(env)
+    env.close()
+    if isinstance(before, str) or isinstance(after, str):
+        assert before == after
+        assert str(before).startswith("no picture without OpenGL")
+        assert "\n" not in str(before)
+    else:
+        assert before.shape == after.shape == (480, 640, 3)
+        assert before.std() > 10.0, "not an empty picture"
+        assert (before != after).mean() > 0.02, "the machine has moved"
