@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 from desk import Desk
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
 from isel_twin.controller import Controller
 
 CODES = "0123456789DFGHR"

@@ -1,0 +1,93 @@
+"""Members of the family and what the field says of the older ones; commands as data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from desk import Desk
+
+from isel_twin.controller import create_controller
+from isel_twin.firmware.imc.commands import CNC, DNC, INITIALISATION
+
+MIDDLE = (60_000, 48_000, 22_000, 50_000)
+OVERVIEW = Path(__file__).parents[3] / "docs" / "imc.md"
+
+
+def ready(name: str) -> Desk:
+    desk = Desk.of(name, carriage=MIDDLE)
+    assert desk.query("@07") == "0"
+    assert desk.query("@0N7") == "0"
+    return desk
+
+
+@pytest.mark.parametrize("name", ["imc-s8", "imc-m", "imc-mp", "c142"])
+def test_each_says_its_name(name: str) -> None:
+    text = ready(name).query("@0V")
+    assert "isel" in text
+    assert name.split("-")[-1].upper() in text.upper()
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "reply"), [("imc-m", 40_000, "0"), ("c142", 10_000, "0"), ("c142", 10_001, "D")]
+)
+def test_speed_limits(name: str, speed: int, reply: str) -> None:
+    assert ready(name).query(f"@0A100,{speed},0,900,0,900,0,900") == reply
+
+
+def test_small_letters_of_the_c142_answer_at_once_and_run_on() -> None:
+    desk = ready("c142")
+    sent_ns = desk.time_ns
+    desk.start("@0a900,900,0,900,0,900,0,900")
+    assert desk.read() == "0"
+    assert not desk.controller.idle
+    assert desk.query("@0P") == "0" + "000384" + "0" * 12
+    assert desk.replies[-1][0] - sent_ns > 900_000_000
+    assert desk.query("@0A100,900,0,900,0,900,0,900") == "0"
+    assert desk.replies[-1][0] >= desk.steps.t_ns[-1]
+
+
+def test_small_letters_of_the_c142_refuse_at_once() -> None:
+    desk = Desk.of("c142", carriage=MIDDLE)
+    assert desk.query("@07") == "0"
+    assert desk.query("@0a900,900,0,900,0,900,0,900") == "R"
+
+
+def test_silent_motion_that_strikes_a_switch_shows_at_the_next() -> None:
+    desk = ready("c142")
+    assert desk.query("@0a100000,9000,0,900,0,900,0,900") == "0"
+    assert desk.query("@0a1,900,0,900,0,900,0,900") == "2"
+
+
+def test_spindle_port_of_the_c142() -> None:
+    desk = ready("c142")
+    assert desk.query("@0B65529,1") == "0"
+    assert desk.outputs["spindle"] == 1
+    assert desk.query("@0B65529,0") == "0"
+    assert desk.outputs["spindle"] == 0
+    assert desk.query("@0B65529,2") == "1"
+    assert ready("imc-s8").query("@0B65529,1") == "1"
+
+
+def test_the_c142_does_not_know_default_reference_speeds() -> None:
+    assert ready("c142").query("@0Id900,900,900,900") == "5"
+    assert ready("c142").query("@0d900,900,900") == "0"
+    assert ready("imc-s8").query("@0Id900,900,900,900") == "0"
+
+
+@pytest.mark.parametrize("value", [0, -1, "many", 1.5, True])
+def test_wrong_setting(value: object) -> None:
+    with pytest.raises(ValueError, match="program_memory_bytes"):
+        create_controller("imc-s8", settings={"program_memory_bytes": value})
+
+
+def test_settings_of_others_are_none_of_ours() -> None:
+    assert create_controller("imc-s8", settings={"frequency_error_ppm": -5}).idle
+
+
+@pytest.mark.parametrize("table", [DNC, INITIALISATION, CNC], ids=["DNC", "INITIALISATION", "CNC"])
+def test_overview_lists_every_command(table: dict) -> None:  # type: ignore[type-arg]
+    lines = OVERVIEW.read_text("utf-8").splitlines()
+    for code, command in table.items():
+        found = [line for line in lines if f"| {command.section} |" in line and command.purpose in line]
+        assert found, f"docs/imc.md has no row for {code}: {command.purpose} ({command.section})"
