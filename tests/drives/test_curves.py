@@ -5,6 +5,7 @@ Expected values are the maker's curve, the closed form written out here once mor
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -65,7 +66,7 @@ def curves() -> dict[int, list[float]]:
 
 def test_torque_falls_with_speed_above_300_rpm(curves: dict[int, list[float]]) -> None:
     for curve in curves.values():
-        assert all(faster < slower for slower, faster in zip(curve, curve[1:], strict=False))
+        assert all(faster < slower for slower, faster in itertools.pairwise(curve))
 
 
 def test_more_voltage_never_means_less_torque(curves: dict[int, list[float]]) -> None:
