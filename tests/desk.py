@@ -229,11 +229,10 @@ class Desk:
         Raises StillBusyError if `limit_s` seconds of virtual time do not suffice.
         """
         deadline = self.time_ns + round(limit_s * NANOSECOND)
-        while not self.controller.idle:
-            if self.time_ns >= deadline:
-                raise StillBusyError(f"still busy after {limit_s} s; replies so far: {self.replies[-5:]}")
-            due = self._next_event(deadline)
-            self.advance_to(due)
+        if not self.controller.idle:
+            self._advance(deadline, until_idle=True)
+        if not self.controller.idle:
+            raise StillBusyError(f"still busy after {limit_s} s; replies so far: {self.replies[-5:]}")
         return self.read()
 
     def read(self) -> str:
@@ -319,6 +318,9 @@ class Desk:
 
     def advance_to(self, until_ns: int) -> None:
         """Let time pass to `until_ns`: never beyond `next_ns`, switch edges at the exact tick."""
+        self._advance(until_ns, until_idle=False)
+
+    def _advance(self, until_ns: int, until_idle: bool) -> None:
         spins = 0
         while True:
             due = self._next_event(until_ns)
@@ -334,7 +336,9 @@ class Desk:
             while self._agenda and self._agenda[0][0] <= reached:
                 heapq.heappop(self._agenda)[2]()
             next_ns = self.controller.next_ns
-            if reached >= until_ns and (next_ns is None or next_ns > until_ns):
+            if next_ns is not None and next_ns <= reached:
+                continue
+            if reached >= until_ns or (until_idle and self.controller.idle):
                 return
 
     def _next_event(self, until_ns: int) -> int:

@@ -104,6 +104,7 @@ def test_switch_edge_comes_at_the_very_tick() -> None:
     desk.send(b"m")
     assert desk.finish() == "2"
     assert controller.heard == [(40 * MS, "end", False)]
+    assert desk.time_ns == 40 * MS
     assert len(desk.steps) == 40
     assert desk.counts == (-40, 0, 0, 0)
 
