@@ -120,7 +120,7 @@ def delay(device: Device, tenths: int) -> Activity:
 
 
 def check_input(device: Device, port: int, bit: int, value: int, *_: int) -> None:
-    """Bits 0..7 with 0 or 1, or 128 with a byte (F33)."""
+    """Bits 0..7 with 0 or 1, or 128 with a byte (F36)."""
     highest = 255 if bit == WHOLE_BYTE else 1
     if (bit > 7 and bit != WHOLE_BYTE) or value > highest:
         raise Refusal(BAD_NUMBER)
