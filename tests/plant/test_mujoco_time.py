@@ -118,3 +118,15 @@ def test_switch_is_free_again_after_its_hysteresis():
     assert plant.position_mm[0] == pytest.approx(100.7, abs=0.01)
     plant.set_trip_point(0, 105.0)
     assert plant.advance(1001 * MS, *NONE) < 1001 * MS, "the new trip point is beyond the carriage"
+
+
+def test_at_rest_only_when_the_current_has_been_lowered():
+    """Rest is 25 ms of standstill, the current is lowered 200 ms after the stages came on."""
+    plant = build()
+    plant.set_power(stages=True, brake_released=True, lowering=True)
+    plant.advance(199 * MS, *NONE)
+    assert not plant.at_rest
+    plant.advance(300 * MS, *NONE)
+    assert plant.at_rest
+    plant.set_power(stages=True, brake_released=True, lowering=False)
+    assert not plant.at_rest

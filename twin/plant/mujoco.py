@@ -334,7 +334,9 @@ class MujocoPlant:
     @property
     def at_rest(self) -> bool:
         """See Plant.at_rest."""
-        return bool(self._plant["frozen"][0])
+        axes = self._axes
+        full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
+        return bool(self._plant["frozen"][0]) and not full.any()
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
