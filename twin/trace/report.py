@@ -98,6 +98,9 @@ def _time_figure(samples: NDArray[np.void], step_mm: NDArray[np.float64]) -> Fig
         lost.plot(time_s, samples["lost_steps"][:, number], label=axis, linewidth=1)
     position.set(ylabel="true position / mm")
     position.legend(loc="upper right")
+    for curve in (error, lost):  # rounding errors are not worth a magnified look
+        low, high = curve.get_ylim()
+        curve.set_ylim(min(low, -1.0), max(high, 1.0))
     error.set(ylabel="position error / um")
     lost.set(ylabel="lost steps", xlabel="virtual time / s")
     return figure
