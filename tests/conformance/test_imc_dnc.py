@@ -9,6 +9,7 @@ import pytest
 from conformance.closed_forms import hex24, line, pulse_times_ns
 from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
+from desk import Desk, Stream
 
 # --- 1: every command of the overviews exists ---------------------------------------------------------------------
 
@@ -371,7 +372,7 @@ def test_absolute_move_is_acknowledged_at_its_end() -> None:
 # --- 2.2.3: reading ports ------------------------------------------------------------------------------------------
 
 
-def port(desk, number: int) -> int:
+def port(desk: Desk, number: int) -> int:
     """A port as `@0b` reports it."""
     reply = desk.query(f"@0b{number}")
     assert len(reply) == 3
@@ -537,7 +538,7 @@ def test_a_wrong_value_changes_nothing(command: str) -> None:
 # --- 2.2.5: reference speed ----------------------------------------------------------------------------------------
 
 
-def fastest_hz(stream, axis: int) -> float:
+def fastest_hz(stream: Stream, axis: int) -> float:
     """Highest frequency between two steps of an axis."""
     t_ns = stream.t_ns[stream.delta[:, axis] != 0]
     return 1e9 / float(np.diff(t_ns).min())
@@ -814,7 +815,7 @@ def test_unknown_code(command: str) -> None:
 # --- 2.2.15, 2.2.16: ramps -----------------------------------------------------------------------------------------
 
 
-def ramp(desk, **law: int) -> None:
+def ramp(desk: Desk, **law: int) -> None:
     """A move of 300 steps at 2000 Hz must follow the ramp law."""
     begin = desk.time_ns
     stream = made(desk, "@0A300,2000,0,30,0,30,0,30")

@@ -7,6 +7,7 @@ steps made while the stages are off or the safety relay is open.
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 from conformance.imc_desk import MIDDLE, fresh
@@ -42,19 +43,22 @@ FEW = "@0B @0n @0N @0R @0F @0j @0J @0e @0g @0T @0IE @0Ie @0ID @0IR @0IT @0IO 3 5
 SEVERAL = "@0d @0IF @0Id @0IA @0IH @0IN @0Ia o p 6 d"
 MANY = "@0y @0w y w @0Z"
 PROGRAM = "@0k|@0i|N7|020,900,7,900,5,900,-5,900|3 3,-1|60,128,5|0300,900,0,900,0,900,0,900|5 1|9|@0S"
-few, several, many = (
-    st.sampled_from(prefixes.split(" ")).flatmap(lambda prefix, counts=counts: any_numbers(prefix, *counts))
-    for prefixes, counts in ((FEW, (1, 2)), (SEVERAL, (3, 4)), (MANY, (7, 8)))
-)
+
+
+def any_of(prefixes: str, *counts: int) -> st.SearchStrategy[str]:
+    """One of these commands with one of these numbers of values."""
+    return st.sampled_from(prefixes.split(" ")).flatmap(lambda prefix: any_numbers(prefix, *counts))
+
+
 KINDS = {
     "simple": st.sampled_from(SIMPLE.split(" ")),
     "ready": st.just("@07\r@0N7"),
     "move": moves(),
     "arc": st.sampled_from(["@0y400,9000,119,-141,141,-1,-1", "@0w400,9000,119,-141,141,-1,-1,77"]),
     "program": st.just(PROGRAM.replace("|", "\r")),
-    "few": few,
-    "several": several,
-    "many": many,
+    "few": any_of(FEW, 1, 2),
+    "several": any_of(SEVERAL, 3, 4),
+    "many": any_of(MANY, 7, 8),
 }
 WEIGHTS = ["move"] * 6 + ["ready"] * 4 + ["simple"] * 3 + ["few"] * 3 + ["program", "program", "arc", "several", "many"]
 commands = st.sampled_from(WEIGHTS).flatmap(KINDS.__getitem__)
@@ -79,7 +83,7 @@ actions = st.sampled_from(["command"] * 10 + ["run"] * 4 + ["byte"] * 3 + ["oper
 )
 
 
-def act(desk: Desk, action: str, value) -> None:
+def act(desk: Desk, action: str, value: Any) -> None:
     """Do one thing to the desk."""
     match action:
         case "command":
@@ -97,7 +101,7 @@ def act(desk: Desk, action: str, value) -> None:
 @shows("imc-5-1", "imc-5-22", "imc-5-23", "imc-5-24", "imc-5-26")
 @settings(max_examples=250, deadline=None)
 @given(script=st.lists(actions, min_size=5, max_size=40))
-def test_replies_are_the_manuals_and_no_step_without_power(script: list) -> None:
+def test_replies_are_the_manuals_and_no_step_without_power(script: list[tuple[str, Any]]) -> None:
     desk = fresh(carriage=MIDDLE)
     for text in ("@07", "@0N7"):
         assert desk.query(text) == "0"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from conformance.closed_forms import pulse_times_ns
 from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
@@ -17,7 +19,7 @@ def move(axis: int, steps: int) -> str:
     return "@0A" + ",".join(f"{steps if i == axis else 0},2000" for i in AXES)
 
 
-def set_up(*commands: str, axes: int = 7, **options) -> Desk:
+def set_up(*commands: str, axes: int = 7, **options: Any) -> Desk:
     """Initialisation commands first, then the axes, then taken as referenced."""
     desk = fresh(carriage=MIDDLE, **options)
     for text in (*commands, *(("@07", "@08", "@0N7", "@0N8") if axes == XYZA else ("@07", "@0N7"))):
@@ -258,11 +260,21 @@ def test_inverted_reference_directions(code: int) -> None:
 
 
 @shows("imc-4.2.10-1")
-@pytest.mark.parametrize("code", [1, 2, 4, 8, 15])
-def test_rotary_axes(code: int) -> None:
-    desk = set_up(f"@0IT{code}", axes=XYZA)
-    assert desk.query("@0A100,900,100,900,100,900,100,900") == "0"
-    assert desk.counts == (100, 100, 100, 100)
+@pytest.mark.parametrize("code", [0, 1, 2, 4, 8, 15])
+def test_rotary_axes_turn_past_their_switches(code: int) -> None:
+    """A rotary axis has no ends: its switch is for the reference run alone (decision F30)."""
+    for axis in AXES:
+        desk = set_up("@0IE65535", f"@0IT{code}", axes=XYZA)
+        assert into_switch(desk, axis, 1) == ("0" if code >> axis & 1 else "2")
+
+
+@shows("imc-4.2.10-1")
+def test_rotary_axis_has_a_reference_run() -> None:
+    desk = fresh()
+    for text in ("@0IT8", "@0IF20,20,20,20", "@07", "@08", "@0R8"):
+        assert desk.query(text) == "0"
+    assert desk.carriage[3] == 29
+    assert desk.counts[3] == 0
 
 
 # --- 4.2.11 to 4.2.14: inputs watched in CNC mode ------------------------------------------------------------------
