@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from isel_twin.bridge.server import Endpoint
     from isel_twin.job import Line, Result
     from isel_twin.trace.recorder import Recorder
@@ -47,6 +49,10 @@ Seed = Annotated[int, Parameter(help="Seed of power-on positions, switch scatter
 ScenarioFile = Annotated[Path | None, Parameter(help="Timed events (TOML): hood, E-stop, faults, forces.")]
 FlashPath = Annotated[Path | None, Parameter(help="The controller's flash memory; created if missing.")]
 Interval = Annotated[float, Parameter(help="Time between two samples of a trace, in virtual seconds.")]
+
+
+STANDARD_INPUT = "/dev/stdin"
+"""What `-` stands for."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -78,7 +84,7 @@ def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
         if token == "--pty":
             pending = True
         else:
-            yield "/dev/stdin" if token == "-" else token
+            yield STANDARD_INPUT if token == "-" else token
     if pending:
         yield "--pty="
 
@@ -278,7 +284,8 @@ def run(
 
     with _bad_call(job):
         try:
-            lines = parse_job(job.read_text(encoding="latin-1"))
+            text = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
+            lines = parse_job(text.decode("latin-1"))
         except ValueError as error:
             raise BadCall(f"{job}: {error}") from None
         if report is not None:
@@ -369,6 +376,13 @@ WIDE = 160
 """Columns of a table that goes to a file or pipe."""
 
 
+def _console() -> Console:
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDE)
+
+
 class _TableOutput:
     """A table on stdout, and on a terminal a progress line while the job runs."""
 
@@ -377,9 +391,7 @@ class _TableOutput:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Table
 
-        self._console = Console()
-        if not self._console.is_terminal:
-            self._console = Console(width=WIDE)
+        self._console = _console()
         self._table = Table("line", "time / s", "command", "reply", "X / mm", "Y / mm", "Z / mm", box=None)
         for column in (0, 1, 4, 5, 6):
             self._table.columns[column].justify = "right"
@@ -445,7 +457,6 @@ def controllers() -> int:
 @app.command
 def describe(name: Annotated[str, Parameter(help="Name of a machine or path of a machine folder.")]) -> int:
     """Show every parameter of a machine with value, unit, source and grade."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
@@ -459,7 +470,7 @@ def describe(name: Annotated[str, Parameter(help="Name of a machine or path of a
     for row in rows:
         cells = (row.parameter, str(row.value), row.unit, row.grade, row.source)
         table.add_row(*(escape(str(cell)) for cell in cells))
-    Console().print(table)
+    _console().print(table)
     return 0
 
 
