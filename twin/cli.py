@@ -475,12 +475,23 @@ def describe(name: Annotated[str, Parameter(help="Name of a machine or path of a
 
 
 @app.command
-def motor(name: Annotated[str, Parameter(help="Type name of a motor, such as 23HS32-4004S.")]) -> int:
+def motor(
+    name: Annotated[str, Parameter(help="Type name of a motor, such as 23HS32-4004S.")],
+    *,
+    picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
+) -> int:
     """Show a motor's torque curve with its closed-form envelope."""
-    with _bad_call():
-        from isel_twin.drives.report import show_motor
+    from tempfile import TemporaryDirectory
 
-        show_motor(name)
+    _check_writable(picture)
+    with _bad_call(), TemporaryDirectory() as folder:
+        from isel_twin.drives.report import show_motor
+        from isel_twin.files import atomic_write
+
+        drawn = Path(folder) / picture.name if picture is not None else None
+        show_motor(name, picture=drawn)
+        if picture is not None and drawn is not None:
+            atomic_write(picture, drawn.read_bytes())
     return 0
 
 
