@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from isel_twin.firmware.imc.activity import Activity, Pause
@@ -11,7 +12,7 @@ from isel_twin.firmware.imc.moves import speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
-from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, default_settings
+from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, Settings, default_settings
 
 A_AXIS = 8
 
@@ -179,20 +180,20 @@ def write_port_bit(device: Device, port: int, bit: int, value: int) -> None:
 # ---- initialisation values -----------------------------------------------------------------------------------------
 
 
-def set_values(name: str):  # type: ignore[no-untyped-def]
+def set_values(name: str) -> Callable[..., None]:
     """Handler that puts all its parameters into the initialisation value `name`."""
 
     def handler(device: Device, *values: int) -> None:
-        device.settings = replace(device.settings, **{name: values})
+        device.settings = replace(device.settings, **{name: values})  # type: ignore[arg-type]
 
     return handler
 
 
-def set_value(name: str):  # type: ignore[no-untyped-def]
+def set_value(name: str) -> Callable[[Device, int], None]:
     """Handler that puts its parameter into the initialisation value `name`."""
 
     def handler(device: Device, value: int) -> None:
-        device.settings = replace(device.settings, **{name: value})
+        device.settings = replace(device.settings, **{name: value})  # type: ignore[arg-type]
 
     return handler
 
@@ -236,7 +237,7 @@ def default_all(device: Device) -> None:
     _put_in_force(device, default_settings(device.profile))
 
 
-def _put_in_force(device: Device, settings) -> None:  # type: ignore[no-untyped-def]
+def _put_in_force(device: Device, settings: Settings) -> None:
     set_inverted(device, settings.inverted)
     set_io_only(device, settings.io_only)
     device.settings = settings

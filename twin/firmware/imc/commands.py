@@ -35,22 +35,13 @@ STEPS = Number(0)
 WATCH = (INPUT_PORT, BYTE, BYTE)
 
 
-def anything(device: Device) -> None:
-    """Allowed in every state."""
-
-
-def with_axes(device: Device) -> None:
-    """Only after the axes have been set."""
-    device.require_axes()
-
-
 @dataclass(frozen=True)
 class Command:
     """One row of a table.
 
     parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
-    require(device) and check(device, *values) raise Refusal. do(device, *values) is the handler. forgets_rest: what was
-    stopped before cannot be resumed any more.
+    check(device, *values) raises Refusal. do(device, *values) is the handler. needs_axes: answers 4 without axes.
+    forgets_rest: what was stopped before cannot be resumed any more.
     """
 
     section: str
@@ -58,11 +49,13 @@ class Command:
     parameters: Numbers | Callable[[Device], Numbers] | None
     do: Callable[..., Any]
     check: Callable[..., None] | None = None
-    require: Callable[[Device], None] = anything
+    needs_axes: bool = False
     forgets_rest: bool = False
 
     def read(self, device: Device, text: str) -> tuple[Any, ...]:
         """Read and check the parameters. Raises Refusal."""
+        if self.needs_axes:
+            device.require_axes()
         if self.parameters is None:
             return (text,)
         numbers = self.parameters(device) if callable(self.parameters) else self.parameters
@@ -87,7 +80,7 @@ DNC: Mapping[str, Command] = {
         moves.move_parameters,
         moves.relative_move,
         moves.check_relative,
-        require=with_axes,
+        needs_axes=True,
         forgets_rest=True,
     ),
     "b": Command("2.2.3", "read a port", (INPUT_PORT,), query.read_port),
@@ -97,13 +90,13 @@ DNC: Mapping[str, Command] = {
         "reference speeds",
         adjust.reference_speed_parameters,
         adjust.set_reference_speeds,
-        require=with_axes,
+        needs_axes=True,
     ),
     "D": Command("2.2.6", "diagnosis", None, query.diagnosis),
     "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_plane),
     "f": Command("2.2.8", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
     "F": Command(
-        "2.2.9", "run free", (Number(),), reference.run_free, adjust.check_axes, require=with_axes, forgets_rest=True
+        "2.2.9", "run free", (Number(),), reference.run_free, adjust.check_axes, needs_axes=True, forgets_rest=True
     ),
     "g": Command("2.2.10", "brake", (SWITCH,), adjust.set_brake),
     "G": Command("2.2.11", "device number", (Number(0, 9),), adjust.set_number),
@@ -111,24 +104,24 @@ DNC: Mapping[str, Command] = {
     "H": Command("2.2.12", "state in words", (), query.status_text),
     "j": Command("2.2.15", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
     "J": Command("2.2.16", "acceleration", (ACCELERATION,), adjust.set_acceleration),
-    "k": Command("2.2.17", "erase the program", (), adjust.erase),
+    "k": Command("2.2.17", "erase the program", (), adjust.erase, forgets_rest=True),
     "M": Command(
         "2.2.18",
         "absolute move",
         moves.move_parameters,
         moves.absolute_move,
         moves.check_absolute,
-        require=with_axes,
+        needs_axes=True,
         forgets_rest=True,
     ),
-    "n": Command("2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes, require=with_axes),
+    "n": Command("2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes, needs_axes=True),
     "N": Command(
         "2.2.20",
         "simulated reference run",
         (Number(),),
         adjust.simulate_reference,
         adjust.check_axes,
-        require=with_axes,
+        needs_axes=True,
     ),
     "P": Command("2.2.21", "position", (), query.position),
     "R": Command(
@@ -137,25 +130,23 @@ DNC: Mapping[str, Command] = {
         (Number(),),
         reference.reference_run,
         adjust.check_axes,
-        require=with_axes,
+        needs_axes=True,
         forgets_rest=True,
     ),
     "T": Command("2.2.24", "test mode", (SWITCH,), adjust.set_test_mode),
     "U": Command("2.2.25", "user information", (), query.user_info),
     "V": Command("2.2.26", "version", (), query.version),
     "w": Command(
-        "2.2.27", "helix", moves.helix_parameters, moves.arc, moves.check_arc, require=with_axes, forgets_rest=True
+        "2.2.27", "helix", moves.helix_parameters, moves.arc, moves.check_arc, needs_axes=True, forgets_rest=True
     ),
-    "y": Command(
-        "2.2.28", "arc", moves.arc_parameters, moves.arc, moves.check_arc, require=with_axes, forgets_rest=True
-    ),
+    "y": Command("2.2.28", "arc", moves.arc_parameters, moves.arc, moves.check_arc, needs_axes=True, forgets_rest=True),
     "z": Command("2.2.29", "3D interpolation", (SWITCH,), adjust.set_three_d),
     "Z": Command(
         "2.2.30",
         "move until port event",
         moves.until_port_parameters,
         moves.move_until_port,
-        require=with_axes,
+        needs_axes=True,
         forgets_rest=True,
     ),
 }

@@ -235,7 +235,6 @@ class Imc:
             self._start(answers=True)
             return None
         command = commands.find_dnc(device, code)
-        command.require(device)
         result = command.do(device, *command.read(device, text))
         if not isinstance(result, Generator):
             return result or OK

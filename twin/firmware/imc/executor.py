@@ -65,7 +65,7 @@ class Executor:
     # ---- starting and ending ----------------------------------------------------------------------------------------
 
     def start(self, task: Task) -> None:
-        """Begin a task; the rest of a parked one is forgotten."""
+        """Begin a task; there is none in progress."""
         self.task = task
         self._resume(None)
 
