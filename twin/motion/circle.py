@@ -43,6 +43,12 @@ __all__ = ["Circle", "circle", "helix"]
 INTERVAL = 8192
 """Ticks between two checkpoints: some 30 us to walk, 24 bytes to keep."""
 
+HANDICAP = 0.2
+"""Steps by which another reading of D must be nearer to the start point than the one the manual's text leads to.
+
+Found by trying radii and start points, see docs/step_streams.md: that reading is hardly ever mistaken then.
+"""
+
 LARGEST = 1 << 28
 """Coordinates and tick numbers stay below this, so that squares fit into 64 bits (the controller's numbers have 24)."""
 
@@ -101,20 +107,23 @@ def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
     """R^2 that a host means by D = d, counter-clockwise (decision M3).
 
     (2) is solved for R^2 in three readings of its text: with Summe(n) = |n| (n + 1) as the worked example has it; with
-    Summe(n) = n (|n| + 1), which is (1); with both slips of the example. The first one that gives the square of a whole
-    number whose circle, rounded, has the start point, is what the host meant; R^2 may miss the square by 1, because an
-    odd R makes 2 D odd and the host rounds D. If none does, R is not whole or D comes from another formula. Then (1)
-    counts as it stands, but not farther from the start point than cutting a point of the circle to whole steps can put
-    it, 3/2 steps.
+    Summe(n) = n (|n| + 1), which is (1); with both slips of the example. A reading counts if it yields the square of a
+    whole number whose circle, rounded, has the start point; R^2 may miss the square by 1, because an odd R makes 2 D
+    odd and the host rounds D. If several count, the radius nearest to the start point is meant. If none does, R is not
+    whole or D comes from another formula: then (1) is taken as it stands, but not farther from the start point than
+    cutting a point of the circle to whole steps can put it, 3/2 steps.
     """
     x, y, y_slip = xs + (rx - ry) // 2, ys + (rx + ry) // 2, ys + (rx - ry) // 2
     printed, slipped = (rx * ry * (2 * d + rx * abs(x) * (x + 1) - ry * abs(n) * (n + 1)) for n in (y, y_slip))
     meant = rx * ry * (2 * d + rx * x * (abs(x) + 1) - ry * y * (abs(y) + 1))
-    for r2 in (printed, meant, slipped):
+    start = math.hypot(xs, ys)
+    radii = []
+    for r2, handicap in ((printed, 0.0), (meant, HANDICAP), (slipped, HANDICAP)):
         n = math.isqrt(max(r2 + 1, 0))
         if abs(n * n - r2) <= 1 and _rounds_to(n, xs, ys):
-            return n * n
-    start = math.hypot(xs, ys)
+            radii.append((abs(n - start) + handicap, n))
+    if radii:
+        return min(radii)[1] ** 2
     return min(max(meant, math.floor(max(start - 1.5, 0.0) ** 2)), math.ceil((start + 1.5) ** 2))
 
 
