@@ -36,6 +36,23 @@ def pulse_times_ns(ticks: int, speed_hz: int, start_stop_hz: int = 300, accelera
         return [_round(t) for t in times]
 
 
+def stop_times_ns(
+    at_ns: int, speed_hz: int, start_stop_hz: int = 300, acceleration_hz_ms: int = 100
+) -> tuple[int, list[int]]:
+    """Stop in the constant part of a move, `at_ns` after its start: ticks made by then, times of those that follow.
+
+    From the phase s0 reached the frequency falls from v at a to f: s(t) = s0 + v t - a t^2 / 2; only whole ticks count.
+    """
+    with localcontext() as context:
+        context.prec = 50
+        v, f, a = Decimal(speed_hz), Decimal(start_stop_hz), Decimal(1000 * acceleration_hz_ms)
+        at = Decimal(at_ns) / 10**9
+        s0 = (v * v - f * f) / (2 * a) + v * (at - (v - f) / a)
+        end = s0 + (v * v - f * f) / (2 * a)
+        ticks = range(int(s0) + 1, int(end) + 1)
+        return int(s0), [_round(at + (v - (v * v - 2 * a * (k - s0)).sqrt()) / a) for k in ticks]
+
+
 def _round(seconds: Decimal) -> int:
     return int((Decimal(seconds) * 10**9).to_integral_value(rounding=ROUND_HALF_EVEN))
 
