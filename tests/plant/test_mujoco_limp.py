@@ -132,6 +132,42 @@ def test_numbers_that_run_away_name_the_axis(bench):
         bench().plant.apply_force(1, float("inf"))
 
 
-def test_sub_step_too_long_for_the_stiffness_is_refused(bench):
-    with pytest.raises(MachineError, match=r"motor_substep: 100 us is too long for axes\.y\.stiffness"):
-        bench({"timing.motor_substep": 100.0, "axes.y.stiffness": 200.0, "masses.table_carriage": 1.0})
+def test_time_step_too_long_for_the_stiffness_is_refused_with_what_would_do(bench):
+    stiff = {"axes.y.stiffness": 60.0}
+    with pytest.raises(
+        MachineError, match=r"mujoco_step: 0\.5 ms is too long for axes\.y\.stiffness and 3 kg; .*0\.38 ms"
+    ):
+        bench(stiff)
+    b = bench({**stiff, "timing.mujoco_step": 0.25})
+    b.move((0, 3200, 0), 5000)
+    b.wait(1000)
+    assert b.plant.position_mm[1] == pytest.approx(110.0, abs=0.03)
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_machines_at_random_within_the_limit_of_the_time_step_stay_calm(bench, number):
+    """Masses, stiffness, damping, friction, lead and play drawn at random; the worst the time step allows."""
+    random = np.random.default_rng(number)
+    overrides = {
+        "axes.all.stiffness": random.uniform(5.0, 60.0),
+        "axes.all.damping": random.uniform(300.0, 3000.0),
+        "axes.all.backlash": random.choice([0.0, 0.01, 0.1]),
+        "axes.all.guide_friction": random.uniform(5.0, 150.0),
+        "axes.all.efficiency": random.uniform(0.5, 1.0),
+        "axes.all.lead": random.choice([2.5, 5.0, 10.0]),
+        "masses.table_carriage": random.uniform(0.5, 10.0),
+        "masses.z_slide": random.uniform(1.0, 15.0),
+        "imperfections.structure": bool(number % 2),
+    }
+    overrides = {key: value if isinstance(value, bool) else float(value) for key, value in overrides.items()}
+    for step_ms in (0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05):
+        try:
+            b = bench({**overrides, "timing.mujoco_step": step_ms})
+            break
+        except MachineError:
+            continue
+    lead_mm = overrides["axes.all.lead"]
+    b.move((3200, 3200, 3200), 4000, hz_per_ms=50)
+    b.wait(3000)
+    assert b.plant.position_mm == pytest.approx(np.array([100.0, 100.0, 30.0]) + 2.0 * lead_mm, abs=0.13)
+    assert np.abs(b.plant.velocity_mm_s).max() < 0.1
