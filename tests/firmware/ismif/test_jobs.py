@@ -38,6 +38,14 @@ def test_a_wrong_command_voids_its_job() -> None:
     assert moved(desk, "L1,z10").total == (0, 0, 10, 0)  # the next job is another one
 
 
+@pytest.mark.parametrize("command", ["@R", "@S"])
+def test_a_wrong_command_is_forgotten_with_the_memory(command: str) -> None:
+    desk = referenced()
+    now(desk, "L1,q100")
+    now(desk, command)
+    assert moved(desk, "L1,x10").total == (10, 0, 0, 0)
+
+
 def test_a_wrong_command_does_not_disturb_the_running_job() -> None:
     desk = referenced()
     send_job(desk, "L1,X900")
@@ -141,6 +149,9 @@ def test_nothing_is_lost_when_the_host_sends_more_than_the_memory_holds(waits_fo
     assert FULL in text
     assert text.endswith(DONE)
     assert text.replace(DONE, "").replace(FULL, ACK) == ACK * len(commands)
+    if not waits_for_answers:  # room is announced when nothing waits for it any more, then the end of the job
+        assert text.endswith(ACK + DONE + DONE)
+        assert text.count(DONE) == 2
     assert status(desk) == "000000"
 
 
@@ -156,6 +167,15 @@ def test_master_commands_overtake_a_full_memory() -> None:
 
 
 # --- S8: reference run --------------------------------------------------------------------------------------------
+
+
+def test_a_second_reference_run_begins_with_an_unknown_position() -> None:
+    desk = referenced()
+    send_job(desk, "$HX")
+    desk.run(0.1)
+    assert status(desk) == "100110"
+    desk.finish()
+    assert status(desk) == "000000"
 
 
 def test_starting_on_the_switch_only_runs_off() -> None:
@@ -253,6 +273,17 @@ def test_pause_suspends_a_waiting_time() -> None:
     assert (desk.steps_since(mark).t_ns - start_ns - 600_000_000).tolist() == pulse_times_ns(10, 600)
 
 
+def test_stop_with_ramp_does_not_end_a_waiting_time() -> None:
+    desk = referenced()
+    send_job(desk, "W1000", "L1,x10")
+    start_ns, mark = desk.time_ns, desk.ticks
+    desk.run(0.4)
+    assert now(desk, "@B") == ACK
+    assert status(desk) == "010001"
+    desk.finish()
+    assert (desk.steps_since(mark).t_ns - start_ns - 10**9).tolist() == pulse_times_ns(10, 600)
+
+
 def test_pause_at_rest_holds_the_next_job() -> None:
     desk = referenced()
     assert now(desk, "@A") == ACK
@@ -342,6 +373,16 @@ def test_positions_survive_a_change_between_half_and_full_steps() -> None:
     assert moved(desk, "L1,X0").total == (-200, 0, 0, 0)
     assert job(desk, "F0") == ACK + DONE
     assert now(desk, "@LX") == "@LX1\r"
+
+
+def test_full_steps_below_zero_count_without_a_gap() -> None:
+    """From half step -3 on: full steps -2, -1, 0, 1, none of them twice."""
+    desk = referenced("L1,X-3", "F1")
+    seen = [now(desk, "@LX")]
+    for _ in range(3):
+        moved(desk, "L1,x1")
+        seen.append(now(desk, "@LX"))
+    assert seen == ["@LX-2\r", "@LX-1\r", "@LX0\r", "@LX1\r"]
 
 
 def test_settings_do_not_survive_the_mains() -> None:
