@@ -278,3 +278,22 @@ def test_a_million_random_strings() -> None:
     before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assert pour(1_000_000, seed=2) > 10_000
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kib < 20_000
+
+
+# --- texts -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["@0V", "@0?", "@0U", "@0H", "@0h", "@0P", "@0DRp", "@0b3"])
+def test_a_reply_is_complete_within_50_ms_at_19200_baud(command: str) -> None:
+    desk = ready()
+    assert desk.query("@0IU" + 32 * "u") == "0"
+    assert len(desk.query(command)) <= 0.050 * 19_200 / 10
+
+
+def test_texts_show_what_changes() -> None:
+    desk = ready()
+    before, limits = desk.query("@0H"), desk.query("@0h")
+    desk.set("key", "setup")
+    desk.set("limit_y2", "open")
+    assert desk.query("@0H") != before
+    assert desk.query("@0h") == limits.replace("Y2 0", "Y2 1")

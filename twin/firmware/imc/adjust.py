@@ -184,7 +184,7 @@ def set_values(name: str) -> Callable[..., None]:
     """Handler that puts all its parameters into the initialisation value `name`."""
 
     def handler(device: Device, *values: int) -> None:
-        device.settings = replace(device.settings, **{name: values})  # type: ignore[arg-type]
+        device.settings = replace(device.settings, **{name: values})
 
     return handler
 
@@ -193,7 +193,7 @@ def set_value(name: str) -> Callable[[Device, int], None]:
     """Handler that puts its parameter into the initialisation value `name`."""
 
     def handler(device: Device, value: int) -> None:
-        device.settings = replace(device.settings, **{name: value})  # type: ignore[arg-type]
+        device.settings = replace(device.settings, **{name: value})
 
     return handler
 

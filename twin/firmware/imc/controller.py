@@ -29,7 +29,6 @@ from isel_twin.firmware.imc.safety import State, powered
 from isel_twin.motion import Run
 
 BAUD, SLOW_BAUD = 19_200, 9_600
-CONTROL_BYTES = (grammar.STOP, grammar.RESET, grammar.BREAK)
 
 
 class Imc:

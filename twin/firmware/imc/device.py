@@ -246,7 +246,7 @@ class Device:
 
     def set_modal(self, **values: object) -> None:
         """Change values that last until the next reset."""
-        self.modal = replace(self.modal, **values)  # type: ignore[arg-type]
+        self.modal = replace(self.modal, **values)
 
 
 def _sum(a: Steps, b: Steps) -> Steps:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from isel_twin import __version__
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.ports import SIGNALS
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
 from isel_twin.firmware.imc.settings import AXES, VALID
 
 AXIS_NAMES = "XYZA"
-VERSION = "isel-twin 0.1"
 END = "\r\n"
 
 
@@ -60,23 +59,33 @@ def _blocked(device: Device, direction: int) -> int:
     return sum(device.limits.blocks(axis, direction) << axis for axis in range(AXES))
 
 
+STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (
+    (("e-stop", ("estop_1", "estop_2")), ("cool", ("cool",)), ("power", ("power_ok",))),
+    (("start", ("start",)), ("stop", ("stop_released",)), ("probe", ("probe",))),
+    (("hood", ("hood_automatic", "hood_setup")), ("key", ("setup",)), ("spindle", ("spindle",))),
+)
+"""What `@0H` says, line by line: words, each with the levels of its inputs."""
+
+
 def status_text(device: Device) -> str:
-    """`@0H`: operator's elements and safety inputs in plain text, then the handshake (2.2.12)."""
-    lines = [f"{name.replace('_', ' '):<16}{int(device.inputs[name])}" for name in SIGNALS]
-    lines.append(f"{'state':<16}{device.safety.value}")
+    """`@0H`: operator's elements and safety inputs, then the handshake (2.2.12). Sent within 50 ms at 19200 baud."""
+    lines = [
+        " ".join(f"{word} {''.join(str(int(device.inputs[name])) for name in names)}" for word, names in line)
+        for line in STATUS_LINES
+    ]
+    lines.append(device.safety.value)
     if device.outputs["flash_fault"]:
-        lines.append(f"{'flash':<16}unreadable, defaults in use")
+        lines.append("flash unreadable")
     return "".join(line + END for line in lines) + OK
 
 
 def limit_text(device: Device) -> str:
-    """`@0h`: limit switches in plain text, then the handshake (2.2.12)."""
-    lines = []
-    for bit in range(2 * AXES):
-        level = int(device.inputs.bit(3, bit))
-        state = "struck" if device.limits.active(bit) else "free"
-        lines.append(f"{AXIS_NAMES[bit // 2]}{bit % 2 + 1}  input {level}  {state}{END}")
-    return "".join(lines) + OK
+    """`@0h`: limit switches, 1 struck, then the handshake (2.2.12)."""
+    lines = (
+        f"{name}1 {int(device.limits.active(2 * axis))} {name}2 {int(device.limits.active(2 * axis + 1))}"
+        for axis, name in enumerate(AXIS_NAMES)
+    )
+    return "".join(line + END for line in lines) + OK
 
 
 def user_info(device: Device) -> str:
@@ -86,5 +95,4 @@ def user_info(device: Device) -> str:
 
 def version(device: Device) -> str:
     """`@0V`, `@0?` (2.2.26)."""
-    lines = (device.profile.name, VERSION, f"program memory {device.profile.program_memory_bytes} bytes")
-    return OK + "".join(line + END for line in lines)
+    return f"{OK}{device.profile.name}{END}isel-twin {__version__}{END}"
