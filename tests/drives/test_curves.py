@@ -86,7 +86,7 @@ def envelope_nm(motor: Motor, voltage_v: float, current_a: float, resistance_ohm
 @pytest.mark.parametrize("rpm", [60, 150, 300, 450, 600, 750, 900])
 def test_the_closed_form_bounds_the_bench(supply_v: float, rpm: float) -> None:
     stage = dm542t(supply_v)
-    bound = envelope_nm(NEMA23, stage.supply_factor * supply_v, 4.2, 0.65 + stage.extra_resistance_ohm, rpm)
+    bound = envelope_nm(NEMA23, 0.9 * supply_v, 4.2, 0.65 + stage.extra_resistance_ohm, rpm)
     assert pull_out_torque(NEMA23, stage, rpm) <= 1.05 * bound
     assert pull_out_envelope(NEMA23, stage, rpm) == pytest.approx(bound, rel=0.005)
 

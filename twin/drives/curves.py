@@ -15,6 +15,8 @@ what the bench finds:
 
     T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - Km^2 w/Rm
     we = Nr w,  psi = Km/Nr,  |Z|^2 = R^2 + we^2 L^2,  V1 = 4/pi V,  g: fundamental of the current wave over I
+
+V is the mean of what drives a current and what it flows back against, since a limited stage does both in turn.
 """
 
 from __future__ import annotations
@@ -101,13 +103,13 @@ def pull_out_torque(
 
     # Accelerate with at most a twentieth of the peak torque, hold for at least twenty turns of the electrical angle.
     total_inertia = motor.rotor_inertia_kgm2 + inertia
-    accelerate_s = max(0.2, 20.0 * total_inertia * (omega - start_omega) / peak_nm)
+    accelerate_s = max(0.3, 30.0 * total_inertia * (omega - start_omega) / peak_nm)
     hold_s = max(0.4, 20.0 * 2.0 * math.pi / (omega * motor.pole_pairs))
     t = dt_s * np.arange(round((accelerate_s + hold_s) / dt_s) + 1)
-    ramp = np.minimum(t, accelerate_s)
-    phase = rate_hz * (
-        start_omega / omega * t + (1.0 - start_omega / omega) * (0.5 * ramp**2 / accelerate_s + t - ramp)
-    )
+    ramp = np.minimum(t / accelerate_s, 1.0)  # the speed rises as 3 q^2 - 2 q^3 of it
+    ramp_s = accelerate_s * ramp**3 * (1.0 - 0.5 * ramp) + np.maximum(t - accelerate_s, 0.0)
+    share = start_omega / omega
+    phase = rate_hz * (share * t + (1.0 - share) * ramp_s)
     command = mean_command(phase)
     rise = np.clip((t[1:] - accelerate_s) / (0.5 * hold_s), 0.0, 1.0)
     rise *= rise * (3.0 - 2.0 * rise)
@@ -179,7 +181,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     resistance = motor.resistance_ohm + stage.extra_resistance_ohm
     impedance = math.hypot(resistance, electrical * motor.inductance_h)
     km = motor.torque_constant_nm_per_a
-    by_supply = km * 4.0 / math.pi * stage.drive_v / impedance
+    by_supply = km * 4.0 / math.pi * 0.5 * (stage.drive_v + stage.supply_v) / impedance
     by_supply -= electrical * km**2 / motor.pole_pairs * resistance / impedance**2
     by_current = _fundamental(stage) * km * stage.current_a
     return max(0.0, min(by_current, by_supply) - motor.iron_drag_nm_s_per_rad * omega)
@@ -213,14 +215,14 @@ def _in_step(
 
 
 def _largest(holds: Callable[[float], bool], upper: float) -> float:
-    """Largest value that holds, to 0.1 %: down from above by 5 % a step, then halving. 0 if nothing above 1 % does."""
+    """Largest value that holds, to 0.02 %: down from above by 5 % a step, then halving. 0 if nothing above 1 % does."""
     low = upper
     while not holds(low):
         low *= 0.95
         if low < 0.01 * upper:
             return 0.0
     high = low / 0.95
-    while high - low > 1e-3 * low:
+    while high - low > 2e-4 * low:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low

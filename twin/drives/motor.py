@@ -8,8 +8,8 @@ follows from the holding torque, which is measured with both phases at rated cur
 Two quantities are rarely printed. Both rules below survive a rewinding of the same motor (z times the turns: R, L and
 Rm grow with z^2, Km with z), so they say something about the iron and not about the wire:
 
-    iron loss   Rm = 15000 / s * L         48 ohm at 3.2 mH, the one value for which torque curves were compared
-    detent      Td = 0.12 Nm/A/sqrt(ohm)^-1 * Km / sqrt(R)     0.11 .. 0.17 for the motors that state it
+    iron loss   Rm = 15000 / s * L                   48 ohm at 3.2 mH, the one value for which torque curves were compared
+    detent      Td = 0.12 sqrt(W) * Km / sqrt(R)     0.11 .. 0.17 sqrt(W) for the motors that state it
 """
 
 from __future__ import annotations
@@ -107,6 +107,8 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "57HS56-2804": from_datasheet(1.236, 2.8, 1.1, 3.0e-3, 300e-7, detent_torque_nm=0.039),
         # StepperOnline data sheet; rotor inertia not stated there, taken from the 57HS56 of the same length (estimate).
         "23HS22-2804S": from_datasheet(1.24, 2.8, 0.92, 2.68e-3, 300e-7),
+        # Public data of a NEMA 23 sold by cnc3d, 600 g cm^2, detent 0.09 Nm.
+        "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
         # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
         "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
     }

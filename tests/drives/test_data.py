@@ -1,0 +1,84 @@
+"""Motors, stages and screws as data: what a data sheet says comes out, and what makes no sense is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from isel_twin.drives import MOTORS, Motor, Screw, Stage
+from isel_twin.drives.motor import from_datasheet
+
+
+def test_holding_torque_is_measured_with_both_phases_on() -> None:
+    """Km = T_hold / (sqrt 2 I): 2.40 Nm at 4.0 A give 0.424 Nm/A, 1.236 Nm at 2.8 A give 0.312 Nm/A."""
+    assert MOTORS["23HS32-4004S"].torque_constant_nm_per_a == pytest.approx(0.4243, abs=1e-4)
+    assert MOTORS["57HS56-2804"].torque_constant_nm_per_a == pytest.approx(0.3121, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "resistance_ohm", "inductance_h", "inertia_gcm2", "full_steps"),
+    [
+        ("23HS32-4004S", 0.65, 3.2e-3, 530, 200),
+        ("57HS56-2804", 1.1, 3.0e-3, 300, 200),
+        ("23HS22-2804S", 0.92, 2.68e-3, 300, 200),
+        ("cnc3d-NEMA23", 1.2, 4.0e-3, 600, 200),
+        ("57STH56-2804MAC", 1.1, 3.4e-3, 305, 400),
+    ],
+)
+def test_table_of_motors(
+    name: str, resistance_ohm: float, inductance_h: float, inertia_gcm2: float, full_steps: int
+) -> None:
+    motor = MOTORS[name]
+    assert (motor.resistance_ohm, motor.inductance_h) == (resistance_ohm, inductance_h)
+    assert motor.rotor_inertia_kgm2 == pytest.approx(inertia_gcm2 * 1e-7)
+    assert motor.full_steps_per_rev == full_steps
+
+
+def test_a_rewound_motor_is_the_same_iron() -> None:
+    """Twice the turns at half the current: R and L four times, Km twice; detent and drag torque stay."""
+    motor = from_datasheet(2.0, 4.0, 0.6, 2e-3, 5e-5)
+    rewound = from_datasheet(2.0, 2.0, 2.4, 8e-3, 5e-5)
+    assert rewound.torque_constant_nm_per_a == pytest.approx(2 * motor.torque_constant_nm_per_a)
+    assert rewound.detent_torque_nm == pytest.approx(motor.detent_torque_nm)
+    assert rewound.iron_drag_nm_s_per_rad == pytest.approx(motor.iron_drag_nm_s_per_rad)
+
+
+def test_default_detent_is_in_the_range_of_data_sheets() -> None:
+    """Stated: 0.039 Nm for the 57HS56, 0.09 for a 2.45 Nm motor; the rule must come within a factor 1.5."""
+    for name in ("57HS56-2804", "cnc3d-NEMA23"):
+        stated = MOTORS[name]
+        by_rule = dataclasses.replace(stated, detent_torque_nm=math.nan).detent_torque_nm
+        assert 1 / 1.5 < by_rule / stated.detent_torque_nm < 1.5
+
+
+@pytest.mark.parametrize(
+    ("make", "values", "named"),
+    [
+        (Motor, (0.0, 3e-3, 0.4, 5e-5), "resistance_ohm"),
+        (Motor, (0.65, -3e-3, 0.4, 5e-5), "inductance_h"),
+        (Motor, (0.65, 3e-3, math.nan, 5e-5), "torque_constant_nm_per_a"),
+        (Motor, (0.65, 3e-3, 0.4, math.inf), "rotor_inertia_kgm2"),
+        (Motor, (0.65, 3e-3, 0.4, 5e-5, -0.1), "detent_torque_nm"),
+        (Motor, (0.65, 3e-3, 0.4, 5e-5, 0.1, 0.0), "iron_loss_ohm"),
+        (Motor, (0.65, 3e-3, 0.4, 5e-5, 0.1, 40.0, 0), "pole_pairs"),
+        (Stage, (0.0, 4.0), "supply_v"),
+        (Stage, (48.0, -4.0), "current_a"),
+        (Stage, (48.0, 4.0, 0), "microsteps"),
+        (Stage, (48.0, 4.0, 2.5), "microsteps"),
+        (Stage, (48.0, 4.0, 8, 1.5), "idle_current_fraction"),
+        (Screw, (-1e-5,), "inertia_kgm2"),
+        (Screw, (0.0, math.nan), "coulomb_nm"),
+        (Screw, (0.0, 0.1, 0.9), "breakaway_ratio"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_named(make: Any, values: tuple[float, ...], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        make(*values)
+
+
+def test_values_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Stage(48.0, 4.0).supply_v = 24.0  # type: ignore[misc]

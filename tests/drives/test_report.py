@@ -1,0 +1,43 @@
+"""What `isel-twin motor NAME` shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from isel_twin.drives import MOTORS, Stage, pull_out_envelope, pull_out_torque
+from isel_twin.drives.report import default_stage, draw_torque, show_motor, torque_table
+
+
+def test_the_table_puts_bench_and_closed_form_side_by_side() -> None:
+    motor, stage = MOTORS["57HS56-2804"], Stage(32.0, 2.0, 2)
+    (point,) = torque_table(motor, stage, [360])
+    assert point.speed_rpm == 360
+    assert point.pull_out_nm == pull_out_torque(motor, stage, 360)
+    assert point.envelope_nm == pull_out_envelope(motor, stage, 360)
+
+
+def test_a_motor_is_shown_on_the_stage_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    show_motor("57HS56-2804", Stage(32.0, 2.0, 2))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "57HS56-2804 at 32 V, 2 A peak, half step"
+    speeds = [float(line.split()[0]) for line in lines if line.endswith("|")]
+    assert speeds[:3] == [30, 60, 90]
+    assert speeds[-1] == 1000
+
+
+def test_by_default_1600_microsteps_a_revolution_at_rated_current() -> None:
+    assert default_stage(MOTORS["23HS32-4004S"]) == Stage(48.0, 4.0, 8)
+    assert default_stage(MOTORS["57STH56-2804MAC"]) == Stage(48.0, 2.8, 4)
+
+
+def test_an_unknown_motor_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="nema17.*23HS32-4004S"):
+        show_motor("nema17")
+
+
+def test_the_curve_can_be_drawn(tmp_path: Path) -> None:
+    file = tmp_path / "curve.svg"
+    draw_torque(torque_table(MOTORS["57HS56-2804"], Stage(36.0, 2.8), [90, 300]), "a title", file)
+    assert "<svg" in file.read_text()

@@ -1,0 +1,119 @@
+"""The torque curve of a motor as a table, as bars in a terminal and as a picture.
+
+The goal of this code is to show what a motor and a stage can do, with the closed form beside what the bench found:
+
+       rpm   pull-out   envelope    0 ... Nm
+       300      1.651      1.662    ##########################|
+       600      1.355      1.544    #####################   |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from isel_twin.drives.curves import pull_in_rate, pull_out_envelope, pull_out_torque, resonance_hz
+from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.stage import Stage
+
+SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))
+"""Speeds of the table: up to 1000 rev/min; curves were compared up to 600."""
+
+BAR = 40
+"""Characters of the longest bar."""
+
+
+@dataclass(frozen=True)
+class TorquePoint:
+    """One line of the table."""
+
+    speed_rpm: float
+    pull_out_nm: float
+    envelope_nm: float
+
+
+def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEEDS_RPM) -> list[TorquePoint]:
+    """Pull-out torque from the bench and from the closed form, for each speed."""
+    return [
+        TorquePoint(rpm, pull_out_torque(motor, stage, rpm), pull_out_envelope(motor, stage, rpm)) for rpm in speeds_rpm
+    ]
+
+
+def find_motor(name: str) -> Motor:
+    """The motor of MOTORS called `name`. Raises ValueError with the names there are."""
+    if name not in MOTORS:
+        raise ValueError(f"unknown motor {name!r}; there are: {', '.join(MOTORS)}")
+    return MOTORS[name]
+
+
+def default_stage(motor: Motor) -> Stage:
+    """48 V, the rated current as the peak of the microstep wave (4 A if unknown), 1600 microsteps a revolution."""
+    current = 4.0 if math.isnan(motor.rated_current_a) else motor.rated_current_a
+    return Stage(supply_v=48.0, current_a=current, microsteps=max(1, 1600 // motor.full_steps_per_rev))
+
+
+def show_motor(name: str, stage: Stage | None = None, picture: Path | None = None) -> None:
+    """Print what motor `name` does on a stage (None: `default_stage`); with `picture`, draw the curve into that file.
+
+    Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
+    """
+    motor = find_motor(name)
+    stage = stage or default_stage(motor)
+    table = torque_table(motor, stage)
+    print("\n".join(_text(name, motor, stage, table)))
+    if picture is not None:
+        draw_torque(table, _title(name, stage), picture)
+
+
+def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
+    """Draw the curve with its envelope into a file (type by suffix: png, svg, pdf).
+
+    Raises ValueError if matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    speeds = [point.speed_rpm for point in table]
+    axes.plot(speeds, [point.envelope_nm for point in table], "--", label="closed-form envelope")
+    axes.plot(speeds, [point.pull_out_nm for point in table], "o-", markersize=3, label="pull-out torque")
+    axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(file)
+
+
+def _title(name: str, stage: Stage) -> str:
+    steps = {1: "full step", 2: "half step"}.get(stage.microsteps, f"{stage.microsteps} microsteps a full step")
+    return f"{name} at {stage.supply_v:g} V, {stage.current_a:g} A peak, {steps}"
+
+
+def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -> list[str]:
+    """Lines for a terminal: data, the table with bars (# pull-out, | envelope), starting rate and resonance."""
+    top = max(point.envelope_nm for point in table) or 1.0
+    lines = [
+        _title(name, stage),
+        f"R {motor.resistance_ohm:g} ohm, L {motor.inductance_h * 1e3:g} mH, Km {motor.torque_constant_nm_per_a:.3f} "
+        f"Nm/A, J {motor.rotor_inertia_kgm2:g} kg m^2, detent {motor.detent_torque_nm:.3f} Nm, "
+        f"Rm {motor.iron_loss_ohm:.3g} ohm",
+        "",
+        f"{'rpm':>6} {'pull-out Nm':>12} {'envelope Nm':>12}",
+    ]
+    for point in table:
+        bar = list("#" * round(BAR * point.pull_out_nm / top) + " " * (BAR + 1))
+        bar[round(BAR * point.envelope_nm / top)] = "|"
+        picture = "".join(bar).rstrip()
+        lines.append(f"{point.speed_rpm:6g} {point.pull_out_nm:12.3f} {point.envelope_nm:12.3f}  {picture}")
+    rate = pull_in_rate(motor, stage)
+    lines += [
+        "",
+        f"starts from rest, unloaded: up to {rate:.0f} steps/s of this stage "
+        f"({rate / stage.microsteps:.0f} full steps/s), except near its resonance",
+        f"resonance, unloaded: {resonance_hz(motor, stage):.0f} Hz",
+        "compared with a maker's curve up to 600 rev/min only: see docs/fidelity.md",
+    ]
+    return lines
