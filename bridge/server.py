@@ -126,6 +126,10 @@ class Server:
     def stop(self) -> None:
         """End `run` soon. May be called from a signal handler or another thread."""
         self._stopped = True
+        self.wake()
+
+    def wake(self) -> None:
+        """End the present sleep of `run`. May be called from a signal handler or another thread."""
         with suppress(OSError):  # awake already, or closed already
             self._wake_in.send(b"\0")
 

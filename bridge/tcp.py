@@ -134,10 +134,14 @@ class TcpEndpoint:
         if not self._server.claim(self):
             self._refuse(connection)
             return
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        log.info("%s: client %s:%s connected", self.kind, *peer[:2])
-        self._client = _Client(connection, self._codec)
+        try:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            self._client = _Client(connection, self._codec)
+        except OSError:
+            connection.close()  # it has gone already
+        else:
+            log.info("%s: client %s:%s connected", self.kind, *peer[:2])
 
     def _refuse(self, connection: socket.socket) -> None:
         """Say why, and close once the client has: closing at once could make its kernel throw our words away."""

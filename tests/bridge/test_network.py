@@ -7,10 +7,14 @@ import socket
 import pytest
 import serial
 
+from isel_twin.bridge.pacing import Pacer
+from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
-from isel_twin.bridge.server import OUTBOX_BYTES, Outbox
-from isel_twin.bridge.tcp import ProtocolError, TcpEndpoint, parse_address
+from isel_twin.bridge.server import OUTBOX_BYTES, Outbox, Server
+from isel_twin.bridge.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
+from isel_twin.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask
+from tests.bridge.test_pacing import MS, Clock
 
 LOOPBACK = "127.0.0.1:0"
 
@@ -113,16 +117,74 @@ def test_a_client_that_writes_without_reading_is_served_and_forgotten(serving):
         assert read_exactly(client, 19) == b"0" * 19
 
 
-def test_closing_with_a_reset_does_no_harm(serving):
-    endpoint = TcpEndpoint(LOOPBACK)
-    serving(endpoint)
-    client = connect(endpoint.address)
-    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # close by RST
-    client.sendall(b"@07\r")
-    client.close()
-    with connect(endpoint.address) as other:
-        other.sendall(b"@0P\r")
-        assert read_exactly(other, 19)[-19:]
+@pytest.mark.parametrize("codec", [RawCodec, Rfc2217Codec])
+@pytest.mark.parametrize("sent", [b"", b"@07\r"])
+def test_closing_with_a_reset_does_no_harm(serving, codec, sent):
+    endpoint, other = TcpEndpoint(LOOPBACK, codec=codec), TcpEndpoint(LOOPBACK)
+    serving(endpoint, other)
+    for _ in range(20):
+        client = connect(endpoint.address)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # close by RST
+        client.sendall(sent)
+        client.close()
+    with connect(other.address) as survivor:
+        survivor.sendall(b"@0P\r")
+        assert len(read_exactly(survivor, 19)) == 19
+
+
+def test_a_reply_goes_to_the_endpoint_that_spoke_last(serving):
+    pty, tcp = PtyEndpoint(), TcpEndpoint(LOOPBACK)
+    serving(pty, tcp)
+    with serial.Serial(pty.address, timeout=REPLY_S) as device, connect(tcp.address) as client:
+        for _ in range(3):
+            assert ask(device, "@07") == "0"
+            client.sendall(b"@0P\r")
+            assert read_exactly(client, 19) == b"0" * 19
+        assert device.in_waiting == 0
+
+
+class Mouth:
+    """An endpoint without a host: says one thing, then keeps an eye on whether it is still listened to."""
+
+    kind, address, busy = "mouth", "", False
+
+    def __init__(self, words: bytes, clock: Clock) -> None:
+        self._words = words
+        self._clock = clock
+        self.heard: list[bool] = []
+
+    def attach(self, server: Server) -> None:
+        self._server = server
+
+    def watches(self, listening: bool):
+        self.heard.append(listening)
+        if len(self.heard) == 1:
+            self._server.receive(self, self._words)
+        self._clock.now += 100 * MS
+        if len(self.heard) == 20:
+            self._server.stop()
+        else:
+            self._server.wake()
+        return []
+
+    def send(self, data: bytes) -> None: ...
+    def give_way(self) -> None: ...
+    def close(self) -> None: ...
+
+
+def test_a_paced_line_is_not_filled_further_than_it_can_carry():
+    """6000 bytes at 19200 baud take 3125 ms; 4096 of them (2133 ms) may wait, so no more is read for 992 ms."""
+    clock = Clock()
+    mouth = Mouth(b"\n" * 6000, clock)
+    Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0, clock=clock), [mouth]).run()
+    assert mouth.heard == [True] + [False] * 9 + [True] * 10
+
+
+def test_an_unpaced_line_takes_everything():
+    clock = Clock()
+    mouth = Mouth(b"\n" * 100_000, clock)
+    Server(Twin(plant="kinematic"), Pacer(None, clock=clock), [mouth]).run()
+    assert mouth.heard == [True] * 20
 
 
 def test_rfc2217_negotiates_with_pyserial(serve):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bridge.conftest import REPLY_S, ask
+from tests.bridge.conftest import REPLY_S, Served, ask
 
 MOVED = "0003E80001F40000000"
 """`@0P` at X 16000, Y 8000, Z 0: 0 and three 24-bit hexadecimal numbers."""
@@ -45,6 +45,27 @@ def test_closing_and_reopening_keep_position_and_reference(serve):
     with served.open() as port:
         assert ask(port, "@0A 0,5000,0,5000,100,5000,0,30") == "0"  # no R: the reference has survived
         assert ask(port, "@0P", 19) == MOVED[:-6] + "000064"
+
+
+def test_a_session_with_physics_and_a_port_opened_for_each_command():
+    """The default: MuJoCo. A host as some are: open, send, read, close."""
+    served = Served(("--speed", "max"))
+    session = (
+        ("@07", "0"),
+        ("@0M16000,10000,8000,10000,0,10000,0,30", "R"),
+        ("@0d5000,5000,5000", "0"),
+        ("@0R7", "0"),
+        ("@0P", "0" * 19),
+        ("@0M16000,10000,8000,10000,0,10000,0,30", "0"),
+        ("@0P", MOVED),
+    )
+    try:
+        for command, reply in session:
+            with served.open() as port:
+                assert ask(port, command, len(reply)) == reply
+    finally:
+        assert served.stop(signal.SIGTERM) == 0
+        served.process.communicate()
 
 
 def test_a_new_serve_knows_no_reference(serve):
