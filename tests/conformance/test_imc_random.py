@@ -140,3 +140,20 @@ def test_an_endless_line_is_a_syntax_error_and_the_next_one_is_understood(length
     assert desk.query("@07") == "0"
     assert desk.query("@0j" + "1" * length) in ("1", "5", "D")
     assert desk.query("@0P") == "0" + "0" * 18
+
+
+@shows("imc-2.1-3", "imc-5-11")
+@pytest.mark.parametrize("count", [10, 100, 5000])
+def test_every_line_of_a_flood_during_a_move_is_answered(count: int) -> None:
+    """The input buffer is finite: what does not fit is answered with a syntax error, and nothing is lost silently."""
+    desk = fresh(carriage=MIDDLE)
+    for text in ("@07", "@0N7"):
+        assert desk.query(text) == "0"
+    desk.start("@0A900,900,0,900,0,900,0,900")
+    desk.run(0.1)
+    desk.send(b"@0g1\r" * count)
+    reply = desk.finish()
+    assert len(reply) == 1 + count
+    assert set(reply) <= {"0", "5"}
+    assert reply.startswith("0" * min(count, 10))
+    assert desk.query("@0P") == "0" + "000384" + "0" * 12

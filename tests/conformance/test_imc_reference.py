@@ -318,6 +318,33 @@ def test_nothing_to_start() -> None:
     assert desk.ticks == 0
 
 
+@shows("imc-2.2.23-5", "imc-2.2.31-5")
+@pytest.mark.parametrize(
+    ("between", "reply"),
+    [
+        ("@0P", "0"),
+        ("@0B0,1", "0"),
+        ("@0b0", "0"),
+        ("@0A10,900,0,900,0,900,0,900", "G"),
+        ("@0M0,900,0,900,0,900,0,900", "G"),
+        ("@0y4,900,0,1,0,-1,1", "G"),
+        ("@0Z0,1,1,900,1,0,0", "G"),
+        ("@0R1", "G"),
+        ("@07", "G"),
+    ],
+)
+def test_what_takes_the_rest_of_a_stopped_move(between: str, reply: str) -> None:
+    """Another motion or a new initialisation forgets the rest; questions and ports leave it."""
+    desk = ready()
+    desk.start("@0A5000,2000,0,900,0,900,0,900")
+    desk.run(0.5)
+    desk.send(b"\xfd")
+    assert desk.finish() == "F"
+    assert desk.query(between)[0] == "0"
+    assert desk.query("@0S") == reply
+    assert (desk.steps.total[0] == 5000) == (reply == "0")
+
+
 # --- 2.2.24: test mode ---------------------------------------------------------------------------------------------
 
 PAST_THE_END = "@0A67000,40000,0,900,0,900,0,900"
