@@ -59,8 +59,8 @@ _BREAK = b"\xff"
 """Ramp down and forget the rest: what a host sends that has no patience left."""
 _BREAK_LIMIT_S = 60.0
 """The longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
-_MOVING_SAMPLE_S = 0.005
-"""Five samples in a period of the structure's 40 Hz."""
+_MOVING_SAMPLE_S = 0.02
+"""Four fifths of a period of the structure's 40 Hz: five samples in a row see five phases of it. Looking costs time."""
 _RESTING_SAMPLE_S = 0.002
 _SLIP_REV = 4 / 200 / 2
 """Half a period of the motor's torque, in revolutions."""
