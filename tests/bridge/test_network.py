@@ -160,8 +160,8 @@ class Mouth:
         self.heard.append(listening)
         if len(self.heard) == 1:
             self._server.receive(self, self._words)
-        self._clock.now += 100 * MS
-        if len(self.heard) == 20:
+        self._clock.now += 50 * MS
+        if len(self.heard) == 40:
             self._server.stop()
         else:
             self._server.wake()
@@ -177,14 +177,14 @@ def test_a_paced_line_is_not_filled_further_than_it_can_carry():
     clock = Clock()
     mouth = Mouth(b"\n" * 6000, clock)
     Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0, clock=clock), [mouth]).run()
-    assert mouth.heard == [True] + [False] * 9 + [True] * 10
+    assert mouth.heard == [True] + [False] * 19 + [True] * 40
 
 
 def test_an_unpaced_line_takes_everything():
     clock = Clock()
     mouth = Mouth(b"\n" * 100_000, clock)
     Server(Twin(plant="kinematic"), Pacer(None, clock=clock), [mouth]).run()
-    assert mouth.heard == [True] * 20
+    assert mouth.heard == [True] * 40
 
 
 def test_rfc2217_negotiates_with_pyserial(serve):
