@@ -144,3 +144,23 @@ def test_settings_and_program_do_not_overwrite_each_other() -> None:
     assert desk.query("@0k") == "0"
     desk.power_cycle()
     assert "hello" in desk.query("@0U")
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (("q", ()),),
+        (("0", (1, 2)),),
+        (("0", (10, 900, 0, 900, 0, 900, 0)),),
+        (("0", (10, 99_999, 0, 900, 0, 900, 0, 900)),),
+        (("z", (7,)),),
+    ],
+)
+def test_a_program_no_firmware_would_have_stored_does_not_run(lines: tuple[tuple[str, tuple[int, ...]], ...]) -> None:
+    desk = wake_up(encode(Flash(DEFAULTS, Program(VALID, lines, 7))))
+    assert desk.query("@0S") == "G"
+    assert desk.ticks == 0
+
+
+def test_a_jump_out_of_the_program_ends_it() -> None:
+    assert wake_up(encode(Flash(DEFAULTS, Program(VALID, (("3", (0, -5)),), 7)))).query("@0S") == "0"

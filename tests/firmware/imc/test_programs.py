@@ -243,3 +243,10 @@ def test_error_signal() -> None:
     desk.set("estop", "pressed")
     assert desk.finish() == "9"
     assert desk.outputs["user"] == 240 + 1
+
+
+def test_condition_without_a_move_ends_with_the_program() -> None:
+    desk = stored(x(10), "6 0,0,0")
+    assert desk.query("@0S") == "0"
+    assert desk.query("@0A100,900,0,900,0,900,0,900") == "0"
+    assert desk.counts[0] == 110

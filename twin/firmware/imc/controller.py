@@ -297,8 +297,17 @@ class Imc:
         device.modal = device.modal.filled(program.modal)
         if device.axes != program.axes:
             raise Refusal(BAD_AXES)
+        self._require_sound(program)
         signal_error(device, error=False)
         self._executor.start(Task(run_program(device, commands.CNC), answers=answers, program=True))
+
+    def _require_sound(self, program: settings.Program) -> None:
+        """Raise Refusal(G) unless this firmware would store every line: the image may come from another one."""
+        try:
+            for code, values in program.lines:
+                commands.find_cnc(code).read(self._device, ",".join(map(str, values)))
+        except Refusal:
+            raise Refusal(INVALID_FIELD) from None
 
     def _require_watches(self) -> None:
         """Raise Refusal if a port watched in CNC mode forbids the program to run."""

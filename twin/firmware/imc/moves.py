@@ -138,7 +138,7 @@ def move_until_port(device: Device, port: int, mask: int, value: int, speed_hz: 
 
 
 def take_condition(device: Device) -> Callable[[], bool] | None:
-    """The port condition set for the next move of a stored program (3.2.7), used up."""
+    """The port condition set by `6` for the next move (3.2.7), used up."""
     condition, device.port_condition = device.port_condition, None
     return None if condition is None else _condition(device, *condition)
 

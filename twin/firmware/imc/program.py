@@ -154,15 +154,18 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
     loops: list[list[int]] = []
     last_branch_ns = -1
     number = 0
-    while number < len(lines):
-        code, values = lines[number]
-        result = yield from _carry_out(device, table[code], values)
-        target = _next(number, result, loops, device.profile.loop_depth)
-        if target <= number:
-            if device.now_ns == last_branch_ns:
-                yield Pause(device.profile.cycle_ms * MILLISECOND, stoppable=True)
-            last_branch_ns = device.now_ns
-        number = target
+    try:
+        while 0 <= number < len(lines):
+            code, values = lines[number]
+            result = yield from _carry_out(device, table[code], values)
+            target = _next(number, result, loops, device.profile.loop_depth)
+            if target <= number:
+                if device.now_ns == last_branch_ns:
+                    yield Pause(device.profile.cycle_ms * MILLISECOND, stoppable=True)
+                last_branch_ns = device.now_ns
+            number = target
+    finally:
+        device.port_condition = None
 
 
 def _carry_out(device: Device, command: Any, values: tuple[int, ...]) -> Activity:
