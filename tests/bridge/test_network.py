@@ -177,7 +177,7 @@ def test_a_paced_line_is_not_filled_further_than_it_can_carry():
     clock = Clock()
     mouth = Mouth(b"\n" * 6000, clock)
     Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0, clock=clock), [mouth]).run()
-    assert mouth.heard == [True] + [False] * 19 + [True] * 40
+    assert mouth.heard == [True] + [False] * 19 + [True] * 20
 
 
 def test_an_unpaced_line_takes_everything():
