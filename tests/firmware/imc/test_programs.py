@@ -250,3 +250,11 @@ def test_condition_without_a_move_ends_with_the_program() -> None:
     assert desk.query("@0S") == "0"
     assert desk.query("@0A100,900,0,900,0,900,0,900") == "0"
     assert desk.counts[0] == 110
+
+
+def test_speed_of_a_second_z_way_stored_in_3d() -> None:
+    """In 3D the fourth pair is ignored, so it is stored as it is; travelled in 2.5D it is judged."""
+    desk = ready()
+    for line in ("@0z1", "@0i", "z0", "010,900,0,900,0,900,5,0", "9"):
+        assert desk.query(line) == "0", line
+    assert desk.query("@0S") == "D"

@@ -106,7 +106,8 @@ def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second
             ways.append(({2: second_z}, speeds[3]))
     ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
     device.require_room(*(as_steps(way) for way, _ in ways))
-    legs = [straight_leg(device, as_steps(way), speed_hz) for way, speed_hz in ways]
+    # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
+    legs = [straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways]
     return travel(legs, take_condition(device))
 
 
