@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol
 
 from isel_twin.bridge.pacing import Clocked, Pacer
 
-__all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch"]
+__all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "on_signals"]
 
 log = logging.getLogger("isel_twin")
 
@@ -107,6 +107,17 @@ class Outbox:
         self._waiting.clear()
 
 
+@contextmanager
+def on_signals(action: Callable[[], object]) -> Iterator[None]:
+    """Call `action` at SIGINT (Ctrl-C) and SIGTERM while the block lasts."""
+    before = {number: signal.signal(number, lambda *_: action()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class Server:
     """Serves one twin on some endpoints until `stop` is called. See the module."""
 
@@ -132,16 +143,6 @@ class Server:
         """End the present sleep of `run`. May be called from a signal handler or another thread."""
         with suppress(OSError):  # awake already, or closed already
             self._wake_in.send(b"\0")
-
-    @contextmanager
-    def stopped_by(self, *signals: signal.Signals) -> Iterator[None]:
-        """Stop on these signals while the block lasts."""
-        before = {number: signal.signal(number, lambda *_: self.stop()) for number in signals}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     def run(self) -> None:
         """Serve until `stop`; then let go of the endpoints."""

@@ -175,10 +175,9 @@ def serve(
         raise BadCall("--panel: there is no operator panel yet; use --scenario to operate hood, key and E-stop")
     import json
     import logging
-    import signal
 
     from isel_twin.bridge.pacing import Pacer, parse_speed
-    from isel_twin.bridge.server import Server
+    from isel_twin.bridge.server import Server, on_signals
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="isel-twin: %(message)s")
     with _bad_call():
@@ -186,14 +185,13 @@ def serve(
     if record is not None and record.suffix not in (".npz", ".vcd", ".parquet"):
         raise BadCall(f"--record {record}: the name must end in .npz, .vcd or .parquet")
     _check_writable(record)
-    for number in (signal.SIGINT, signal.SIGTERM):  # until the server can be stopped by them
-        signal.signal(number, lambda *_: sys.exit(0))
     with ExitStack() as stack:
+        stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
         twin = _build(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
         recorder = _recorder(twin, interval, stack) if record is not None else None
         server = Server(twin, Pacer(factor, twin.time_ns), endpoints)
-        stack.enter_context(server.stopped_by(signal.SIGINT, signal.SIGTERM))
+        stack.enter_context(on_signals(server.stop))
         where = {endpoint.kind: endpoint.address for endpoint in endpoints}
         if pty:
             where = {**where, "pty": pty, "device": where["pty"]}

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from isel_twin.cli import main
+
 GOOD = """\
 # go to 50, 25 mm
 @07
@@ -169,13 +171,21 @@ def odd(tmp_path):
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_a_bad_call_is_one_line_and_exit_2(arguments, named, odd, taken):
+def test_a_bad_call_is_one_line_and_exit_2(arguments, named, odd, taken, capfd):
     places = {"odd": odd, "taken": taken}
-    done = isel_twin(*(argument.format(**places) for argument in arguments))
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1, done.stderr
-    assert named.format(**places) in done.stderr
+    with pytest.raises(SystemExit) as caught:
+        main([argument.format(**places) for argument in arguments])
+    out, err = capfd.readouterr()
+    assert caught.value.code == 2, err
+    assert out == ""
+    assert err.count("\n") == 1, err
+    assert named.format(**places) in err
+
+
+@pytest.mark.parametrize("arguments", [["run", "/nonexistent"], ["serve", "--tcp", "{taken}"], ["frobnicate"]])
+def test_a_bad_call_as_a_process(arguments, taken):
+    done = isel_twin(*(argument.format(taken=taken) for argument in arguments))
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
 
 
 def test_help_names_every_command():
