@@ -136,5 +136,13 @@ def test_the_server_survives_a_host_that_leaves_in_mid_reply(serve):
         assert port.read(19) == b"0" * 19
 
 
+@pytest.mark.parametrize("options", [("--pty", "--tcp", "127.0.0.1:0"), ("--tcp=127.0.0.1:0", "--pty")])
+def test_a_pty_needs_no_link_and_goes_well_with_others(serve, options):
+    info = serve(*options).info
+    assert Path(info["pty"]).is_char_device()
+    assert info["tcp"].startswith("127.0.0.1:")
+    assert "device" not in info
+
+
 def test_a_pty_is_what_serve_offers_when_nothing_is_asked_for(serve):
     assert Path(serve().info["pty"]).is_char_device()
