@@ -146,6 +146,17 @@ def test_pull_in_rate_counts_the_stages_own_steps() -> None:
     assert half == pytest.approx(2 * full, rel=0.15)
 
 
+@pytest.mark.parametrize("microsteps", [8, 64])
+def test_finer_steps_start_at_the_same_speed(microsteps: int) -> None:
+    motor = MOTORS["57HS56-2804"]
+    half, fine = (pull_in_rate(motor, Stage(36, 2.8, m)) / m for m in (2, microsteps))
+    assert fine == pytest.approx(half, rel=0.15)
+
+
+def test_a_motor_that_cannot_hold_the_load_starts_at_no_rate() -> None:
+    assert pull_in_rate(MOTORS["57HS56-2804"], Stage(36, 2.8, 2), load_torque_nm=3.0) == 0.0
+
+
 def test_natural_frequency() -> None:
     """Bare 57HS56 rotor at full hold: sqrt(50 * 1.236 / 3e-5) / 2 pi = 228 Hz."""
     stage = Stage(supply_v=36, current_a=2.8, microsteps=1)
@@ -175,3 +186,9 @@ def test_half_step_starts_hold_on_the_loaded_axis() -> None:
 def test_a_speed_that_makes_no_sense_is_refused(speed_rpm: float) -> None:
     with pytest.raises(ValueError, match="speed_rpm"):
         pull_out_torque(NEMA23, dm542t(48), speed_rpm)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -5.0, math.inf, math.nan])
+def test_a_rate_that_makes_no_sense_is_refused(rate_hz: float) -> None:
+    with pytest.raises(ValueError, match="rate_hz"):
+        starts_in_step(NEMA23, dm542t(48), rate_hz)

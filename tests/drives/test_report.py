@@ -33,7 +33,7 @@ def test_by_default_1600_microsteps_a_revolution_at_rated_current() -> None:
 
 
 def test_an_unknown_motor_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="nema17.*23HS32-4004S"):
+    with pytest.raises(ValueError, match=r"nema17.*23HS32-4004S"):
         show_motor("nema17")
 
 

@@ -151,13 +151,19 @@ def starts_in_step(
     screw: Screw | None = None,
     load_torque_nm: float = 0.0,
     *,
-    steps: int = 200,
+    full_steps: int = 100,
     dt_s: float = SUB_STEP_S,
 ) -> bool:
-    """True if the motor, at rest with the stage on, makes `steps` steps of the stage at rate_hz without losing any.
+    """True if the motor, at rest with the stage on, starts at rate_hz and makes that many full steps, losing none.
 
+    rate_hz: the stage's own steps per second, as in `pull_in_rate`.
     screw: what is on the shaft (None: nothing); its nut does not take part.
+
+    Raises ValueError for a rate that is not above 0.
     """
+    if not 0.0 < rate_hz < math.inf:
+        raise ValueError(f"rate_hz must be above 0, not {rate_hz!r}")
+    steps = full_steps * stage.microsteps
     settle_s, after_s = 0.2, 0.1
     t = dt_s * np.arange(round((settle_s + steps / rate_hz + after_s) / dt_s) + 1)
     command = mean_command(np.clip((t - settle_s) * rate_hz, 0.0, float(steps)))

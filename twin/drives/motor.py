@@ -8,7 +8,7 @@ follows from the holding torque, which is measured with both phases at rated cur
 Two quantities are rarely printed. Both rules below survive a rewinding of the same motor (z times the turns: R, L and
 Rm grow with z^2, Km with z), so they say something about the iron and not about the wire:
 
-    iron loss   Rm = 15000 / s * L                   48 ohm at 3.2 mH, the one value for which torque curves were compared
+    iron loss   Rm = 15000 1/s * L                   48 ohm at 3.2 mH, where torque curves were compared
     detent      Td = 0.12 sqrt(W) * Km / sqrt(R)     0.11 .. 0.17 sqrt(W) for the motors that state it
 """
 

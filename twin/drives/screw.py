@@ -36,7 +36,7 @@ class Screw:
     efficiency: float = 0.9
     """Work at the nut over work at the shaft when the screw drives."""
     backdrive_efficiency: float = math.nan
-    """The same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same friction both ways)."""
+    """The same when the nut drives, 0 or less: self-locking; nan becomes 2 - 1 / efficiency (same loss both ways)."""
     backlash_mm: float = 0.0
     """Free travel of the nut."""
     stiffness_n_per_m: float = 0.0
