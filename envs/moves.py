@@ -1,7 +1,7 @@
 """One job, one move: what the environment and the sweeps have in common.
 
-Goal: let a real controller make a move on a real twin, as a host program would ask for it, and measure what an engineer
-would measure with a dial gauge and a stop watch:
+Goal: let a real controller make a move on a real twin, as a host program would ask for it, and measure what one
+would measure at the machine with a dial gauge and a stop watch:
 
     @0j<start-stop>  @0J<acceleration>  @0M<x>,<v>,<y>,<v>,<z>,<v>,0,30
 
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.twin import Twin
 
-__all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
+__all__ = ["JOB", "RANGES", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
 
 Job = Sequence[tuple[float, float, float]]
 """Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
@@ -45,10 +45,12 @@ JOB: Job = (
 )
 """A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
-SPEED_HZ = (30, 40_000)
-START_STOP_HZ = (20, 4000)
-ACCELERATION_HZ_PER_MS = (1, 4000)
-"""What the iMC accepts (manual 2.2.2, 2.2.15, 2.2.16; the upper speed is what hosts in the field send)."""
+RANGES: Mapping[str, tuple[int, int]] = {
+    "speed_hz": (30, 40_000),
+    "acceleration_hz_per_ms": (1, 4000),
+    "start_stop_hz": (20, 4000),
+}
+"""What the iMC takes for each of the `Settings` (manual 2.2.15, 2.2.16; speeds: decision F7)."""
 
 _START_MM = (1.0, 3.0)
 """Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
@@ -78,12 +80,7 @@ class Settings:
     """Frequency at which ramps begin and end (`@0j`); 300 is the controller's default."""
 
     def __post_init__(self) -> None:
-        ranges = {
-            "speed_hz": SPEED_HZ,
-            "acceleration_hz_per_ms": ACCELERATION_HZ_PER_MS,
-            "start_stop_hz": START_STOP_HZ,
-        }
-        for name, (low, high) in ranges.items():
+        for name, (low, high) in RANGES.items():
             given = getattr(self, name)
             try:
                 value = operator.index(given)  # numpy's integers become plain ones

@@ -23,19 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isel_twin.envs.moves import (
-    ACCELERATION_HZ_PER_MS,
-    SPEED_HZ,
-    START_STOP_HZ,
-    Settings,
-    Setup,
-    make_move,
-    referenced_twin,
-)
+from isel_twin.envs.moves import RANGES, Settings, Setup, make_move, referenced_twin
 
 __all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
-
-_RANGES = {"speed_hz": SPEED_HZ, "acceleration_hz_per_ms": ACCELERATION_HZ_PER_MS, "start_stop_hz": START_STOP_HZ}
 
 
 @dataclass(frozen=True)
@@ -59,7 +49,7 @@ class Row:
     vibration_mm: float
     """Largest, of any axis, after any move."""
     moves: int
-    """Moves that were made; the job ends with the first that the controller does not answer with "0"."""
+    """Moves begun; the job ends with the first that the controller does not answer with "0"."""
     reply: str
     """The controller's last reply; "" if the time was up."""
     good: bool
@@ -139,8 +129,8 @@ def fastest(
     Bisection believes that what is too fast stays too fast. A resonance may break that rule: a sweep over the
     neighbourhood of the answer shows it. Raises ValueError if even `low` is not good.
     """
-    if vary not in _RANGES:
-        raise ValueError(f"vary is {vary!r}; it can be: {', '.join(_RANGES)}")
+    if vary not in RANGES:
+        raise ValueError(f"vary is {vary!r}; it can be: {', '.join(RANGES)}")
     if not resolution > 0.0:
         raise ValueError(f"resolution is {resolution!r}; it must be positive, such as 0.02")
     loaded = dataclasses.replace(setup, load_nm=setup.load_nm + margin_nm)
@@ -151,7 +141,7 @@ def fastest(
         return chosen, run_job(setup, chosen) if with_load.good else with_load, with_load
 
     good_value = getattr(settings, vary) if low is None else low
-    bad_value = _RANGES[vary][1] if high is None else high
+    bad_value = RANGES[vary][1] if high is None else high
     best = trial(good_value)
     if not (best[1].good and best[2].good):
         raise ValueError(f"{vary} = {good_value} is already too fast; begin lower, or slow down the other settings")

@@ -19,18 +19,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from isel_twin.envs.moves import (
-    ACCELERATION_HZ_PER_MS,
-    JOB,
-    SPEED_HZ,
-    START_STOP_HZ,
-    Job,
-    Move,
-    Settings,
-    Setup,
-    make_move,
-    referenced_twin,
-)
+from isel_twin.envs.moves import JOB, RANGES, Job, Move, Settings, Setup, make_move, referenced_twin
 from isel_twin.machine import Machine
 from isel_twin.twin import Twin
 
@@ -50,19 +39,21 @@ def to_settings(action: NDArray[np.floating[Any]]) -> Settings:
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
     speed, acceleration, start_stop = (np.clip(values, -1.0, 1.0) + 1.0) / 2.0
+    slowest, fastest = RANGES["speed_hz"]
     return Settings(
-        speed_hz=round(SPEED_HZ[0] + speed * (SPEED_HZ[1] - SPEED_HZ[0])),
-        acceleration_hz_per_ms=_geometric(acceleration, *ACCELERATION_HZ_PER_MS),
-        start_stop_hz=_geometric(start_stop, *START_STOP_HZ),
+        speed_hz=round(slowest + speed * (fastest - slowest)),
+        acceleration_hz_per_ms=_geometric(acceleration, *RANGES["acceleration_hz_per_ms"]),
+        start_stop_hz=_geometric(start_stop, *RANGES["start_stop_hz"]),
     )
 
 
 def to_action(settings: Settings) -> NDArray[np.float32]:
     """float32 [3], the action that stands for these settings."""
+    slowest, fastest = RANGES["speed_hz"]
     parts = (
-        (settings.speed_hz - SPEED_HZ[0]) / (SPEED_HZ[1] - SPEED_HZ[0]),
-        _logarithmic(settings.acceleration_hz_per_ms, *ACCELERATION_HZ_PER_MS),
-        _logarithmic(settings.start_stop_hz, *START_STOP_HZ),
+        (settings.speed_hz - slowest) / (fastest - slowest),
+        _logarithmic(settings.acceleration_hz_per_ms, *RANGES["acceleration_hz_per_ms"]),
+        _logarithmic(settings.start_stop_hz, *RANGES["start_stop_hz"]),
     )
     return np.array([2.0 * part - 1.0 for part in parts], dtype=np.float32)
 
