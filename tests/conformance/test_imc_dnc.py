@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from conformance.closed_forms import hex24, line, pulse_times_ns
-from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 from desk import Desk, Stream
 
@@ -94,7 +94,8 @@ INI_CALLS = [
 
 @pytest.mark.parametrize("command", [case(f"imc-1-{i}", call) for i, call in enumerate(DNC_CALLS, 1)])
 def test_dnc_command_exists(command: str) -> None:
-    assert "0" in ready().query(command)
+    for controller in CONTROLLERS:
+        assert "0" in ready(controller=controller).query(command)
 
 
 @shows("imc-1-30", "imc-1-31", "imc-2.2.23-3")
@@ -118,15 +119,17 @@ def test_start_command_exists(letter: str) -> None:
     ],
 )
 def test_later_dnc_command_exists(command: str) -> None:
-    assert "0" in ready().query(command)
+    for controller in CONTROLLERS:
+        assert "0" in ready(controller=controller).query(command)
 
 
 @pytest.mark.parametrize("command", [case(f"imc-1-{i}", call) for i, call in enumerate(CNC_CALLS, 40)])
 def test_cnc_command_is_stored(command: str) -> None:
-    desk = ready()
-    assert desk.query("@0k") == "0"
-    assert desk.query("@0i") == "0"
-    assert desk.query(command) == "0"
+    for controller in CONTROLLERS:
+        desk = ready(controller=controller)
+        assert desk.query("@0k") == "0"
+        assert desk.query("@0i") == "0"
+        assert desk.query(command) == "0"
 
 
 @shows("imc-1-82")
@@ -140,7 +143,8 @@ def test_capital_letters_of_the_cnc_overview(letter: str) -> None:
 
 @pytest.mark.parametrize("command", [case(f"imc-1-{i}", call) for i, call in enumerate(INI_CALLS, 63)])
 def test_initialisation_command_exists(command: str) -> None:
-    assert ready().query(command) == "0"
+    for controller in CONTROLLERS:
+        assert ready(controller=controller).query(command) == "0"
 
 
 # --- 2.1 -----------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conformance.closed_forms import hex24, line, off_circle, pulse_times_ns
-from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
+from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
 from desk import Desk
 
@@ -109,8 +109,9 @@ def one_by_one(desk: Desk, user_3: bool) -> None:
 @shows("imc-3.1-4")
 @pytest.mark.parametrize("user_3", [False, True])
 @pytest.mark.parametrize("start", ["@0S", "key"])
-def test_a_program_makes_the_stream_of_its_commands_sent_one_by_one(start: str, user_3: bool) -> None:
-    desk = stored(*WORKPIECE)
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_program_makes_the_stream_of_its_commands_sent_one_by_one(controller: str, start: str, user_3: bool) -> None:
+    desk = stored(*WORKPIECE, controller=controller)
     desk.set("user_3", user_3)
     if start == "key":
         desk.press("start")
@@ -614,23 +615,20 @@ def test_printed_branch(bit_0: bool, steps: int) -> None:
 
 @shows("imc-3.2.19-5")
 @pytest.mark.parametrize(
-    ("port", "bit", "name", "state"), [(1, 4, "stop", "down"), (1, 5, "probe", "touched"), (2, 7, "key", "setup")]
+    ("port", "bit", "rest", "name", "state"),
+    [
+        (1, 4, 1, "stop", "down"),
+        (1, 5, 0, "probe", "touched"),
+        (2, 7, 0, "key", "setup"),
+        (3, 6, 1, "limit_a1", "open"),
+    ],
 )
-def test_status_ports_in_branches(port: int, bit: int, name: str, state: str) -> None:
-    desk = stored(f"o{port},{bit},1,2", x(1), x(10))
-    before = made(desk, "@0S").total[0]
-    if name == "stop":
-        desk = stored(f"o{port},{bit},0,2", x(1), x(10))
-        assert (before, made(desk, "@0S").total[0]) == (10, 11)
-        return
-    desk.set(name, state)
-    assert (before, made(desk, "@0S").total[0]) == (11, 10)
-
-
-@shows("imc-3.2.19-5")
-def test_limit_switches_in_branches() -> None:
-    desk = stored("o3,1,1,2", x(1), x(10))
+def test_status_ports_in_branches(port: int, bit: int, rest: int, name: str, state: str) -> None:
+    """At rest the bit has the value `rest` and the program skips a command."""
+    desk = stored(f"o{port},{bit},{rest},2", x(1), x(10))
     assert made(desk, "@0S").total == (10, 0, 0, 0)
+    desk.set(name, state)
+    assert made(desk, "@0S").total == (11, 0, 0, 0)
 
 
 @shows("imc-3.2.19-6")
