@@ -115,11 +115,11 @@ def test_a_line_has_255_bytes() -> None:
 
 
 def test_waiting_lines_have_4096_bytes() -> None:
-    """64 lines of 64 bytes fit; what comes after the first that does not is answered 5 until all has been answered."""
+    """64 lines of 64 bytes, CR included, fit; what comes behind is answered 5 until all has been answered."""
     desk = ready()
     desk.start(MOVE)
     for _ in range(66):
-        desk.start("@0b0".ljust(64))
+        desk.start("@0b0".ljust(63))
     desk.start("@0P")
     assert desk.finish() == "0" + "000" * 64 + "5" * 3
     assert desk.query("@0b0") == "000"
@@ -297,3 +297,12 @@ def test_texts_show_what_changes() -> None:
     desk.set("limit_y2", "open")
     assert desk.query("@0H") != before
     assert desk.query("@0h") == limits.replace("Y2 0", "Y2 1")
+
+
+def test_lines_too_long_do_not_pile_up() -> None:
+    """Each is dropped but for its end: 4096 of them fit, the others are only counted."""
+    desk = ready()
+    desk.start(MOVE)
+    for _ in range(50):
+        desk.send(("x" * 256 + "\r").encode() * 100)
+    assert desk.finish() == "0" + "5" * 5000

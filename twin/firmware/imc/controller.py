@@ -152,7 +152,7 @@ class Imc:
                 self._executor.tick()
             elif self._executor.task is None and self._lines:
                 line = self._lines.popleft()
-                self._lines_bytes -= len(line)
+                self._lines_bytes -= len(line) + 1
                 self._execute(line)
             elif self._executor.task is None and self._lost_lines:
                 self._lost_lines -= 1
@@ -193,11 +193,12 @@ class Imc:
 
     def _queue(self, line: bytes) -> None:
         """Put a line in the queue. Once it is full, lines are lost until it is empty; each is answered `5` (F19)."""
-        if self._lost_lines or self._lines_bytes + len(line) > self._profile.input_bytes:
+        size = len(line) + 1
+        if self._lost_lines or self._lines_bytes + size > self._profile.input_bytes:
             self._lost_lines += 1
         else:
             self._lines.append(line)
-            self._lines_bytes += len(line)
+            self._lines_bytes += size
 
     def _reset(self) -> None:
         """Byte 254: as after power-on, at once; the flash stays (2.2.31)."""
