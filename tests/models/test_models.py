@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from isel_twin.machine import load_machine, machine_names, models_folder, with_overrides
+from isel_twin.machine import MachineError, load_machine, machine_names, models_folder, with_overrides
 from isel_twin.plant.mujoco import MujocoPlant, load_model
 
 MACHINES = machine_names()
@@ -155,6 +155,34 @@ def test_every_machine_moves_and_can_be_looked_at(name):
     model, data = plant.scene()
     assert model.ngeom > plant.model.ngeom
     np.testing.assert_allclose([data.joint(j).qpos[0] for j in "xyz"], plant.position_mm * 1e-3, atol=1e-6)
+
+
+LOOSE = '<mujoco><worldbody><body name="b"><joint type="{}"/><geom size="0.01" mass="1"/></body></worldbody></mujoco>'
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            '[masses]\nwheel = { value = 1.0, unit = "kg", grade = "estimate", source = "test" }',
+            "no body 'wheel'; allowed",
+        ),
+        ('[axes.x]\nmotor = "steam"', "axes.x.motor: 'steam'; allowed: 23HS32-4004S"),
+        ('fixture = "ball.xml"', "a ball or free joint; allowed: slide and hinge"),
+        ('fixture = "free.xml"', "free joint can only be used on top level"),
+        ('fixture = "broken.xml"', "broken.xml: XML"),
+        ('model = "empty.xml"', "no joint 'x'; allowed"),
+    ],
+)
+def test_a_model_that_does_not_fit_its_machine_is_named(tmp_path, changes, message):
+    (tmp_path / "ball.xml").write_text(LOOSE.format("ball"))
+    (tmp_path / "free.xml").write_text(LOOSE.format("free"))
+    (tmp_path / "broken.xml").write_text("<mujoco><worldbody>")
+    (tmp_path / "empty.xml").write_text("<mujoco><worldbody/></mujoco>")
+    (tmp_path / "machine.toml").write_text(f'based_on = "4030"\n{changes}\n')
+    with pytest.raises(MachineError, match=re.escape(message)) as error:
+        MujocoPlant(load_machine(tmp_path), [], np.zeros(3))
+    assert "\n" not in str(error.value)
 
 
 def test_models_are_packaged():

@@ -60,12 +60,13 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     """The machine's MuJoCo model with what machine.toml says about it.
 
     visual: keep the geoms that only look; without them a step takes a quarter less time.
-    Raises MachineError if the model cannot be read or lacks a joint or body that the machine names.
+    Raises MachineError if the model or the fixture cannot be read, if a joint or body that the machine names is missing,
+    or if a joint is not described by one number.
     """
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
     except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {' '.join(str(error).split())}") from None
+        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
     _need(machine, spec, [axis.name for axis in machine.axes], "joint")
     _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
     _need(machine, spec, machine.masses_kg, "body")
@@ -77,7 +78,7 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
             fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
             spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
         except ValueError as error:
-            raise MachineError(f"{machine.fixture_file}: {' '.join(str(error).split())}") from None
+            raise MachineError(f"{machine.fixture_file}: {_one_line(error)}") from None
     if not visual:
         for geom in list(spec.geoms):
             if geom.contype == 0 and geom.conaffinity == 0:
@@ -92,7 +93,12 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
         joint = spec.joint(axis.name)
         joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
         joint.frictionloss = axis.guide_friction_n
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+    if model.nq != model.nv:
+        raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
     if machine.imperfections.structure:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
@@ -103,6 +109,10 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     if machine.payload_kg > 0.0:
         _add_payload(model, machine.payload_kg)
     return model
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
