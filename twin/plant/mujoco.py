@@ -60,7 +60,7 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     """The machine's MuJoCo model with what machine.toml says about it.
 
     visual: keep the geoms that only look; without them a step takes a quarter less time.
-    Raises MachineError if the model or the fixture cannot be read, if a joint or body that the machine names is missing,
+    Raises MachineError if the model or the fixture cannot be read, if a joint or body the machine names is missing,
     or if a joint is not described by one number.
     """
     try:
