@@ -179,7 +179,7 @@ def referenced_twin(setup: Setup) -> Twin:
         if reply != "0":
             raise ValueError(
                 f"no reference run: {setup.controller} answers {reply!r} to {command}; "
-                "take a controller that speaks as the iMC does, a scenario that begins later, a smaller load_nm"
+                "take a controller that understands these commands, a scenario that begins later, a smaller load_nm"
             )
     return twin
 

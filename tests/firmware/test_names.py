@@ -28,7 +28,7 @@ SOURCES = [
 
 
 def named_in_code(path: Path) -> Iterator[str]:
-    """Every use of a controller's name in a module that is no comment, no docstring and no default of a parameter."""
+    """Every use of a controller's name that is no comment, no docstring and no default of a parameter or field."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     allowed = set()
     for node in ast.walk(tree):
@@ -37,6 +37,8 @@ def named_in_code(path: Path) -> Iterator[str]:
         if isinstance(node, ast.FunctionDef):
             defaults = [*node.args.defaults, *(default for default in node.args.kw_defaults if default)]
             allowed |= {d for d in defaults if isinstance(d, ast.Constant) and d.value == DEFAULT}
+        if isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Constant) and node.value.value == DEFAULT:
+            allowed.add(node.value)  # a field of a dataclass
     for node in ast.walk(tree):
         if node in allowed:
             continue

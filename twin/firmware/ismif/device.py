@@ -285,7 +285,7 @@ class Ismif:
     def _use_room(self) -> None:
         """Commands have left the memory: take in waiting lines, or tell the host."""
         self._store_lines()
-        if self._told_full and self._memory.free >= ROOM and not self._waiting_lines:
+        if self._told_full and self._memory.free >= ROOM:
             self._told_full = False
             self._reply(READY)
 
