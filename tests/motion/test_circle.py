@@ -52,6 +52,13 @@ def manual_d(r: int, x: int, y: int, rx: int, ry: int, clockwise: bool, summe: C
     return sums / 2
 
 
+def slipped_d(r: int, x: int, y: int, rx: int, ry: int) -> float:
+    """D with both slips of the worked example: Summe(n) as printed, and Ys + (Rx - Ry)/2; counter-clockwise."""
+    sums = rx * ry * (r + summe_printed(r - 1))
+    sums += -rx * summe_printed(x + (rx - ry) // 2) + ry * summe_printed(y + (rx - ry) // 2)
+    return sums / 2
+
+
 def field_d(r: float, x: int, y: int, rx: int, ry: int) -> float:
     """D as hosts in the field compute it."""
     return (r * r - x * (x - rx) - y * (y - ry)) / 2
@@ -117,6 +124,18 @@ def test_octants_with_the_manuals_formula(radius: int, clockwise: bool, summe: C
             path = points(circle(8 * radius, whole, x, y, rx, ry, clockwise), x, y)
             assert off(path, radius) <= 1
             assert turns(path) == pytest.approx(-1 if clockwise else 1, abs=2 / radius)
+
+
+@pytest.mark.parametrize("radius", [7, 8, 20, 33, 141, 1000])
+def test_every_reading_of_the_manuals_text(radius: int) -> None:
+    """Sixteen directions. R = 8 from 157.5 degrees is also a reading for R = 7, but farther from the start point."""
+    for degrees in range(0, 720, 45):
+        x, y = on_circle(radius, degrees / 2)
+        rx, ry = senses(x, y, False)
+        readings = [manual_d(radius, x, y, rx, ry, False, summe) for summe in (summe_printed, summe_odd)]
+        for d in (*readings, slipped_d(radius, x, y, rx, ry)):
+            path = points(circle(8 * radius, math.floor(d), x, y, rx, ry, False), x, y)
+            assert off(path, radius) <= 1
 
 
 @pytest.mark.parametrize("summe", [summe_printed, summe_odd])
