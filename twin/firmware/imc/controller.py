@@ -108,8 +108,8 @@ class Imc:
         """Bytes from the host."""
         self.advance(t_ns)
         for byte in data:
-            self._receive_byte(byte)
-            self._settle()
+            if self._receive_byte(byte):
+                self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         """A level changes. It meets the motion whose pulses it follows, even if that ends at this instant."""
@@ -177,7 +177,8 @@ class Imc:
 
     # ---- bytes and lines --------------------------------------------------------------------------------------------
 
-    def _receive_byte(self, byte: int) -> None:
+    def _receive_byte(self, byte: int) -> bool:
+        """Take a byte; return whether it has any effect yet: a byte within a line has none."""
         if byte == grammar.STOP:
             self._executor.stop()
         elif byte == grammar.BREAK:
@@ -188,8 +189,10 @@ class Imc:
             self._executor.hear(byte)
         else:
             line = self._assembler.feed(byte)
-            if line is not None:
-                self._queue(line)
+            if line is None:
+                return False
+            self._queue(line)
+        return True
 
     def _queue(self, line: bytes) -> None:
         """Put a line in the queue. Once it is full, lines are lost until it is empty; each is answered `5` (F19)."""
