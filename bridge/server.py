@@ -43,7 +43,10 @@ class SerialTwin(Clocked, Protocol):
 
 
 class Watch(NamedTuple):
-    """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`)."""
+    """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).
+
+    Another handler may have been called in between, so it must bear with a file that is gone or not ready any more.
+    """
 
     file: Any
     events: int
@@ -101,10 +104,6 @@ class Outbox:
         with suppress(BlockingIOError):
             while self._waiting:
                 del self._waiting[: self._write(bytes(self._waiting))]
-
-    def clear(self) -> None:
-        """Forget what is waiting."""
-        self._waiting.clear()
 
 
 @contextmanager

@@ -155,6 +155,8 @@ class TcpEndpoint:
             self._refused.popleft().close()
 
     def _drain(self, connection: socket.socket) -> None:
+        if connection not in self._refused:
+            return
         try:
             if connection.recv(4096):
                 return
@@ -167,7 +169,8 @@ class TcpEndpoint:
 
     def _ready(self) -> None:
         client = self._client
-        assert client is not None
+        if client is None:
+            return
         try:
             client.outbox.flush()
             if client.departing:
