@@ -39,8 +39,8 @@ from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, ch
 
 PLANTS = ("mujoco", "kinematic")
 
-_CHUNK = 1 << 16
-"""Most ticks handed to the plant at once; bounds the memory of long moves."""
+_CHUNK = 1 << 15
+"""Ticks of a run expanded at once; bounds the memory of long moves."""
 _MOVING_SLICE_NS = 10_000_000
 """While something moves by itself, whoever paces the twin should look again after this time."""
 _FULL_STEPS_PER_PERIOD = 4
@@ -118,7 +118,7 @@ class Twin:
         self._cabinet_changed()
         self._levels = self._contacts.levels()
         self._run: Run | None = None
-        self._ticks = 0
+        self._ticks = _Ticks(None, 0)
         self._steps = Steps()
         self._controller.power_on(0, self._levels)
         self._settle()
@@ -290,17 +290,11 @@ class Twin:
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the pulses up to until_ns, or up to the first switch edge or the end of a chunk."""
-        t_ns, code = _NO_TICKS
-        if self._run is not None:
-            last = self._run.count(until_ns)
-            if last - self._ticks > _CHUNK:
-                last = self._ticks + _CHUNK
-                t_ns, code = self._run.window(self._ticks, last)
-                until_ns = int(t_ns[-1])
-            elif last > self._ticks:
-                t_ns, code = self._run.window(self._ticks, last)
+        t_ns, code = self._ticks.until(until_ns)
+        if len(t_ns) and self._ticks.more_after(len(t_ns)):
+            until_ns = int(t_ns[-1])
         reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(code, self._controller.direction))
-        self._ticks += len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right"))
+        self._ticks.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
 
     def _settle(self) -> None:
@@ -346,7 +340,7 @@ class Twin:
 
     def _hand_over_levels(self) -> bool:
         levels = self._contacts.levels()
-        if levels == self._levels:
+        if levels is self._levels or levels == self._levels:
             return False
         before, self._levels = self._levels, levels
         for terminal, level in levels.items():
@@ -414,12 +408,13 @@ class Twin:
         )
         if continued and run is not None:
             self._steps.replace_last(run)
+            self._ticks = _Ticks(run, self._ticks.made)
             return
         if before is not None:
             self._steps.replace_last(before.cut(self.time_ns))
         if run is not None:
             self._steps.append(run)
-            self._ticks = run.first
+        self._ticks = _Ticks(run, run.first if run is not None else 0)
 
     def _commanded(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return self._plant.commanded, np.array(self._controller.direction, dtype=np.int64)
@@ -449,6 +444,36 @@ class Twin:
         switch = self._switches[number]
         scatter_mm = self._trip_random.normal(0.0, switch.repeatability_mm)
         self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
+
+
+class _Ticks:
+    """The ticks of a run that are still to be made, expanded a chunk at a time and handed out as time goes on.
+
+    made            made + len(window)       run.last
+     |-- to be made --|- - - not expanded - - -|
+    """
+
+    def __init__(self, run: Run | None, made: int) -> None:
+        self._run = run
+        self.made = made
+        """Path ticks made so far."""
+        self._t_ns, self._code = _NO_TICKS
+
+    def until(self, t_ns: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Times and codes of the ticks to be made up to t_ns, as far as they are expanded."""
+        if not len(self._t_ns) and self._run is not None and self.made < self._run.last:
+            self._t_ns, self._code = self._run.window(self.made, min(self.made + _CHUNK, self._run.last))
+        count = int(np.searchsorted(self._t_ns, t_ns, side="right"))
+        return self._t_ns[:count], self._code[:count]
+
+    def more_after(self, count: int) -> bool:
+        """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
+        return self._run is not None and count == len(self._t_ns) and self.made + count < self._run.last
+
+    def make(self, count: int) -> None:
+        """The next `count` ticks have been made."""
+        self.made += count
+        self._t_ns, self._code = self._t_ns[count:], self._code[count:]
 
 
 class _Observer:

@@ -18,6 +18,7 @@ import heapq
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+
 from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
 from isel_twin.wiring.cabinet import SIGNALS
@@ -54,6 +55,7 @@ class Contacts:
         self._random = random
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
+        self._levels: dict[str, bool] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,13 +78,16 @@ class Contacts:
 
     def levels(self) -> dict[str, bool]:
         """Level (True: high) of every wired terminal."""
-        return {
-            terminal: all(self.closed(name) != self._contacts[name].inverted for name in names)
-            for terminal, names in self._terminals.items()
-        }
+        if self._levels is None:
+            self._levels = {
+                terminal: all(self.closed(name) != self._contacts[name].inverted for name in names)
+                for terminal, names in self._terminals.items()
+            }
+        return self._levels
 
     def set_fault(self, name: str, fault: str) -> None:
         """Give a contact a fault, or heal it with `ok`."""
+        self._levels = None
         if fault == "ok":
             self._faults.pop(name, None)
         else:
@@ -90,7 +95,9 @@ class Contacts:
 
     def set_closed(self, name: str, closed: bool) -> None:
         """A contact without bounce changes."""
-        self._closed[name] = closed
+        if self._closed[name] != closed:
+            self._closed[name] = closed
+            self._levels = None
 
     def strike(self, name: str, struck: bool, t_ns: int) -> None:
         """A position switch is struck or released at t_ns: change now, chatter for a while."""
@@ -98,7 +105,7 @@ class Contacts:
         closed = struck != (contact.type == "opener")
         self._pending = [entry for entry in self._pending if entry[2] != name]
         heapq.heapify(self._pending)
-        self._closed[name] = closed
+        self.set_closed(name, closed)
         bounce_ns = int(contact.bounce_ms * 1e6)
         if bounce_ns > 0:
             changes = 2 * int(self._random.integers(0, _MAX_BOUNCES + 1))
@@ -112,6 +119,6 @@ class Contacts:
         due = False
         while self._pending and self._pending[0][0] <= t_ns:
             _, _, name, closed = heapq.heappop(self._pending)
-            self._closed[name] = closed
+            self.set_closed(name, closed)
             due = True
         return due
