@@ -69,6 +69,26 @@ def test_start_key_runs_the_program_after_power_on_without_a_host() -> None:
     assert desk.counts == (500, 0, 0, 0)
 
 
+@shows("imc-3.1-3")
+def test_start_key_does_nothing_while_something_runs_or_is_stored() -> None:
+    desk = stored(x(500))
+    desk.start("@0A-900,900,0,30,0,30,0,30")
+    desk.run(0.3)
+    desk.press("start")
+    assert desk.finish() == "0"
+    assert desk.steps.total == (-900, 0, 0, 0)
+    desk.start("@0S")
+    desk.run(0.3)
+    desk.press("start")
+    assert desk.finish() == "0"
+    assert desk.steps.total == (-400, 0, 0, 0)
+    desk = storing()
+    assert desk.query(x(500)) == "0"
+    desk.press("start")
+    assert desk.query("9") == "0"
+    assert desk.ticks == 0
+
+
 WORKPIECE = [
     "N7",
     "j400",
