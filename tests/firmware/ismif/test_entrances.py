@@ -1,4 +1,4 @@
-"""The ways in: pySerial's twin://ismif, a served port, a job file."""
+"""The ways in: pySerial's twin://ismif (registered by importing isel_twin), a served port, a job file, a machine file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import serial
 
-import isel_twin  # noqa: F401  (registers the scheme twin://)
+from isel_twin import Twin
 from tests.bridge.conftest import Served
 
 JOB = """# reference, a square of 10 mm, status
@@ -71,3 +71,15 @@ def test_job_file(tmp_path: Path) -> None:
     assert [line["reply"] for line in lines] == [done, ack, ack, ack, ack, done, "@X000000\r", "@LY0\r"]
     assert call.returncode == 0
     assert summary["ok"] is True
+
+
+def test_frequency_error_of_a_machine(tmp_path: Path) -> None:
+    """The setting stands in the machine file; 570 Hz instead of 600, so pulses every 1/570 s."""
+    (tmp_path / "machine.toml").write_text(
+        'based_on = "4030"\nname = "slow"\n[controller]\nfrequency_error_ppm = '
+        '{ value = -50000, unit = "1", grade = "setting", source = "technical data: 5 %" }\n',
+        encoding="utf-8",
+    )
+    twin = Twin(machine=tmp_path, controller="ismif", plant="kinematic")
+    assert twin.query("#S600\rL1,x3\x01") == "\r\r\x02\r"
+    assert twin.steps.t_ns.tolist() == [1754386, 3508772, 5263158]
