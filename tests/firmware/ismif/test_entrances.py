@@ -1,4 +1,4 @@
-"""The ways in: pySerial's twin://ismif (registered by importing isel_twin), a served port, a job file, a machine file."""
+"""The ways in: pySerial's twin://ismif (importing isel_twin registers it), a served port, a job, a machine file."""
 
 from __future__ import annotations
 
