@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -104,14 +104,14 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
     return Trapezoid(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Trapezoid:
     """Made by `trapezoid` or `constant`: times of ticks 1 .. `ticks`, in ns after the start. See `Profile`."""
 
     ticks: int
     _law: _Law
 
-    @property
+    @cached_property
     def duration_ns(self) -> int:
         return self._time(self.ticks) if self.ticks else 0
 
