@@ -54,9 +54,9 @@ class Output:
     Names every controller may use, so that the cabinet understands them:
     `stages` (1: motor currents on), `power_request` (rising edge: reset and close the safety relay),
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
-    `moving` (1 while a motion is in progress: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood
-    may be opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of
-    user outputs). Other names are recorded and shown, nothing more.
+    `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
+    opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
+    outputs). Other names are recorded and shown, nothing more.
     """
 
     name: str
