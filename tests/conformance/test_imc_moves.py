@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conformance.closed_forms import hex24, line, pulse_times_ns, stop_times_ns
-from conformance.imc_desk import MIDDLE, XYZA, made, ready
+from conformance.imc_desk import MIDDLE, XYZA, initialised, made, ready
 from conformance.rows import case, shows
 
 STOP, RESET, BREAK = b"\xfd", b"\xfe", b"\xff"
@@ -316,3 +316,17 @@ def test_a_stop_in_the_first_steps_loses_nothing(gap: int) -> None:
     assert desk.query("@0S") == "0"
     assert desk.counts == (40, 0, 0, 0)
     assert tuple(desk.carriage) == (MIDDLE[0] + 40, *MIDDLE[1:])
+
+
+@pytest.mark.parametrize("byte", [STOP, BREAK])
+def test_a_reference_run_that_is_stopped_has_to_be_made_again(byte: bytes) -> None:
+    """The manual speaks of relative and absolute moves only; a reference run has no rest to go on with."""
+    desk = initialised()
+    desk.start("@0R7")
+    desk.run(0.3)
+    desk.send(byte)
+    assert desk.finish() == "F"
+    assert desk.query("@0S") == "G"
+    assert desk.query("@0A10,900,0,900,0,900,0,900") == "R"
+    assert desk.query("@0R7") == "0"
+    assert desk.query("@0A10,900,0,900,0,900,0,900") == "0"
