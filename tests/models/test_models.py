@@ -140,6 +140,14 @@ def test_overrides_reach_the_model(name):
     assert math.sqrt(model.jnt_stiffness[joint.id] / mass_kg) / (2.0 * math.pi) == pytest.approx(50.0)
 
 
+def test_a_motor_of_0_9_degrees_travels_as_far():
+    machine = with_overrides(load_machine("4030"), {"axes.x.motor": "57STH56-2804MAC", "axes.x.stage.current": 2.8})
+    plant = MujocoPlant(machine, [], np.array([100.0, 100.0, 50.0]))
+    plant.set_power(stages=True, brake_released=True, lowering=True)
+    plant.advance(2_500_000_000, np.arange(1, 1601, dtype=np.int64) * 500_000, np.full(1600, 1, dtype=np.uint8))
+    assert plant.position_mm[0] == pytest.approx(105.0, abs=0.03)
+
+
 def test_ideal_machine_has_no_structure():
     model = load_model(with_overrides(load_machine("4030"), {"imperfections": "ideal"}))
     assert sorted(model.joint(j).name for j in range(model.njnt)) == ["x", "y", "z"]
@@ -168,6 +176,11 @@ LOOSE = '<mujoco><worldbody><body name="b"><joint type="{}"/><geom size="0.01" m
             "no body 'wheel'; allowed",
         ),
         ('[axes.x]\nmotor = "steam"', "axes.x.motor: 'steam'; allowed: 23HS32-4004S"),
+        (
+            '[axes.x]\nmotor = "57STH56-2804MAC"\n'
+            'steps_per_rev = { value = 600, unit = "1", grade = "setting", source = "test" }',
+            "axes.x.steps_per_rev: 600; allowed with the motor 57STH56-2804MAC: whole multiples of 400",
+        ),
         ('fixture = "ball.xml"', "a ball or free joint; allowed: slide and hinge"),
         ('fixture = "free.xml"', "free joint can only be used on top level"),
         ('fixture = "broken.xml"', "broken.xml: XML"),

@@ -34,7 +34,6 @@ from isel_twin.machine import AXIS_NAMES, Axis, Machine, MachineError
 from isel_twin.plant import Switch, kernel
 
 STEEL_KG_M3 = 7850.0
-FULL_STEPS_PER_REV = 200
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
 LARGEST_STEP_RATIO = 1.7
@@ -142,12 +141,18 @@ def axis_motor(machine: Machine, axis: Axis) -> Motor:
     return MOTORS[axis.motor]
 
 
-def axis_stage(axis: Axis) -> Stage:
-    """The power stage of an axis."""
+def axis_stage(machine: Machine, axis: Axis, motor: Motor) -> Stage:
+    """The power stage of an axis. Raises MachineError for steps that are no whole part of the motor's full step."""
+    microsteps, rest = divmod(axis.steps_per_rev, motor.full_steps_per_rev)
+    if rest or not microsteps:
+        raise MachineError(
+            f"{machine.file}: axes.{axis.name}.steps_per_rev: {axis.steps_per_rev}; "
+            f"allowed with the motor {axis.motor}: whole multiples of {motor.full_steps_per_rev}"
+        )
     return Stage(
         supply_v=axis.stage.supply_v,
         current_a=axis.stage.current_a,
-        microsteps=axis.steps_per_rev // FULL_STEPS_PER_REV,
+        microsteps=microsteps,
         idle_current_fraction=axis.stage.idle_fraction,
         idle_delay_s=axis.stage.idle_delay_s,
     )
@@ -189,15 +194,7 @@ class MujocoPlant:
         self._shape = _tool_motion(machine, model)
 
         substep_s = machine.timing.substep_ns * 1e-9
-        screws = [axis_screw(machine, axis) for axis in machine.axes]
-        try:
-            drives = [
-                axis_parameters(axis_motor(machine, axis), axis_stage(axis), screw, substep_s)
-                for axis, screw in zip(machine.axes, screws, strict=True)
-            ]
-        except ValueError as error:
-            raise MachineError(f"{machine.file}: {error}") from None
-        self._drives = np.concatenate(drives)
+        self._drives = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
         self._states = axis_states(kernel.AXES)
         self._commanded = np.zeros(kernel.AXES + 1, dtype=np.int64)
         self._coulomb_nm = self._drives["coulomb_nm"].copy()
@@ -387,6 +384,16 @@ class MujocoPlant:
                     f"{self.machine.file}: timing.mujoco_step: {step_s * 1e3:g} ms is too long for "
                     f"axes.{axis.name}.stiffness and {1.0 / mobility:.3g} kg; allowed: up to {longest_s * 1e3:.2g} ms"
                 )
+
+
+def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
+    """One record of AXIS_PARAMETERS, shape [1]. Raises MachineError."""
+    motor = axis_motor(machine, axis)
+    stage = axis_stage(machine, axis, motor)
+    try:
+        return axis_parameters(motor, stage, axis_screw(machine, axis), substep_s)
+    except ValueError as error:
+        raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
 
 
 def _tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
