@@ -360,7 +360,7 @@ def test_plotter_needs_no_reference_of_z() -> None:
     desk = fresh()
     job(desk, "Z2", "$HXYZ")
     assert status(desk) == "000000"
-    assert desk.steps.delta[:, 2].any() == np.False_
+    assert not desk.steps.delta[:, 2].any()
     job(desk, "L1,Z-3")
     assert now(desk, "@LZ") == "@LZ-3\r"
     assert desk.outputs["z_relay"] == 1
