@@ -348,8 +348,9 @@ def _read_file(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         parent = _read_file(parent_file, (*seen, file))
         if "model" in tree:
             parent = {**parent, "masses": {}, "structure": {}}
-        else:
-            tree["model"] = str(parent_file.parent / parent["model"])
+        for key in ("model", "fixture"):
+            if key not in tree and parent.get(key):
+                tree[key] = str(parent_file.parent / str(parent[key]))
         tree = _merge(parent, tree)
     return tree
 

@@ -105,6 +105,17 @@ def test_a_machine_of_ones_own_says_what_differs(tmp_path):
         assert {s.name: s.position_mm for s in machine.switches}["limit_x2"] == 200.0
 
 
+def test_a_machine_based_on_ones_own_finds_its_files(tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    (first / "vise.xml").write_text("<mujoco/>")
+    (first / "machine.toml").write_text('based_on = "4030"\nname = "first"\nfixture = "vise.xml"\n')
+    (second / "machine.toml").write_text('based_on = "../first"\nname = "second"\n')
+    assert load_machine(second).fixture_file.resolve() == first / "vise.xml"
+    assert load_machine(second).model_file == models_folder() / "4030" / "scene.xml"
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
