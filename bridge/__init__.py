@@ -1,10 +1,10 @@
 """Where hosts connect: everything that knows a wall clock, a socket or a device.
 
-    pacing.py          virtual time against wall time
-    server.py          one twin behind some endpoints: the loop of `isel-twin serve`
-    pty.py             endpoint: pseudo terminal
-    tcp.py             endpoint: raw TCP
-    rfc2217.py         what RFC 2217 adds to it
-    protocol_twin.py   pySerial's twin://, in process, without any of the above but pacing
-    demo.py            `make demo`
+pacing.py          virtual time against wall time
+server.py          one twin behind some endpoints: the loop of `isel-twin serve`
+pty.py             endpoint: pseudo terminal
+tcp.py             endpoint: raw TCP
+rfc2217.py         what RFC 2217 adds to it
+protocol_twin.py   pySerial's twin://, in process, without any of the above but pacing
+demo.py            `make demo`
 """

@@ -86,11 +86,12 @@ class Twin:
         """
         if plant not in PLANTS:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
-        self.machine = machine if isinstance(machine, Machine) else load_machine(machine)
-        self._controller = create_controller(controller, flash=flash, settings=self.machine.controller)
-        changes = {**self._controller.machine_overrides(), **(overrides or {})}
-        if changes:
-            self.machine = with_overrides(self.machine, changes)
+        as_built = machine if isinstance(machine, Machine) else load_machine(machine)
+        wanted = overrides or {}
+        settings = with_overrides(as_built, wanted).controller
+        self._controller = create_controller(controller, flash=flash, settings=settings)
+        # The controller's own wishes come first: whoever builds the twin has the last word.
+        self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
 
         self.time_ns = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from isel_twin.firmware.imc.activity import Activity, Pause
 from isel_twin.firmware.imc.device import MILLISECOND, Device
@@ -184,7 +183,7 @@ def set_values(name: str) -> Callable[..., None]:
     """Handler that puts all its parameters into the initialisation value `name`."""
 
     def handler(device: Device, *values: int) -> None:
-        device.settings = replace(device.settings, **{name: values})
+        device.set_settings(**{name: values})
 
     return handler
 
@@ -193,7 +192,7 @@ def set_value(name: str) -> Callable[[Device, int], None]:
     """Handler that puts its parameter into the initialisation value `name`."""
 
     def handler(device: Device, value: int) -> None:
-        device.settings = replace(device.settings, **{name: value})
+        device.set_settings(**{name: value})
 
     return handler
 
@@ -201,7 +200,7 @@ def set_value(name: str) -> Callable[[Device, int], None]:
 def set_inverted(device: Device, mask: int) -> None:
     """`@0ID`: an axis that changes its direction is not referenced any more (F28)."""
     changed = device.settings.inverted ^ mask
-    device.settings = replace(device.settings, inverted=mask)
+    device.set_settings(inverted=mask)
     for axis in range(AXES):
         if changed >> axis & 1:
             device.referenced[axis] = False
@@ -210,7 +209,7 @@ def set_inverted(device: Device, mask: int) -> None:
 def set_io_only(device: Device, on: int) -> None:
     """`@0IO`: without axes, the stages are off (F29)."""
     changed = device.settings.io_only != on
-    device.settings = replace(device.settings, io_only=on)
+    device.set_settings(io_only=on)
     if changed and device.safety is not State.FAULT:
         device.energise()
 
@@ -219,7 +218,7 @@ def set_user_info(device: Device, text: str) -> None:
     """`@0IU`: at most 32 printable characters (4.2.16)."""
     if len(text) > USER_INFO_LENGTH or not (text.isascii() and text.isprintable()):
         raise Refusal(BAD_NUMBER)
-    device.settings = replace(device.settings, user_info=text)
+    device.set_settings(user_info=text)
 
 
 def load_settings(device: Device) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Reply
 from isel_twin.firmware.imc import settings as flash_image
@@ -244,7 +245,11 @@ class Device:
         """Bytes to the host."""
         self._events.append(Reply(text.encode("latin-1")))
 
-    def set_modal(self, **values: object) -> None:
+    def set_settings(self, **values: Any) -> None:
+        """Change initialisation values (chapter 4) until the next reset; `@0IW` makes them last."""
+        self.settings = replace(self.settings, **values)
+
+    def set_modal(self, **values: Any) -> None:
         """Change values that last until the next reset."""
         self.modal = replace(self.modal, **values)
 

@@ -10,7 +10,7 @@ by a pattern and converted.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from isel_twin.firmware.imc.replies import BAD_NUMBER, PARAMETER_COUNT, SYNTAX, Refusal
@@ -72,7 +72,7 @@ class Number:
         return value
 
 
-def split_dnc(line: bytes, device_number: int, aliases: dict[str, str]) -> tuple[str, str, str] | None:
+def split_dnc(line: bytes, device_number: int, aliases: Mapping[str, str]) -> tuple[str, str, str] | None:
     """Split `@<number><letter(s)><parameters>` into (letter as sent, code, parameter text); None: for another device.
 
     Raises Refusal for anything that does not begin like a command.
@@ -91,7 +91,7 @@ def split_dnc(line: bytes, device_number: int, aliases: dict[str, str]) -> tuple
     return letter, aliases.get(letter, letter), rest[1:]
 
 
-def split_cnc(line: bytes, aliases: dict[str, str]) -> tuple[str, str]:
+def split_cnc(line: bytes, aliases: Mapping[str, str]) -> tuple[str, str]:
     """Split a storable command into (code, parameter text)."""
     text = line.decode("latin-1").strip(" ")
     return aliases.get(text[:1], text[:1]), text[1:]
