@@ -24,7 +24,7 @@ test: $(READY)       ## all tests
 	$(BIN)/python -m pytest
 
 bench: $(READY)      ## speed and memory, as ratios measured side by side
-	$(BIN)/python -m pytest tests/bench --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
+	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
 
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report

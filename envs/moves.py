@@ -64,8 +64,6 @@ _BREAK_LIMIT_S = 60.0
 _MOVING_SAMPLE_S = 0.02
 """Four fifths of a period of the structure's 40 Hz: five samples in a row see five phases of it. Looking costs time."""
 _RESTING_SAMPLE_S = 0.002
-_SLIP_REV = 4 / 200 / 2
-"""Half a period of the motor's torque, in revolutions."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +186,6 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     """Move to target_mm [3] and measure; the move is given up after limit_s seconds of virtual time."""
     axes = twin.machine.axes
     steps_per_mm = np.array([axis.steps_per_mm for axis in axes])
-    slip_steps = np.array([axis.steps_per_rev for axis in axes]) * _SLIP_REV
     target = [round(mm * scale) for mm, scale in zip(target_mm, steps_per_mm, strict=True)]
     lost_before = twin.lost_steps[:3]
 
@@ -221,7 +218,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         reply=reply,
         time_s=time_s,
         settling_s=float((outside[-1] + 1) * _RESTING_SAMPLE_S) if len(outside) else 0.0,
-        slipped=bool((np.abs(lost_steps - lost_before) > slip_steps).any()),
+        slipped=bool((np.abs(lost_steps - lost_before) > twin.slip_steps[:3] / 2).any()),
         lost_steps=lost_steps,
         error_mm=dwell_mm[-1],
         vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,

@@ -172,6 +172,21 @@ def test_a_speed_the_motor_cannot_follow_loses_steps_that_the_counter_does_not_k
     assert np.abs(twin.lost_steps[1:3]).max() < 1.0
 
 
+def test_a_reference_run_finds_the_position_again_and_the_loss_is_not_forgotten() -> None:
+    twin = homed()
+    assert not twin.forgotten_steps.any()
+    assert twin.query("@0A64000,40000,0,30,0,30,0,30") == "0"
+    twin.run(1.0)
+    lost = twin.lost_steps[0]
+    assert twin.query("@0R7") == "0"
+    twin.run(1.0)
+    assert abs(twin.lost_steps[0]) < 1.0
+    assert abs(twin.position_mm[0]) < 0.03
+    assert twin.forgotten_steps[0] == pytest.approx(lost, abs=1.0)
+    assert twin.forgotten_steps[0] % twin.slip_steps[0] == 0
+    assert twin.slip_steps[0] == 4 * 1600 / 200, "four full steps at 1600 steps a revolution"
+
+
 def test_kinematic_plant_follows_exactly() -> None:
     twin = homed(plant="kinematic")
     assert twin.query("@0A64000,40000,0,30,0,30,0,30") == "0"

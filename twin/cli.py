@@ -331,17 +331,20 @@ SETTLE_S = 0.5
 
 
 def _summary(twin: Twin, results: list[Result], **call: Any) -> dict[str, Any]:
-    """The verdict on a job. Steps are lost in multiples of four full steps, so half of that is the limit."""
+    """The verdict on a job. Steps are lost in whole slips, so half of one is the limit; less is load angle.
+
+    What was lost and then forgotten by a reference run counts too.
+    """
     twin.run(SETTLE_S)
-    lost = [float(steps) for steps in twin.lost_steps]
-    limits = [axis.steps_per_rev / FULL_STEPS_PER_REV * 2 for axis in twin.machine.axes] + [0.5]
+    lost, forgotten = twin.lost_steps, twin.forgotten_steps
     refused = sum(not result.ok for result in results)
-    nothing_lost = all(abs(steps) < limit for steps, limit in zip(lost, limits, strict=True))
+    nothing_lost = bool((abs(lost) < twin.slip_steps / 2).all() and not forgotten.any())
     return {
         "ok": refused == 0 and nothing_lost,
         "commands": len(results),
         "refused": refused,
-        "lost_steps": [round(steps, 3) for steps in lost],
+        "lost_steps": [round(float(steps), 3) for steps in lost],
+        "lost_before_reference": [int(steps) for steps in forgotten],
         "steps": len(twin.steps),
         "counts": [int(count) for count in twin.counts],
         "position_mm": [round(float(position), 6) for position in twin.position_mm],
@@ -349,10 +352,6 @@ def _summary(twin: Twin, results: list[Result], **call: Any) -> dict[str, Any]:
         "machine": twin.machine.name,
         **call,
     }
-
-
-FULL_STEPS_PER_REV = 200
-"""Two-phase motors of 1.8 degrees."""
 
 
 class _JsonOutput:
@@ -427,6 +426,9 @@ class _TableOutput:
         self._progress.stop()
         self._console.print(self._table)
         lost = ", ".join(f"{axis} {steps:g}" for axis, steps in zip("XYZA", summary["lost_steps"], strict=True))
+        if any(summary["lost_before_reference"]):
+            before = zip("XYZA", summary["lost_before_reference"], strict=True)
+            lost += f" (and before a reference run: {', '.join(f'{axis} {steps}' for axis, steps in before if steps)})"
         verdict = "[bold green]all well[/]" if summary["ok"] else "[bold red]not as it should be[/]"
         self._console.print(
             f"\n{verdict}: {summary['commands']} commands, {summary['refused']} refused, lost steps: {lost}, "

@@ -43,9 +43,6 @@ _CHUNK = 1 << 15
 """Ticks of a run expanded at once; bounds the memory of long moves."""
 _MOVING_SLICE_NS = 10_000_000
 """While something moves by itself, whoever paces the twin should look again after this time."""
-_FULL_STEPS_PER_PERIOD = 4
-"""A two-phase motor loses steps in multiples of four full steps: one period of its torque."""
-_FULL_STEPS_PER_REV = 200
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle; a controller that needs more is broken."""
 
@@ -107,9 +104,9 @@ class Twin:
         self._plant = self._build_plant(plant, start_mm or _power_on_mm(self.machine, start))
         self._zero_mm = self._plant.position_mm
         self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
-        period = _FULL_STEPS_PER_PERIOD / _FULL_STEPS_PER_REV
-        self._period = np.array([axis.steps_per_rev * period for axis in self.machine.axes] + [1.0])
+        self._period = self._plant.slip_steps
         self._slip = np.zeros(AXES)
+        self._forgotten = np.zeros(AXES)
         self._scenario = list(load_scenario(scenario, self._contacts.names)) if scenario is not None else []
         self._observers: list[_Observer] = []
 
@@ -211,6 +208,16 @@ class Twin:
         """float64 [4], counter minus rotor position in steps since each counter was set; meaningful at rest."""
         commanded, direction = self._commanded()
         return direction * (commanded - self._plant.rotor - self._slip)
+
+    @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """float64 [4], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        return self._period.copy()
+
+    @property
+    def forgotten_steps(self) -> NDArray[np.float64]:
+        """float64 [4], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        return self._forgotten.copy()
 
     @property
     def machine_position_mm(self) -> NDArray[np.float64]:
@@ -385,8 +392,10 @@ class Twin:
                     self._cabinet.output(name, value)
                     outputs_changed = True
                 case CounterSet(axis, _):
-                    slip = self._plant.commanded[axis] - self._plant.rotor[axis]
-                    self._slip[axis] = round(slip / self._period[axis]) * self._period[axis]
+                    behind = self._plant.commanded[axis] - self._plant.rotor[axis]
+                    slip = round(behind / self._period[axis]) * self._period[axis]
+                    self._forgotten[axis] += abs(slip - self._slip[axis])
+                    self._slip[axis] = slip
                 case FlashWrite(image):
                     self.flash = image
                     if self.on_flash is not None:

@@ -53,6 +53,16 @@ def test_a_good_job_in_json(tmp_path):
         assert len(stream["t_ns"]) == summary["steps"]
 
 
+@pytest.mark.parametrize("afterwards", ["", "@0R7\n"], ids=["lost", "lost and forgotten"])
+def test_a_job_that_loses_steps_fails_though_every_reply_is_0(afterwards):
+    done = isel_twin("run", "-", "--json", stdin=f"@07\n@0R7\n@0A64000,40000,0,30,0,30,0,30\n{afterwards}")
+    *lines, summary = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {line["reply"] for line in lines} == {"0"}
+    assert summary["refused"] == 0
+    assert abs(summary["lost_steps"][0]) + summary["lost_before_reference"][0] > 32
+    assert done.returncode == 1
+
+
 def test_a_good_job_as_a_table(tmp_path):
     job = tmp_path / "job.txt"
     job.write_text(GOOD)

@@ -86,5 +86,9 @@ class Plant(Protocol):
         """float64 [4], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
 
     @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """float64 [4], microsteps in one slip of a motor: a period of its torque, four full steps."""
+
+    @property
     def at_rest(self) -> bool:
         """True when nothing moves and nothing will before the next pulse or setting: time may be skipped."""

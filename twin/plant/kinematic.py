@@ -125,6 +125,11 @@ class KinematicPlant:
         return self._commanded.astype(np.float64)
 
     @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """One step: there is no motor that could slip."""
+        return np.ones(_AXES)
+
+    @property
     def at_rest(self) -> bool:
         """Nothing moves by itself."""
         return True

@@ -340,6 +340,13 @@ class MujocoPlant:
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
 
     @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """See Plant.slip_steps; one step on the A axis, which has no motor here."""
+        motors = [axis_motor(self.machine, axis) for axis in self.machine.axes]
+        periods = [axis.steps_per_rev / m.pole_pairs for axis, m in zip(self.machine.axes, motors, strict=True)]
+        return np.array([*periods, 1.0])
+
+    @property
     def at_rest(self) -> bool:
         """See Plant.at_rest."""
         axes = self._axes
