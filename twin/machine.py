@@ -82,6 +82,11 @@ class StageSettings:
     """Current at rest as a fraction of nominal, while the controller asks for current lowering."""
     idle_delay_s: float = _number("idle_delay", "ms", 0.0, 10_000.0, scale=1e-3)
     """Time after the last pulse of the axis until the current is lowered."""
+    thermal_resistance_k_per_w: float = _number("thermal_resistance", "K/W", 0.0, 1000.0, default=8.0)
+    thermal_time_constant_s: float = _number("thermal_time_constant", "s", 1.0, 1e6, default=300.0)
+    ambient_c: float = _number("ambient", "C", -50.0, 150.0, default=25.0)
+    thermal_limit_c: float = _number("thermal_limit", "C", -50.0, 300.0, default=85.0)
+    """Where the stage opens the over-temperature contact."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from isel_twin.controller import (
     Reply,
     create_controller,
 )
+from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import AXIS_NAMES, Machine, load_machine, with_overrides
 from isel_twin.motion import Run, Steps
 from isel_twin.plant import Plant, Switch
@@ -107,6 +108,7 @@ class Twin:
         self._period = self._plant.slip_steps
         self._slip = np.zeros(AXES)
         self._forgotten = np.zeros(AXES)
+        self._heat = StageHeat(self._plant.stages)
         self._scenario = list(load_scenario(scenario, self._contacts.names)) if scenario is not None else []
         self._observers: list[_Observer] = []
 
@@ -235,6 +237,8 @@ class Twin:
         states = dict(self._cabinet.state)
         for switch, struck in zip(self._switches, self._struck, strict=True):
             states[switch.name] = "struck" if struck else "free"
+        if self._heat.hot:
+            states["overtemperature"] = "hot"
         for name in self._contacts.names:
             if self._contacts.fault(name) != "ok":
                 states[name] = self._contacts.fault(name)
@@ -291,7 +295,7 @@ class Twin:
 
     def _next_ns(self) -> int | None:
         """Time of the next thing that somebody has to do."""
-        times = [self._controller.next_ns, self._line.next_ns, self._contacts.next_ns]
+        times = [self._controller.next_ns, self._line.next_ns, self._contacts.next_ns, self._heat.next_ns]
         if self._scenario:
             times.append(self._scenario[0].at_ns)
         return min((t for t in times if t is not None), default=None)
@@ -327,11 +331,16 @@ class Twin:
         return self._contacts.advance(self.time_ns) or len(changed) > 0
 
     def _hand_over_due(self) -> bool:
-        """Bytes and scenario events whose time has come; one source at a time, so that their effects are seen."""
+        """Bytes, temperatures, scenario events whose time has come; one source at a time, so that effects are seen."""
         data = self._line.at_controller(self.time_ns)
         if data:
             self._controller.receive(self.time_ns, data)
             self._take_events()
+            return True
+        if self._heat.next_ns is not None and self._heat.next_ns <= self.time_ns:
+            self._heat.advance(self._plant.current_fraction.tolist())
+            self._cabinet.heat(self._heat.hot)
+            self._cabinet_changed()
             return True
         if self._scenario and self._scenario[0].at_ns <= self.time_ns:
             event = self._scenario.pop(0)

@@ -5,6 +5,7 @@
     screw.py      the shaft behind the motor, and the nut on it
     dynamics.py   the compiled sub-step: command in, force on the nut out
     curves.py     pull-out torque and pull-in rate, measured on a virtual bench with it
+    heat.py       temperatures of the stages
     report.py     the torque curve as a table and a picture
 
 The compiled part is imported when it is first used, so that data alone costs no time.

@@ -34,6 +34,16 @@ class Stage:
     """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision D1); 1: all of it."""
     extra_resistance_ohm: float = 0.2
     """Switches, sense resistor and cable in each phase (estimate); 0: none."""
+    quiescent_w: float = 2.0
+    """Losses while switched on, beside those of the current (estimate)."""
+    thermal_resistance_k_per_w: float = 8.0
+    """From the switches through the heat sink to the air (estimate)."""
+    thermal_time_constant_s: float = 300.0
+    """Of stage and heat sink (estimate)."""
+    ambient_c: float = 25.0
+    """Temperature of the air in the cabinet."""
+    thermal_limit_c: float = 85.0
+    """Where the over-temperature contact opens (estimate)."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -44,6 +54,11 @@ class Stage:
             ("idle_delay_s", 0.0, math.inf),
             ("supply_factor", 0.1, 1.0),
             ("extra_resistance_ohm", 0.0, 100.0),
+            ("quiescent_w", 0.0, 1000.0),
+            ("thermal_resistance_k_per_w", 0.0, 1000.0),
+            ("thermal_time_constant_s", 1.0, 1e6),
+            ("ambient_c", -50.0, 150.0),
+            ("thermal_limit_c", -50.0, 300.0),
         ):
             value = getattr(self, name)
             if not low <= value <= high:
@@ -55,6 +70,10 @@ class Stage:
     def drive_v(self) -> float:
         """Largest voltage that drives a phase current (it flows back against supply_v)."""
         return self.supply_factor * self.supply_v
+
+    def loss_w(self, current_fraction: float) -> float:
+        """Heat it makes while switched on, at a fraction of its current; both phases together."""
+        return self.quiescent_w + self.extra_resistance_ohm * (self.current_a * current_fraction) ** 2
 
     @property
     def stepped(self) -> bool:

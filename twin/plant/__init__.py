@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.drives.stage import Stage
+
 __all__ = ["Plant", "Switch"]
 
 
@@ -84,6 +86,14 @@ class Plant(Protocol):
     @property
     def rotor(self) -> NDArray[np.float64]:
         """float64 [4], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """The power stages, in the order of the axes; none if the plant has no currents."""
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

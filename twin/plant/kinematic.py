@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 from isel_twin.plant import Switch
 
@@ -123,6 +124,16 @@ class KinematicPlant:
     def rotor(self) -> NDArray[np.float64]:
         """The rotor is where it is told to be."""
         return self._commanded.astype(np.float64)
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """None: there are no currents."""
+        return ()
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """Of no stage."""
+        return np.empty(0)
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

@@ -155,6 +155,10 @@ def axis_stage(machine: Machine, axis: Axis, motor: Motor) -> Stage:
         microsteps=microsteps,
         idle_current_fraction=axis.stage.idle_fraction,
         idle_delay_s=axis.stage.idle_delay_s,
+        thermal_resistance_k_per_w=axis.stage.thermal_resistance_k_per_w,
+        thermal_time_constant_s=axis.stage.thermal_time_constant_s,
+        ambient_c=axis.stage.ambient_c,
+        thermal_limit_c=axis.stage.thermal_limit_c,
     )
 
 
@@ -338,6 +342,16 @@ class MujocoPlant:
         joints = self._joints()
         springs = 0.5 * self.model.jnt_stiffness @ joints**2
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """See Plant.stages."""
+        return tuple(axis_stage(self.machine, a, axis_motor(self.machine, a)) for a in self.machine.axes)
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """See Plant.current_fraction."""
+        return np.where(self._axes["phases"] == OPEN, 0.0, self._axes["fraction"])
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

@@ -59,7 +59,7 @@ SIGNALS = (
 
 
 class Cabinet:
-    """Elements and relays. Feed it with `operate`, `output` and `estop_circuits`, read contacts and relays."""
+    """Elements and relays. Feed it with `operate`, `output`, `heat` and `estop_circuits`, read contacts and relays."""
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
@@ -67,6 +67,8 @@ class Cabinet:
         """Safety relay: the power stages and the spindle contactor have supply."""
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
         self._estop_closed = True
+        self.stages_hot = False
+        """A power stage has reached its thermal limit; set by `heat`."""
 
     @property
     def spindle_runs(self) -> bool:
@@ -105,6 +107,16 @@ class Cabinet:
         self._estop_closed = closed
         self._settle()
 
+    def heat(self, hot: bool) -> None:
+        """Tell whether a power stage is too hot; the element `overtemperature` says so independently."""
+        self.stages_hot = hot
+        self._settle()
+
+    @property
+    def cool(self) -> bool:
+        """The over-temperature contact is closed."""
+        return self.state["overtemperature"] == "normal" and not self.stages_hot
+
     @property
     def locked(self) -> bool:
         """The hood lock holds: the hood is closed and the controller does not release it."""
@@ -118,7 +130,7 @@ class Cabinet:
         return {
             "estop_1": released,
             "estop_2": released,
-            "overtemperature": self.state["overtemperature"] == "normal",
+            "overtemperature": self.cool,
             "start": self.state["start"] == "down",
             "stop": self.state["stop"] == "up",
             "probe": self.state["probe"] == "touched",
@@ -131,7 +143,7 @@ class Cabinet:
         }
 
     def _circuits_closed(self) -> bool:
-        return self.state["power"] == "on" and self._estop_closed and self.state["overtemperature"] == "normal"
+        return self.state["power"] == "on" and self._estop_closed and self.cool
 
     def _close_relay(self) -> None:
         if self._circuits_closed() and (self.state["hood"] == "closed" or self.state["key"] == "setup"):

@@ -1,0 +1,60 @@
+"""Heat of power stages: one thermal mass each, warmed by its losses, cooled through its heat sink.
+
+    tau dT/dt = T_ambient + R_th P - T          P = P_idle + R I^2 f^2,  f: phase current over nominal
+
+The two phase currents of a stage are sine and cosine, so their losses add up to R I^2 whatever the microstep. A stage
+that reaches its limit opens the over-temperature contact, and closes it again when it has cooled by HYSTERESIS_K.
+
+The currents are looked at once a second of virtual time, on a grid counted from power-on, which is often enough for a
+time constant of minutes and does not depend on how time is cut into calls. Stages that could not reach their limit at
+full current for ever are not looked at at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from isel_twin.drives.stage import Stage
+
+GRID_NS = 1_000_000_000
+HYSTERESIS_K = 10.0
+
+
+def steady_c(stage: Stage, current_fraction: float) -> float:
+    """Temperature that a stage tends to, in degrees Celsius, at a fraction of its nominal current (0: stage off)."""
+    if current_fraction == 0.0:
+        return stage.ambient_c
+    return stage.ambient_c + stage.thermal_resistance_k_per_w * stage.loss_w(current_fraction)
+
+
+def later_c(stage: Stage, temperature_c: float, current_fraction: float, seconds: float) -> float:
+    """Temperature after some time at a constant fraction of nominal current: the exact solution."""
+    end_c = steady_c(stage, current_fraction)
+    return end_c + (temperature_c - end_c) * math.exp(-seconds / stage.thermal_time_constant_s)
+
+
+class StageHeat:
+    """Temperatures of a machine's stages, and whether one of them is too hot."""
+
+    def __init__(self, stages: Sequence[Stage]) -> None:
+        """All stages start at ambient temperature."""
+        self._stages = tuple(stages)
+        self.temperature_c = [stage.ambient_c for stage in stages]
+        self.hot = False
+        matters = any(steady_c(stage, 1.0) >= stage.thermal_limit_c for stage in stages)
+        self.next_ns: int | None = GRID_NS if matters else None
+        """When the stages are to be looked at next; None: they cannot overheat."""
+
+    def advance(self, current_fractions: Sequence[float]) -> None:
+        """Let one interval of the grid pass with these currents, one fraction of nominal (0: off) a stage."""
+        if self.next_ns is None:
+            return
+        self.next_ns += GRID_NS
+        for number, (stage, fraction) in enumerate(zip(self._stages, current_fractions, strict=True)):
+            self.temperature_c[number] = later_c(stage, self.temperature_c[number], fraction, GRID_NS * 1e-9)
+        below_c = HYSTERESIS_K if self.hot else 0.0
+        self.hot = any(
+            temperature >= stage.thermal_limit_c - below_c
+            for stage, temperature in zip(self._stages, self.temperature_c, strict=True)
+        )
