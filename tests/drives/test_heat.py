@@ -62,7 +62,7 @@ def test_a_hot_cabinet_cuts_the_power_until_it_is_cool_and_initialised() -> None
     cool_s = 300 * math.log(15 / 5)
     twin.run(cool_s - 10)
     assert twin.query("@07") == "9"
-    twin.run(10)
+    twin.run(15)
     assert [twin.query(command) for command in ("@07", "@0R7")] == ["0", "0"]
 
 
