@@ -34,7 +34,7 @@ lint: $(READY)       ## ruff: rules and format
 	$(BIN)/ruff format --check .
 
 types: $(READY)      ## mypy over an installed (not editable) copy
-	rm -rf build/installed
+	rm -rf build
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target build/installed .
 	MYPYPATH=build/installed $(BIN)/mypy --cache-dir=.mypy_cache -p isel_twin
 

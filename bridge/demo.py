@@ -7,6 +7,7 @@ serves that port from a thread of its own. Beside each reply stands what the hos
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 
@@ -101,7 +102,7 @@ def _warm_up() -> None:
 
 def main() -> None:
     """Run the demonstration on the terminal."""
-    console = Console()
+    console = Console() if sys.stdout.isatty() else Console(width=100)
     with console.status("building the machine (the first time, the physics kernel is compiled: half a minute or so)"):
         _warm_up()
         twin = Twin(machine="4030", controller="imc-s8", seed=int(os.environ.get("SEED", "0")), line_speed=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +134,25 @@ def test_wrong_arguments_are_named_in_one_line(arguments: dict[str, object], mes
         Twin(**arguments)  # type: ignore[arg-type]
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (lambda twin: twin.run(-1.0), "virtual time cannot pass by -1.0 s"),
+        (lambda twin: twin.run(float("nan")), "virtual time cannot pass by nan s"),
+        (lambda twin: twin.apply_force(3, 1.0), "axis 3 has no carriage"),
+        (lambda twin: twin.apply_force(-1, 1.0), "axis -1 has no carriage"),
+        (lambda twin: twin.apply_force(0, float("inf")), "a force of inf N"),
+        (lambda twin: Twin(plant="kinematic", start_mm=(1.0, 2.0)), "start_mm has 2 values"),
+        (lambda twin: Twin(plant="kinematic", start_mm=(1.0, 2.0, 1e6)), "start_mm: z = 1000000.0; it must lie from"),
+        (lambda twin: Twin(plant="kinematic", start_mm=np.array([np.nan, 1, 1])), "start_mm: x = nan"),
+    ],
+)
+def test_wrong_numbers_are_named_in_one_line(act: Callable[[Twin], None], message: str) -> None:
+    twin = Twin(plant="kinematic")
+    with pytest.raises(ValueError, match=re.escape(message)):
+        act(twin)
 
 
 def test_wrong_inputs_are_named_in_one_line() -> None:

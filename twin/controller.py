@@ -56,7 +56,7 @@ class Output:
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
     opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
-    outputs). Other names are recorded and shown, nothing more.
+    outputs), `flash_fault` (1: the flash image handed in cannot be read). Other names are recorded and shown, no more.
     """
 
     name: str
@@ -107,6 +107,10 @@ class Controller(Protocol):
     @property
     def idle(self) -> bool:
         """True when every command received so far has been answered and nothing moves or runs."""
+
+    @property
+    def fault(self) -> bool:
+        """An error stands that no reply has told the host, who would have to ask for it; False if replies tell all."""
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on at t_ns; `levels` holds the electrical level (True: high) of every terminal that is wired."""

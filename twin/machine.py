@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import isel_twin.models
+from isel_twin.drives.stage import Stage
 
 AXIS_NAMES = ("x", "y", "z")
 GRADES = ("measured", "datasheet", "estimate", "setting")
@@ -82,10 +83,14 @@ class StageSettings:
     """Current at rest as a fraction of nominal, while the controller asks for current lowering."""
     idle_delay_s: float = _number("idle_delay", "ms", 0.0, 10_000.0, scale=1e-3)
     """Time after the last pulse of the axis until the current is lowered."""
-    thermal_resistance_k_per_w: float = _number("thermal_resistance", "K/W", 0.0, 1000.0, default=8.0)
-    thermal_time_constant_s: float = _number("thermal_time_constant", "s", 1.0, 1e6, default=300.0)
-    ambient_c: float = _number("ambient", "C", -50.0, 150.0, default=25.0)
-    thermal_limit_c: float = _number("thermal_limit", "C", -50.0, 300.0, default=85.0)
+    thermal_resistance_k_per_w: float = _number(
+        "thermal_resistance", "K/W", 0.0, 1000.0, default=Stage.thermal_resistance_k_per_w
+    )
+    thermal_time_constant_s: float = _number(
+        "thermal_time_constant", "s", 1.0, 1e6, default=Stage.thermal_time_constant_s
+    )
+    ambient_c: float = _number("ambient", "C", -50.0, 150.0, default=Stage.ambient_c)
+    thermal_limit_c: float = _number("thermal_limit", "C", -50.0, 300.0, default=Stage.thermal_limit_c)
     """Where the stage opens the over-temperature contact."""
 
 

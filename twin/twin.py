@@ -15,7 +15,8 @@ What time means: `time_ns` counts virtual nanoseconds since power-on. It advance
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ class Twin:
         scenario: str | Path | None = None,
         line_speed: bool = False,
         overrides: Mapping[str, Any] | None = None,
-        start_mm: tuple[float, float, float] | None = None,
+        start_mm: Sequence[float] | None = None,
     ) -> None:
         """Build a twin and switch it on.
 
@@ -80,7 +81,8 @@ class Twin:
         overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
 
-        Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong.
+        Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
+        OSError for a scenario file that cannot be read.
         """
         if plant not in PLANTS:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
@@ -102,7 +104,7 @@ class Twin:
         self._contacts = Contacts(self.machine.contacts, self._controller.wiring(), bounces)
         self._switches = self.machine.switches
         self._trip_random = trips
-        self._plant = self._build_plant(plant, start_mm or _power_on_mm(self.machine, start))
+        self._plant = self._build_plant(plant, _power_on_mm(self.machine, start, start_mm))
         self._zero_mm = self._plant.position_mm
         self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
         self._period = self._plant.slip_steps
@@ -154,6 +156,11 @@ class Twin:
         return self.idle
 
     @property
+    def fault(self) -> bool:
+        """The controller shows an error that no reply has told; see Controller.fault."""
+        return self._controller.fault
+
+    @property
     def reply_waiting(self) -> bool:
         """Whether `read` would return something."""
         arrival_ns = self._line.next_reply_ns
@@ -173,7 +180,9 @@ class Twin:
     # Time
 
     def run(self, seconds: float) -> None:
-        """Let virtual time pass."""
+        """Let virtual time pass. Raises ValueError unless seconds is a finite number, not negative."""
+        if not 0.0 <= seconds < math.inf:
+            raise ValueError(f"virtual time cannot pass by {seconds} s; give a finite number that is not negative")
         self.run_until(self.time_ns + round(seconds * NANOSECOND))
 
     def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
@@ -186,7 +195,7 @@ class Twin:
     @property
     def next_event_ns(self) -> int | None:
         """When something may happen without anybody's doing; None if only the outside can change anything."""
-        times = [t for t in (self._next_ns(), self._line.next_reply_ns) if t is not None]
+        times = [t for t in (*self._deadlines(), self._line.next_reply_ns) if t is not None]
         if self._run is not None or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)
         return min(times, default=None)
@@ -272,7 +281,11 @@ class Twin:
         return self.inputs.get(name, state)
 
     def apply_force(self, axis: int, force_n: float) -> None:
-        """Push a carriage (0 X .. 2 Z) with force_n newton along its axis, until told otherwise."""
+        """Push a carriage (0 X .. 2 Z) with force_n newton along its axis, until told otherwise. Raises ValueError."""
+        if axis not in range(len(AXIS_NAMES)):
+            raise ValueError(f"axis {axis!r} has no carriage; there are: 0 (X), 1 (Y), 2 (Z)")
+        if not math.isfinite(force_n):
+            raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         self._plant.apply_force(axis, force_n)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
@@ -295,10 +308,12 @@ class Twin:
 
     def _next_ns(self) -> int | None:
         """Time of the next thing that somebody has to do."""
-        times = [self._controller.next_ns, self._line.next_ns, self._contacts.next_ns, self._heat.next_ns]
-        if self._scenario:
-            times.append(self._scenario[0].at_ns)
-        return min((t for t in times if t is not None), default=None)
+        return min((t for t in (*self._deadlines(), self._heat.next_ns) if t is not None), default=None)
+
+    def _deadlines(self) -> tuple[int | None, ...]:
+        """The same, of all who have something to say; a look at the temperatures of the stages is not."""
+        scenario_ns = self._scenario[0].at_ns if self._scenario else None
+        return self._controller.next_ns, self._line.next_ns, self._contacts.next_ns, scenario_ns
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the pulses up to until_ns, or up to the first switch edge or the end of a chunk."""
@@ -419,6 +434,7 @@ class Twin:
         if run is self._run:
             return
         before, self._run = self._run, run
+        self._cabinet.motion(run is not None)
         continued = (
             before is not None
             and run is not None
@@ -444,8 +460,7 @@ class Twin:
 
     # Building
 
-    def _build_plant(self, plant: str, start_mm: Any) -> Plant:
-        start = np.array(start_mm, dtype=np.float64)
+    def _build_plant(self, plant: str, start_mm: NDArray[np.float64]) -> Plant:
         switches = [
             Switch(AXIS_NAMES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
             for c in self._switches
@@ -453,10 +468,10 @@ class Twin:
         if plant == "kinematic":
             from isel_twin.plant.kinematic import KinematicPlant
 
-            return KinematicPlant(self.machine, switches, start)
+            return KinematicPlant(self.machine, switches, start_mm)
         from isel_twin.plant.mujoco import MujocoPlant
 
-        return MujocoPlant(self.machine, switches, start)
+        return MujocoPlant(self.machine, switches, start_mm)
 
     def _draw_trip_point(self, number: int) -> None:
         """A switch trips a little elsewhere each time: draw where it will the next time."""
@@ -511,9 +526,22 @@ class _Observer:
             self._callback(twin)
 
 
-def _power_on_mm(machine: Machine, random: np.random.Generator) -> NDArray[np.float64]:
-    """float64 [3], where the carriages happen to stand when the mains is switched on."""
-    return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
+def _power_on_mm(
+    machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
+) -> NDArray[np.float64]:
+    """float64 [3], where the carriages stand when the mains is switched on: as wanted, or where they happen to be.
+
+    Raises ValueError unless the wanted positions lie between the hard stops.
+    """
+    if wanted_mm is None:
+        return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
+    if len(wanted_mm) != len(machine.axes):
+        raise ValueError(f"start_mm has {len(wanted_mm)} values; give one for each of X, Y and Z")
+    for axis, position_mm in zip(machine.axes, wanted_mm, strict=True):
+        low_mm, high_mm = -axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm
+        if not low_mm <= position_mm <= high_mm:
+            raise ValueError(f"start_mm: {axis.name} = {position_mm}; it must lie from {low_mm:g} to {high_mm:g} mm")
+    return np.array(wanted_mm, dtype=np.float64)
 
 
 _NO_TICKS = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8))

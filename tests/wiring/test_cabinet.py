@@ -118,6 +118,27 @@ def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
     assert not box.spindle_runs
 
 
+def test_opening_the_hood_while_steps_are_made_cuts_power_whatever_the_controller_says() -> None:
+    box = Cabinet()
+    box.motion(True)
+    box.operate("hood", "open")
+    assert not box.relay
+
+
+def test_the_spindle_does_not_start_by_itself_when_the_hood_is_closed() -> None:
+    box = cabinet(key="setup", hood="open")
+    box.output("spindle", 1)
+    assert not box.spindle_runs
+    box.operate("hood", "closed")
+    assert not box.spindle_runs
+    box.output("spindle", 0)
+    box.output("spindle", 1)
+    assert box.spindle_runs
+    box.operate("hood", "open")
+    box.operate("hood", "closed")
+    assert not box.spindle_runs
+
+
 @pytest.mark.parametrize(
     ("hood", "key", "automatic", "setup"),
     [

@@ -44,6 +44,7 @@ def test_events_are_sorted_by_time(tmp_path: Path) -> None:
         ("[[event]]\nset = { hood = 'open' }", "event 1: `at` is None; it must be a number from 0 to 1e+09"),
         ("[[event]]\nat = -1", "event 1: `at` is -1"),
         ("[[event]]\nat = true", "event 1: `at` is True"),
+        ("[[event]]\nat = 1", "event 1: nothing happens; say what: set, force_n, phase_lost, noise"),
         ("[[event]]\nat = 1\nsett = {}", "event 1: unknown key 'sett'; did you mean 'set'?"),
         ("[[event]]\nat = 1\nset = { hoood = 'open' }", "unknown input 'hoood'; did you mean 'hood'?"),
         (

@@ -28,7 +28,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from isel_twin.drives.dynamics import BOTH, axis_parameters, axis_states, step_axis
+from isel_twin.drives.dynamics import BOTH, axis_parameters, axis_states, drop_stale_code, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
@@ -73,6 +73,9 @@ def follow(parameters, states, command, load_torque_nm, limit):
         if abs(command[k] - s.theta_rad * p.pole_pairs / p.microstep_rad) > limit:
             return k
     return len(command)
+
+
+drop_stale_code(follow)
 
 
 def pull_out_torque(

@@ -37,7 +37,11 @@ reference with named fields. How a kernel uses them:
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -298,3 +302,23 @@ def stored_energy_j(p, s, nut_position_m):
         + p.detent_torque_nm / (4.0 * p.pole_pairs) * (1.0 - math.cos(4.0 * angle))
         + 0.5 * p.stiffness_n_per_m * stretch**2
     )
+
+
+def drop_stale_code(function: Any) -> None:
+    """Throw away what numba has kept of a function in another file, if it was compiled with another `step_axis`.
+
+    numba asks only whether the function's own file has changed, but its code contains that of this file. So the digest
+    of this file is kept beside the code. Call it once, right after the function is defined.
+    """
+    cache = function._cache
+    folder = Path(cache.cache_path)
+    stamp = folder / f"{function.__module__}.drives"
+    digest = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    with contextlib.suppress(OSError):
+        if stamp.is_file() and stamp.read_text() == digest:
+            return
+        module = function.__module__.rpartition(".")[2]
+        for file in folder.glob(f"{module}.*.nb[ci]"):
+            file.unlink(missing_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        stamp.write_text(digest)

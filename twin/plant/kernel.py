@@ -27,9 +27,7 @@ MuJoCo is called by the address of `mj_step`, passed in as an integer so that th
 
 from __future__ import annotations
 
-import contextlib
 import math
-from pathlib import Path
 
 import numpy as np
 from llvmlite import ir
@@ -96,18 +94,6 @@ SWITCH = np.dtype(
     align=True,
 )
 """A position switch: struck when sense * (x - trip) > 0, free again hysteresis below that."""
-
-
-def _drop_stale_code() -> None:
-    """Remove compiled code older than the drives: numba looks at this file only, but the loop contains theirs too."""
-    changed = Path(dynamics.__file__).stat().st_mtime
-    for file in (Path(__file__).parent / "__pycache__").glob("kernel.*.nb[ci]"):
-        with contextlib.suppress(OSError):
-            if file.stat().st_mtime < changed:
-                file.unlink()
-
-
-_drop_stale_code()
 
 
 @intrinsic
@@ -281,3 +267,6 @@ def advance(  # type: ignore[no-untyped-def]
             plant.edge = 1
             break
     return made
+
+
+dynamics.drop_stale_code(advance)

@@ -14,7 +14,8 @@ machine with two states; the transitions are all in `Cabinet._settle`:
                        or the hood is open in automatic while axes move or the spindle runs
 
 Conditions to close: supply on, both E-stop circuits closed, stages cool, and the hood closed or the key on setup.
-The spindle runs while the relay is closed, the controller asks for it and the hood is closed.
+The spindle contactor closes when the controller begins to ask for it while the relay is closed and the hood too; it
+drops when one of the three ends, and never closes again by itself: the controller has to ask anew.
 
 Sources: iMC programming manual 2.2.3, 2.2.4 and section 5 (codes 9 and H); CPM operating manual ch. 5 for the
 operator's side. Decisions W1 to W4 in docs/decisions.md.
@@ -59,7 +60,7 @@ SIGNALS = (
 
 
 class Cabinet:
-    """Elements and relays. Feed it with `operate`, `output`, `heat` and `estop_circuits`, read contacts and relays."""
+    """Elements and relays. Feed it with what happens, read contacts and relays."""
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
@@ -69,11 +70,9 @@ class Cabinet:
         self._estop_closed = True
         self.stages_hot = False
         """A power stage has reached its thermal limit; set by `heat`."""
-
-    @property
-    def spindle_runs(self) -> bool:
+        self.spindle_runs = False
         """Spindle contactor on."""
-        return self.relay and bool(self._outputs["spindle"]) and self.state["hood"] == "closed"
+        self._axes_move = False
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now: a locked hood stays closed unless it is forced.
@@ -100,11 +99,18 @@ class Cabinet:
         self._outputs[name] = value
         if name == "power_request" and rising:
             self._close_relay()
+        if name == "spindle" and rising:
+            self.spindle_runs = True
         self._settle()
 
     def estop_circuits(self, closed: bool) -> None:
         """Tell whether both E-stop circuits are closed as wired: a broken wire opens one without the button."""
         self._estop_closed = closed
+        self._settle()
+
+    def motion(self, axes_move: bool) -> None:
+        """Tell whether steps are being made, whatever the controller says of it."""
+        self._axes_move = axes_move
         self._settle()
 
     def heat(self, hot: bool) -> None:
@@ -151,6 +157,8 @@ class Cabinet:
 
     def _settle(self) -> None:
         hood_open_in_automatic = self.state["hood"] != "closed" and self.state["key"] == "automatic"
-        dangerous = self._outputs["moving"] or self._outputs["spindle"]
+        dangerous = self._axes_move or self._outputs["moving"] or self.spindle_runs
         if not self._circuits_closed() or (hood_open_in_automatic and dangerous):
             self.relay = False
+        if not (self.relay and self._outputs["spindle"] and self.state["hood"] == "closed"):
+            self.spindle_runs = False

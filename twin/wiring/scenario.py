@@ -82,6 +82,8 @@ def _event(table: dict[str, Any], where: str, contacts: tuple[str, ...]) -> Scen
             hint = f"did you mean {near[0]!r}?" if near else f"keys are {', '.join(_KEYS)}"
             raise ScenarioError(f"{where}: unknown key {key!r}; {hint}")
     at_s = _number(table.get("at"), f"{where}: `at`", 0.0, 1e9)
+    if len(table) < 2:
+        raise ScenarioError(f"{where}: nothing happens; say what: {', '.join(_KEYS[1:])}")
     inputs = _table(table, "set", where)
     for name, state in inputs.items():
         check_input(name, state, contacts, where)

@@ -97,6 +97,11 @@ class Imc:
         """No command waits, none is carried out."""
         return self._executor.task is None and not self._lines and not self._lost_lines
 
+    @property
+    def fault(self) -> bool:
+        """Replies tell every error."""
+        return False
+
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on."""
         self._inputs = Inputs(levels)
