@@ -83,3 +83,24 @@ def test_frequency_error_of_a_machine(tmp_path: Path) -> None:
     twin = Twin(machine=tmp_path, controller="ismif", plant="kinematic")
     assert twin.query("#S600\rL1,x3\x01") == "\r\r\x02\r"
     assert twin.steps.t_ns.tolist() == [1754386, 3508772, 5263158]
+
+
+def test_power_comes_back_with_a_reset() -> None:
+    """The interface is not told of an emergency stop; only `@R` asks for power again, and the cabinet decides."""
+    twin = Twin(controller="ismif", plant="kinematic")
+    twin.set_input("estop", "pressed")
+    assert twin.query("@R") == "\r"
+    assert twin.outputs["power"] == 0
+    twin.set_input("estop", "released")
+    assert twin.query("@S") == "\r"
+    assert twin.outputs["power"] == 0
+    twin.set_input("hood", "open")
+    assert twin.query("@R") == "\r"
+    assert twin.outputs["power"] == 0
+    twin.set_input("hood", "closed")
+    assert twin.query("@R") == "\r"
+    assert twin.outputs["power"] == 1
+    assert twin.query("$HZXY\x01") == "\r\x02\r"
+    before_mm = twin.machine_position_mm[0]
+    assert twin.query("L1,X800\x01") == "\r\x02\r"
+    assert abs(twin.machine_position_mm[0] - before_mm - 10.0) < 0.03

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from conformance.ismif_desk import (
@@ -78,6 +80,26 @@ def test_a_failing_job_leaves_the_next_one_alone() -> None:
     assert desk.finish() == ACK + ACK + DONE + DONE
     assert desk.steps_since(mark).total[1:] == (0, 10, 0)
     assert status(desk)[2] == "1"
+
+
+@pytest.mark.parametrize("waits_for_room", [True, False])
+def test_the_rest_of_a_failing_job_that_a_full_memory_has_started_is_discarded(waits_for_room: bool) -> None:
+    """81 KB: the second vector fails while the rest waits for room in the memory, or before it is sent."""
+    desk = referenced("#R0")
+    mark, replies = desk.ticks, []
+    for command in ["L1,x5", "L1,x8388607"] + ["L1,x1,y1"] * 9000:
+        desk.start(command)
+        replies.append(desk.read())
+        if waits_for_room and replies[-1] == FULL:
+            replies.append(desk.finish())
+            assert replies[-1] == DONE
+    desk.send(b"L1,x7\x01")
+    replies.append(desk.finish())
+    text = "".join(replies)
+    assert desk.steps_since(mark).total == (5, 0, 0, 0)
+    assert (text.count("\x02"), text.endswith(DONE), len(text.replace(DONE, "").replace(FULL, ACK))) == (2, True, 9003)
+    assert status(desk) == "001000"
+    assert moved(desk, "L1,z10").total == (0, 0, 10, 0)
 
 
 def test_lines_too_long_are_wrong_commands() -> None:
@@ -164,6 +186,52 @@ def test_master_commands_overtake_a_full_memory() -> None:
     assert now(desk, "@R") == ACK
     assert status(desk) == "000100"
     assert moved(desk, "L1,x3").total == (3, 0, 0, 0)
+
+
+def test_a_pause_counts_as_idle_whatever_waits() -> None:
+    desk = referenced()
+    desk.start("@A")
+    desk.send(b"L1,x1\r" * 15_000)
+    assert desk.controller.idle
+    desk.start("@C")
+    assert not desk.controller.idle
+
+
+def test_lines_beyond_the_receive_queue_are_lost_with_their_job() -> None:
+    """64 KB of memory and 64 KB of queue hold at most 21845 commands of 6 bytes; those after them leave no trace."""
+    desk = referenced("#R0", "#E1,5000")
+    mark = desk.ticks
+    desk.start("@A")
+    desk.read()
+    desk.send(b"L1,x1\r" * 21_700)
+    assert not desk.controller.fault
+    desk.send(b"L1,x1\r" * 20_000)
+    assert desk.controller.fault
+    desk.send(b"L1,y1\r" * 1000 + b"L1,y1\x01")
+    desk.start("@C")
+    answers = desk.finish().replace(DONE, "").replace(FULL, ACK)
+    assert 21_700 < len(answers) - len(ACK) <= 21_845  # one is that of @C
+    assert desk.steps_since(mark).total[1:] == (0, 0, 0)
+    assert 65_536 // 6 - 128 // 6 - 1 <= desk.ticks - mark <= 21_845  # what full memories have started is made
+    desk.send(b"L1,y9\x01")
+    assert desk.finish() == ACK + DONE
+    assert desk.steps_since(mark).total[1:] == (0, 0, 0)  # the loss took the 01h too: this was still the same job
+    assert moved(desk, "L1,z10").total == (0, 0, 10, 0)
+
+
+def test_a_host_that_ignores_everything_fills_no_memory() -> None:
+    """2.4 MB into a paused interface: what it holds afterwards is what it held after 240 KB, within 16 KB."""
+    desk = referenced()
+    desk.start("@A")
+    desk.send(b"L1,x1\r" * 40_000)
+    tracemalloc.start()
+    try:
+        for _ in range(10):
+            desk.send(b"L1,x1\r" * 40_000)
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert grown < 16_384
 
 
 # --- S8: reference run --------------------------------------------------------------------------------------------
@@ -391,6 +459,38 @@ def test_settings_do_not_survive_the_mains() -> None:
     assert status(desk) == "000100"
     assert (desk.outputs["pin12"], desk.outputs["full_steps"], desk.outputs["clock_signals"]) == (0, 0, 0)
     assert moved(desk, "L1,x300").t_ns.tolist() == pulse_times_ns(300, 600)
+
+
+# --- S15: the fault a caller sees -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (b"L1,x10\x01", False),
+        (b"L1,x10\r", False),  # stored, never started: more may come
+        (b"L1,x", False),
+        (b"nonsense\r", True),
+        (b"nonsense\x01", True),
+        (b"@Q\r", True),
+        (b"L1,x5\rL1,x8388607\x01", True),
+        (b"nonsense\x01@S\rL1,x10\x01", True),
+        (b"nonsense\x01@R\r", False),
+    ],
+)
+def test_fault_is_the_error_character(data: bytes, fault: bool) -> None:
+    desk = referenced()
+    assert desk.controller.fault is False
+    desk.send(data)
+    desk.finish()
+    assert desk.controller.fault is fault
+
+
+def test_a_failed_reference_run_is_a_fault() -> None:
+    desk = fresh()
+    desk.set("pin11", True)
+    job(desk, "#R0", "#E2,5000", "$HX")
+    assert desk.controller.fault is True
 
 
 # --- settings -----------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ from isel_twin.firmware.ismif.commands import (
     parse,
 )
 from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
-from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory
+from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
 from isel_twin.firmware.ismif.moves import PAIR_NS, PairedPath, paired, profile
 from isel_twin.motion import Path, Run, line
 
@@ -92,7 +92,7 @@ class Ismif:
         self._t_ns = 0
         self._input = True
         self._line = bytearray()
-        self._waiting_lines: deque[tuple[bytes, bool]] = deque()
+        self._waiting_lines = ReceiveQueue()
         self._void = False
         self._told_full = False
         self._error = False
@@ -148,15 +148,21 @@ class Ismif:
     @property
     def idle(self) -> bool:
         """Nothing moves and nothing will before the host or the operator does something; a pause counts as idle."""
-        if self.run is not None or self._waiting_lines:
+        if self.run is not None:
             return False
-        return self._paused or not (self._entry or self._memory.released)
+        return self._paused or not (self._entry or self._memory.released or self._waiting_lines)
+
+    @property
+    def fault(self) -> bool:
+        """The third character of the status, which no answer but that of `@X` shows (S15)."""
+        return self._error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on: the drive signals come up, nothing is referenced. An input that is not wired reads high."""
         self._t_ns = t_ns
         self._input = levels.get(REFERENCE_INPUT, True)
-        for name in ("power_request", "stages", "brake"):
+        self._request_power()
+        for name in ("stages", "brake"):
             self._events.append(Output(name, 1))
         self._events.append(Output("current_lowering", 0))
         self._put_signals()
@@ -213,7 +219,7 @@ class Ismif:
         elif not line.strip(b" "):
             line = b""
         if line or starts:
-            self._waiting_lines.append((line, starts))
+            self._error |= not self._waiting_lines.append(line, starts)
             self._store_lines()
         self._work()
 
@@ -229,10 +235,14 @@ class Ismif:
     def _store_lines(self) -> None:
         """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (S2)."""
         while self._waiting_lines:
-            line, starts = self._waiting_lines[0]
+            line, starts = self._waiting_lines.head
+            if line is None:
+                self._waiting_lines.take()
+                self._void_job()
+                continue
             if len(line) + 1 > self._memory.free:
                 return
-            self._waiting_lines.popleft()
+            self._waiting_lines.take()
             command = self._checked(line)
             if command is not None or starts:
                 self._memory.store(Entry(command, len(line) + 1, starts))
@@ -251,9 +261,13 @@ class Ismif:
         try:
             command = _parse(line) if line else None
         except CommandError:
-            self._error = self._void = True
-            self._memory.drop_stored()
+            self._void_job()
         return None if self._void else command
+
+    def _void_job(self) -> None:
+        """Forget what is stored of the job that is being received, and the rest of it up to its 01h (S1)."""
+        self._error = self._void = True
+        self._memory.drop_stored()
 
     def _work(self) -> None:
         """Carry out what can be carried out now, until something takes time or nothing is left."""
@@ -295,12 +309,16 @@ class Ismif:
             self._reply(READY)
 
     def _fail(self) -> None:
-        """A command cannot be carried out: the rest of its job is dropped and the host is told that it is over (S1)."""
+        """A command cannot be carried out: the rest of its job is dropped, in the memory and still to come (S1)."""
         self._error = True
         self._actions.clear()
         while self._entry is not None and not self._entry.ends_job and self._memory.released:
             self._entry = self._memory.take()
-        self._entry = Entry(None, 0, ends_job=True)
+        if self._entry is not None and self._entry.ends_job:
+            self._entry = Entry(None, 0, ends_job=True)
+        else:  # a full memory has started it: its 01h is not in the memory yet, and gets the 02h
+            self._entry = None
+            self._void_job()
         self._use_room()
 
     # ---- actions ----------------------------------------------------------------------------------------------------
@@ -420,9 +438,11 @@ class Ismif:
         return b""
 
     def _reset(self) -> bytes:
-        """6.1: like 6.16, and the fault is forgotten too."""
+        """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (S11)."""
         self._error = False
-        return self._stop()
+        reply = self._stop()
+        self._request_power()
+        return reply
 
     def _stop(self) -> bytes:
         """6.16: no ramp, no job, no position; the settings stay, the signals go off (S11)."""
@@ -513,6 +533,10 @@ class Ismif:
     def _put_signals(self) -> None:
         self._events.append(Output("clock_signals", int(self._configuration.clock)))
         self._events.append(Output("full_steps", int(self._configuration.full_step)))
+
+    def _request_power(self) -> None:
+        """A pulse: the safety relay closes at its rising edge, if nothing speaks against it."""
+        self._events += [Output("power_request", 1), Output("power_request", 0)]
 
     def _safe_outputs(self) -> None:
         self._set_signal(0)

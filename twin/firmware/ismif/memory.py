@@ -1,4 +1,4 @@
-"""The iSMIF's job memory: 64 KB of commands that wait for their start.
+"""The iSMIF's job memory: 64 KB of commands that wait for their start; and the lines that wait for room in it.
 
 Goal: section 5.2 as a queue. Commands enter at the tail with the bytes they took on the line, and leave at the head
 when they are carried out. Only *released* commands may leave: 01h releases everything stored so far, and so does a
@@ -7,7 +7,8 @@ memory that is full.
       head |==========released==========|------stored------|.........free.........|
            next to be carried out                           ^ tail        RESERVE: 03h from here on
 
-`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due.
+`ends_job` marks the command that came with 01h: when it has been carried out, 02h is due. A host that ignores 03h sends
+lines that do not fit any more. They wait in the receive queue, which has an end too: what does not fit there is lost.
 """
 
 from __future__ import annotations
@@ -23,6 +24,11 @@ RESERVE = LINE_LIMIT
 """Free bytes below which the memory counts as full: the longest command would no longer fit (S2)."""
 ROOM = 2 * LINE_LIMIT
 """Free bytes from which a memory that was full counts as ready again (S2)."""
+QUEUE_SIZE = SIZE
+"""Bytes of lines, each with its end, that may wait for room in the memory (S2)."""
+
+GAP = (None, False)
+"""Item of the receive queue in place of lines that have been lost."""
 
 
 @dataclass(frozen=True)
@@ -81,3 +87,43 @@ class JobMemory:
         """Forget everything."""
         self._entries.clear()
         self._used = self.released = 0
+
+
+class ReceiveQueue:
+    """Lines as they came, first in, first out, at most QUEUE_SIZE bytes; a gap stands where lines have been lost.
+
+    An item is a line without its end and whether it came with 01h; a gap is (None, False).
+    """
+
+    def __init__(self) -> None:
+        self._items: deque[tuple[bytes | None, bool]] = deque()
+        self._used = 0
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    @property
+    def head(self) -> tuple[bytes | None, bool]:
+        """The oldest item."""
+        return self._items[0]
+
+    def append(self, line: bytes, starts: bool) -> bool:
+        """Append a line if it fits; otherwise it is lost. Returns whether it was appended."""
+        fits = self._used + len(line) + 1 <= QUEUE_SIZE
+        if fits:
+            self._items.append((line, starts))
+            self._used += len(line) + 1
+        elif self._items[-1] != GAP:
+            self._items.append(GAP)
+        return fits
+
+    def take(self) -> None:
+        """Remove the oldest item."""
+        line, _ = self._items.popleft()
+        if line is not None:
+            self._used -= len(line) + 1
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._items.clear()
+        self._used = 0

@@ -24,10 +24,6 @@ from numpy.typing import NDArray
 PHASES = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]], dtype=np.int8)
 """int8 [8, 2]: signs of the currents in windings A and B for each index."""
 
-CLOCK_PINS = (2, 4, 6)
-DIRECTION_PINS = (3, 5, 7)
-"""Pins of X, Y, Z in the 15-pin socket with T1."""
-
 
 def phase_patterns(delta: NDArray[Any], start: tuple[int, int, int] = (0, 0, 0)) -> NDArray[np.int8]:
     """int8 [n, 3, 2]: currents of X, Y, Z in windings A and B after each tick of a stream.
