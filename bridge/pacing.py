@@ -32,6 +32,10 @@ SLIP_NS = 250_000_000
 """Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
 
 
+LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6
+"""Range of finite speeds, wide beyond any use; what a computer cannot reach slips."""
+
+
 class Clocked(Protocol):
     """What pacing needs of a twin."""
 
@@ -54,8 +58,10 @@ def parse_speed(text: str) -> float | None:
         speed = float(text)
     except ValueError:
         speed = math.nan
-    if not (math.isfinite(speed) and speed > 0):
-        raise ValueError(f"speed {text!r} is neither a positive number nor 'max'")
+    if not LOWEST_SPEED <= speed <= HIGHEST_SPEED:  # false for nan, too
+        raise ValueError(
+            f"speed {text!r} is neither a positive number ({LOWEST_SPEED:g} to {HIGHEST_SPEED:g}) nor 'max'"
+        )
     return speed
 
 

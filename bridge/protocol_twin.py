@@ -19,7 +19,12 @@
 Time at speed max: `read` lets virtual time pass until it has its bytes or its timeout (virtual seconds) is over, as
 does `flush`. A look that does not wait (`in_waiting`, or a read with timeout 0) and finds nothing costs 10 ms, so that
 a host which polls sees time pass. Nothing else takes time. A read without timeout for which no byte can ever come
-raises SerialException: with nobody else at the machine, a real port would block for ever.
+raises SerialException: with nobody else at the machine, a real port would block for ever. None can come if nothing
+will happen without the host, and none is expected any more once the controller has been idle for PATIENCE_NS.
+
+One thread at a time: time passes inside the calls, so a thread that waits in `read` would hold up, or run ahead of, one
+that writes. A call while another thread is inside one raises SerialException; programs with a reading thread want
+`isel-twin serve`.
 
 The twin belongs to the port object: closing and reopening keep it, position and reference included; bytes that arrive
 while the port is closed are lost.
@@ -27,8 +32,11 @@ while the port is closed are lost.
 
 from __future__ import annotations
 
+import threading
 import time
 import urllib.parse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +54,9 @@ POLL_NS = 10_000_000
 
 LOOK_NS = 1_000_000_000
 """Virtual time between two looks whether a read without timeout can still end: 1 s."""
+
+PATIENCE_NS = 3_600_000_000_000
+"""Virtual time after which a read without timeout gives up on a controller that is idle: 1 h."""
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
@@ -84,6 +95,7 @@ class Serial(SerialBase):
         self._pacer = Pacer(None)
         self._buffer = bytearray()
         self._line_free_ns = 0
+        self._inside = threading.RLock()
         super().__init__(*args, **kwargs)
 
     @property
@@ -95,15 +107,16 @@ class Serial(SerialBase):
 
     def open(self) -> None:
         """Power on a twin, or find the one of the last time again. Raises SerialException."""
-        if self.is_open:
-            raise SerialException("Port is already open.")
-        if self._port is None:
-            raise SerialException("Port must be configured before it can be used.")
-        if self._twin is None or self._port != self._url:
-            self._power_on(self._port)
-            self._url = self._port
-        self.is_open = True
-        self.reset_input_buffer()
+        with self._alone():
+            if self.is_open:
+                raise SerialException("Port is already open.")
+            if self._port is None:
+                raise SerialException("Port must be configured before it can be used.")
+            if self._twin is None or self._port != self._url:
+                self._power_on(self._port)
+                self._url = self._port
+            self.is_open = True
+            self.reset_input_buffer()
 
     def _power_on(self, url: str) -> None:
         from isel_twin.twin import Twin
@@ -134,6 +147,25 @@ class Serial(SerialBase):
     def _reconfigure_port(self) -> None:
         """Line settings are accepted and change nothing."""
 
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """While a call is inside the twin, calls of other threads raise SerialException."""
+        if not self._inside.acquire(blocking=False):
+            raise SerialException(
+                "another thread is in a call of this twin:// port; use one thread, or connect to `isel-twin serve`"
+            )
+        try:
+            yield
+        finally:
+            self._inside.release()
+
+    @contextmanager
+    def _in_use(self) -> Iterator[None]:
+        """The port is open, and no other thread is inside it."""
+        self._check_open()
+        with self._alone():
+            yield
+
     # time
 
     def _pass(self, until_ns: int) -> None:
@@ -162,20 +194,20 @@ class Serial(SerialBase):
     @property
     def in_waiting(self) -> int:
         """Bytes that have arrived and not been read."""
-        self._check_open()
-        self._look()
-        return len(self._buffer)
+        with self._in_use():
+            self._look()
+            return len(self._buffer)
 
     def read(self, size: int = 1) -> bytes:
         """Up to `size` bytes: all of them, or those that came before the timeout (virtual seconds)."""
-        self._check_open()
-        if self._timeout == 0:
-            self._look()
-        else:
-            self._wait(size)
-        data = bytes(self._buffer[:size])
-        del self._buffer[:size]
-        return data
+        with self._in_use():
+            if self._timeout == 0:
+                self._look()
+            else:
+                self._wait(size)
+            data = bytes(self._buffer[:size])
+            del self._buffer[:size]
+            return data
 
     def _wait(self, size: int) -> None:
         """Let time pass until `size` bytes are there or the timeouts are over."""
@@ -184,12 +216,20 @@ class Serial(SerialBase):
         end_ns = None if self._timeout is None else twin.time_ns + round(self._timeout * 1e9)
         gap_ns = None if self._inter_byte_timeout is None else round(self._inter_byte_timeout * 1e9)
         came_ns = twin.time_ns
+        busy_ns = twin.time_ns
         while (waiting := len(self._buffer)) < size:
             limits = [] if end_ns is None else [end_ns]
             if gap_ns is not None and waiting:
                 limits.append(came_ns + gap_ns)
             if limits and twin.time_ns >= min(limits):
                 return
+            if not twin.idle:
+                busy_ns = twin.time_ns
+            elif end_ns is None and twin.time_ns - busy_ns >= PATIENCE_NS:
+                raise SerialException(
+                    f"read without timeout, but the controller has been idle for {PATIENCE_NS // 1_000_000_000} s: "
+                    "no byte can come"
+                )
             if (event := twin.next_event_ns) is not None:
                 limits.append(event if self._pacer.speed is not None else twin.time_ns + LOOK_NS)
             if not limits:
@@ -200,38 +240,44 @@ class Serial(SerialBase):
 
     def write(self, data: Any, /) -> int:
         """Hand bytes to the line; returns at once, as a port with room in its buffer does."""
-        self._check_open()
-        self._catch_up()
-        sent = to_bytes(data)
-        twin = self.twin
-        twin.write(sent)
-        if self._pacer.speed is not None:
-            self._line_free_ns = max(self._line_free_ns, twin.time_ns) + len(sent) * 10_000_000_000 // twin.baud
-        return len(sent)
+        with self._in_use():
+            self._catch_up()
+            sent = to_bytes(data)
+            twin = self.twin
+            twin.write(sent)
+            if self._pacer.speed is not None:
+                self._line_free_ns = max(self._line_free_ns, twin.time_ns) + len(sent) * self._byte_ns
+            return len(sent)
 
     def flush(self) -> None:
         """Wait until everything written has gone over the line."""
-        self._check_open()
-        while self.twin.time_ns < self._line_free_ns:
-            self._pass(self._line_free_ns)
+        with self._in_use():
+            while self.twin.time_ns < self._line_free_ns:
+                self._pass(self._line_free_ns)
 
     @property
     def out_waiting(self) -> int:
         """Bytes written that are not over the line yet."""
-        self._check_open()
-        self._catch_up()
-        twin = self.twin
-        return max(0, -((twin.time_ns - self._line_free_ns) * twin.baud // 10_000_000_000))
+        with self._in_use():
+            self._catch_up()
+            return max(0, -((self.twin.time_ns - self._line_free_ns) // self._byte_ns))
 
     def reset_input_buffer(self) -> None:
         """Forget what has arrived by now."""
-        self._check_open()
-        self._catch_up()
-        self._buffer.clear()
+        with self._in_use():
+            self._catch_up()
+            self._buffer.clear()
 
     def reset_output_buffer(self) -> None:
         """What has been written is on the line already."""
         self._check_open()
+
+    @property
+    def _byte_ns(self) -> int:
+        """Time of a byte on the line; imported here, as the scheme is registered without anything heavy."""
+        from isel_twin.wiring.line import byte_ns
+
+        return byte_ns(self.twin.baud)
 
     def _check_open(self) -> None:
         if not self.is_open:

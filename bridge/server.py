@@ -21,6 +21,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple, Protocol
 
 from isel_twin.bridge.pacing import Clocked, Pacer
+from isel_twin.wiring.line import byte_ns
 
 __all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "on_signals"]
 
@@ -183,7 +184,7 @@ class Server:
         """Wall seconds until the line has room for more; <= 0: now. Unpaced lines always have."""
         if self.pacer.speed is None:
             return 0.0
-        room_ns = LINE_BYTES * 10_000_000_000 // self.twin.baud
+        room_ns = LINE_BYTES * byte_ns(self.twin.baud)
         return self.pacer.until_s(self._line_free_ns - room_ns)
 
     def _awake(self) -> None:
@@ -207,7 +208,7 @@ class Server:
         self._speaker = endpoint
         self.twin.write(data)
         start_ns = max(self._line_free_ns, self.twin.time_ns)
-        self._line_free_ns = start_ns + len(data) * 10_000_000_000 // self.twin.baud
+        self._line_free_ns = start_ns + len(data) * byte_ns(self.twin.baud)
 
     def claim(self, endpoint: Endpoint) -> bool:
         """A network client of this endpoint asks for the line; True if it may have it.

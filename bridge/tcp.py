@@ -58,7 +58,7 @@ class RawCodec:
 def parse_address(text: str) -> tuple[str, int]:
     """(host, port) out of HOST:PORT, [IPV6]:PORT, :PORT or PORT. Raises ValueError."""
     host, _, port = text.rpartition(":")
-    if not (port.isascii() and port.isdigit() and int(port) < 65_536):
+    if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65_536):
         raise ValueError(f"address {text!r} is not HOST:PORT with a port from 0 to 65535")
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 

@@ -5,6 +5,7 @@
     @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
     <254>                                    a line that ends in <...> gets no carriage return
 
+Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1.
 A line is over when the controller has answered and stands still; its reply is everything that came meanwhile.
 
 A reply is a refusal if it is a single printable character other than "0", or missing: every controller of the family
@@ -21,11 +22,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["JobError", "Line", "Result", "parse_job", "play"]
+__all__ = ["JobError", "Line", "Result", "decode_job", "parse_job", "play"]
 
-_COMMENT = re.compile(r"(^|\s)#(?![A-Za-z0-9]).*")
-_ITEM = re.compile(r"\s*<([^<>]*)>\s*")
-_PAUSE = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s")
+LONGEST_PAUSE_S = 1e9
+"""Longest pause in virtual seconds, as for the times of a scenario."""
+
+_LINE_END = re.compile(r"\r\n|\r|\n")  # and nothing else: str.splitlines also splits at controls such as 85h
+_BLANKS = " \t"
+_COMMENT = re.compile(r"(^|[ \t])#(?![A-Za-z0-9]).*", re.DOTALL)
+_ITEM = re.compile(r"[ \t]*<([^<>]*)>[ \t]*")
+_BYTE = re.compile(r"0*([0-9]{1,3})")
+_PAUSE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)[ \t]*s")
 
 
 class JobError(ValueError):
@@ -60,11 +67,19 @@ class Result:
     position_mm: tuple[float, ...]
 
 
+def decode_job(data: bytes) -> str:
+    """Text of a job file: UTF-8 (with or without byte order mark), or Latin-1 if it is not valid UTF-8."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def parse_job(text: str) -> list[Line]:
     """Lines of a job, without empty lines and comments. Raises JobError."""
     lines = []
-    for number, raw in enumerate(text.splitlines(), 1):
-        command = _COMMENT.sub("", raw).strip()
+    for number, raw in enumerate(_LINE_END.split(text), 1):
+        command = _COMMENT.sub("", raw).strip(_BLANKS)
         if command:
             lines.append(Line(number, command, tuple(_actions(command, number))))
     return lines
@@ -76,13 +91,16 @@ def _actions(command: str, number: int) -> Iterator[bytes | int]:
     *pieces, rest = _ITEM.split(command)  # text, item, text, item, ..., text
     for text, item in zip(pieces[::2], pieces[1::2], strict=True):
         together += _encoded(text, number)
-        if item.isascii() and item.isdigit() and int(item) < 256:
-            together += bytes([int(item)])
+        if (byte := _BYTE.fullmatch(item)) and int(byte[1]) < 256:
+            together += bytes([int(byte[1])])
         elif pause := _PAUSE.fullmatch(item):
             if together:
                 yield together
             together = b""
-            yield round(float(pause[1]) * 1e9)
+            seconds = float(pause[1])
+            if seconds > LONGEST_PAUSE_S:
+                raise JobError(f"line {number}: a pause of more than {LONGEST_PAUSE_S:.0f} s; make it shorter")
+            yield round(seconds * 1e9)
         else:
             raise JobError(f"line {number}: <{item}> is neither a byte (<0> to <255>) nor a pause (<0.5s>)")
     if rest:

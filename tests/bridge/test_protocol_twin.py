@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 
 import pytest
 import serial
@@ -76,6 +77,54 @@ def test_a_read_without_timeout_that_can_never_end_says_so(port):
     with pytest.raises(SerialException, match="no byte can come"):
         port.read(20)
     assert port.read(19) == b"0" * 19
+
+
+def test_a_read_without_timeout_ends_though_the_machine_is_never_at_rest(port, monkeypatch):
+    """Something may always happen 10 ms from now; an idle controller is given up after an hour of virtual time."""
+    monkeypatch.setattr(type(port.twin), "next_event_ns", property(lambda twin: twin.time_ns + 10_000_000))
+    port.timeout = None
+    assert ask(port, MOVE) == "0"
+    before_ns = port.twin.time_ns
+    with pytest.raises(SerialException, match="idle for 3600 s: no byte can come"):
+        port.read()
+    assert 3600 <= (port.twin.time_ns - before_ns) / 1e9 <= 3602
+    port.timeout = 7200
+    assert port.read() == b""  # a timeout is waited for, however long
+
+
+def test_a_second_thread_is_refused_in_one_line_and_changes_nothing(port):
+    """The first thread is stopped inside a read, by an observer, while the other one tries."""
+    inside, tried = threading.Event(), threading.Event()
+    started_ns = port.twin.time_ns
+
+    def wait_inside(twin):
+        if twin.time_ns > started_ns and not inside.is_set():
+            inside.set()
+            assert tried.wait(60)
+
+    port.twin.observe(wait_inside, 100_000_000)
+    port.write(MOVE.encode() + b"\r")
+    replies = []
+    reader = threading.Thread(target=lambda: replies.append(port.read()))
+    reader.start()
+    assert inside.wait(60)
+    calls = [
+        port.read,
+        port.flush,
+        port.reset_input_buffer,
+        lambda: port.write(b"@0P\r"),
+        lambda: port.in_waiting,
+        lambda: port.out_waiting,
+    ]
+    try:
+        for call in calls:
+            with pytest.raises(SerialException, match=r"^another thread .*isel-twin serve`$"):
+                call()
+    finally:
+        tried.set()
+        reader.join(60)
+    assert replies == [b"0"]
+    assert ask(port, "@0P", 19) == "0003E80000000000000"  # and afterwards this thread is welcome
 
 
 def test_a_host_that_polls_sees_time_pass(port):

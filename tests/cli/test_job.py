@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.job import JobError, Line, parse_job
+from isel_twin.job import JobError, Line, decode_job, parse_job
 from isel_twin.job import _accepted as accepted
 
 
@@ -42,6 +42,36 @@ def test_lines_that_send_nothing(text):
 def test_bad_items_are_named(item):
     with pytest.raises(JobError, match=r"line 2: <.*> is neither a byte"):
         parse_job(f"@07\n@0S <{item}>")
+
+
+@pytest.mark.parametrize("seconds", ["1000000001", "9" * 400, "9" * 5000])
+def test_a_pause_has_a_limit(seconds):
+    with pytest.raises(JobError, match="line 2: a pause of more than 1000000000 s"):
+        parse_job(f"@07\n<{seconds}s>")
+    assert parse_job("<1000000000s>")[0].actions == (10**18,)
+
+
+def test_a_byte_of_many_digits_is_a_job_error():
+    with pytest.raises(JobError, match="is neither a byte"):
+        parse_job("<" + "9" * 5000 + ">")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_only_line_ends_split_a_file(encoding, end):
+    """The second byte of a capital A with ring in UTF-8 is 85h, which str.splitlines takes for a line end."""
+    data = end.join(["# Ångström und @0R7", "@07", "", "@0P # Å @0R7"]).encode(encoding)
+    assert [(line.number, line.sent) for line in parse_job(decode_job(data))] == [(2, b"@07\r"), (4, b"@0P\r")]
+
+
+@pytest.mark.parametrize("control", ["\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\xa0"])
+def test_no_other_character_ends_a_comment(control):
+    assert parse_job(f"# one{control}@0R7") == []
+
+
+def test_bytes_that_are_no_utf_8_are_sent_as_they_are():
+    (line,) = parse_job(decode_job(b"@0M\xfd\x85 # \xe4\n"))
+    assert line.sent == b"@0M\xfd\x85\r"
 
 
 def test_characters_beyond_a_byte_are_named():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tracemalloc
 import types
 from pathlib import Path
@@ -63,20 +64,23 @@ def stream(*moves: tuple[tuple[int, int, int, int], int, int]) -> Steps:
 
 
 def waveforms(path: Path) -> tuple[dict[str, list[tuple[int, object]]], int]:
-    """Changes (time, value) of each signal of a VCD, initial values left out; and the last time in the file."""
-    names, changes, now, started = {}, {}, 0, False
+    """Changes (time in ns, value) of each signal of a VCD, initial values left out; and the last time in the file."""
+    names, changes, now, started, per_ns = {}, {}, 0.0, False, 0
     with path.open("rb") as file:
         for token in tokenize(file):
             if token.kind is TokenKind.VAR:
                 names[token.var.id_code] = token.var.reference
                 changes[token.var.reference] = []
+            elif token.kind is TokenKind.TIMESCALE:
+                scale = token.timescale
+                per_ns = {"ns": 1, "ps": 1000}[scale.unit.value] // int(scale.magnitude)
             elif token.kind is TokenKind.DUMPVARS:
                 started = False
             elif token.kind is TokenKind.END:
                 started = True
             elif token.kind is TokenKind.CHANGE_TIME:
-                assert token.time_change >= now
-                now = token.time_change
+                assert token.time_change / per_ns >= now
+                now = token.time_change / per_ns
             elif started and token.kind in (
                 TokenKind.CHANGE_SCALAR,
                 TokenKind.CHANGE_VECTOR,
@@ -143,6 +147,26 @@ def test_vcd_pulses_of_the_fastest_stream_stay_apart(tmp_path, bench):
     assert [time for time, value in changes["step_x"] if value == "0"][:5] == [1500, 2500, 3500, 4500, 5500]
     ((turned, _),) = changes["dir_x"]
     assert 3500 <= turned < 4000
+
+
+@pytest.mark.parametrize("gap_ns", [1, 2, 3, 100])
+def test_vcd_shows_every_tick_of_close_pairs_as_a_pulse_of_its_own(tmp_path, bench, gap_ns):
+    """A full step is two ticks 1 ns apart; an edge counter has to see both, also where the direction turns between."""
+    times = [t for start in (MS, 2 * MS, 3 * MS) for t in (start, start + gap_ns)]
+    delta = [[1, 0, 0, 0], [1, 1, 0, 0], [-1, 0, 0, 0], [-1, 0, 0, 0], [1, 0, 0, 0], [-1, 0, 0, 0]]
+    chunk = (np.array(times, dtype=np.int64), np.array(delta, dtype=np.int8))
+    with Recorder(bench, MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", types.SimpleNamespace(chunks=lambda size: iter([chunk])), recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    assert [time for time, value in changes["step_x"] if value == "1"] == times
+    assert [value for _, value in changes["step_x"]] == ["1", "0"] * len(times)
+    edges = [time for time, _ in changes["step_x"]]
+    assert all(before < after for before, after in itertools.pairwise(edges))
+    falls = [time for time, value in changes["step_x"] if value == "0"]
+    minus = [("1", falls[1], times[2]), ("0", falls[3], times[4]), ("1", falls[4], times[5])]
+    for (turned, value), (expected, after, before) in zip(changes["dir_x"], minus, strict=True):
+        assert value == expected
+        assert after <= turned < before
 
 
 def test_vcd_shows_samples_and_changes(tmp_path, bench):

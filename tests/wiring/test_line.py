@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from isel_twin.wiring import SerialLine
+from isel_twin.wiring.line import byte_ns
 
 BAUD = 19_200
 BYTE_NS = 520_833  # 10 bits at 19200 bit/s, to the nanosecond
@@ -20,6 +21,11 @@ def test_untimed_bytes_arrive_at_once() -> None:
     wire.from_host(7, b"@07\r", BAUD)
     assert wire.at_controller(7) == b"@07\r"
     assert wire.next_ns is None
+
+
+@pytest.mark.parametrize(("baud", "expected_ns"), [(9600, 1_041_667), (19_200, BYTE_NS), (115_200, 86_806)])
+def test_a_byte_is_ten_bits_to_the_nearest_nanosecond(baud: int, expected_ns: int) -> None:
+    assert byte_ns(baud) == expected_ns
 
 
 def test_timed_bytes_arrive_one_after_the_other() -> None:

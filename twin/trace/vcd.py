@@ -1,4 +1,4 @@
-"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
+"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 100 ps.
 
     scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
     scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
@@ -6,12 +6,14 @@
     scope input      hood, limit_x1 ...       state of switches and elements, as text
     scope output     stages, spindle ...      outputs of the controller and relays
 
-A pulse rises at the exact time of its tick. Direction is stable before and after it, as power stages want it:
+A pulse rises at the exact time of its tick, t = 10 * t_ns of the timescale, and is over before the next tick, be that
+only 1 ns later: so every tick is a rising edge of its own. Direction is stable before and after it, as power stages
+want it:
 
     dir_x    ----X================X----
     step_x   ______|~~~|____________|~~~|___
                    |<->| PULSE_NS, at most half the time to the next tick
-                 |<| SETUP_NS
+                 |<| SETUP_NS, at most half the time since the tick before
 """
 
 from __future__ import annotations
@@ -37,9 +39,11 @@ SETUP_NS = 1000
 """Time by which a direction is set before its first pulse."""
 AXES = "xyza"
 CHUNK = 1 << 16
+UNITS_PER_NS = 10
+"""Units of the timescale in a nanosecond: room for a falling edge between two ticks 1 ns apart."""
 
 _Entry = tuple[int, str, int | float | str]
-"""(time_ns, name of the signal, new value)"""
+"""(time in units of the timescale, name of the signal, new value)"""
 
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) -> None:
@@ -47,7 +51,7 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) ->
     with (
         replacing(path) as temporary,
         open(temporary, "w", encoding="ascii", errors="replace") as file,
-        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
+        VCDWriter(file, timescale="100 ps", date="", comment="isel-twin") as writer,
     ):
         signals = {}
         for axis in AXES:
@@ -69,45 +73,47 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) ->
             else:
                 signal = writer.register_var(group, key, "integer", size=64, init="x")
             signals[f"{group}.{name}"] = signal
-        for time_ns, name, value in heapq.merge(
+        for time, name, value in heapq.merge(
             _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
         ):
-            writer.change(signals[name], time_ns, value)
+            writer.change(signals[name], time, value)
 
 
 def _pulses(steps: Steps) -> Iterator[_Entry]:
     """Rising and falling edges of step, and direction before them."""
     minus = [0, 0, 0, 0]
     high: list[int] = []
-    rose_ns = 0
+    rose = 0
+    longest, setup = PULSE_NS * UNITS_PER_NS, SETUP_NS * UNITS_PER_NS
     for t_ns, delta in steps.chunks(CHUNK):
-        for time_ns, row in zip(t_ns.tolist(), delta.tolist(), strict=True):
-            middle_ns = (rose_ns + time_ns) // 2
+        for time, row in zip((t_ns * UNITS_PER_NS).tolist(), delta.tolist(), strict=True):
+            middle = (rose + time) // 2
             for axis in high:
-                yield min(rose_ns + PULSE_NS, middle_ns), f"step_{AXES[axis]}", 0
+                yield min(rose + longest, middle), f"step_{AXES[axis]}", 0
             high = [axis for axis in range(4) if row[axis]]
             for axis in high:
                 if minus[axis] != (row[axis] < 0):
                     minus[axis] = int(row[axis] < 0)
-                    yield max(time_ns - SETUP_NS, middle_ns), f"dir_{AXES[axis]}", minus[axis]
+                    yield max(time - setup, middle), f"dir_{AXES[axis]}", minus[axis]
             for axis in high:
-                yield time_ns, f"step_{AXES[axis]}", 1
-            rose_ns = time_ns
+                yield time, f"step_{AXES[axis]}", 1
+            rose = time
     for axis in high:
-        yield rose_ns + PULSE_NS, f"step_{AXES[axis]}", 0
+        yield rose + longest, f"step_{AXES[axis]}", 0
 
 
 def _samples(recorder: Recorder) -> Iterator[_Entry]:
     for piece in recorder.samples():
         columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
         for time_ns, counts, position_mm, lost_steps in zip(*columns, strict=True):
+            time = time_ns * UNITS_PER_NS
             for axis, count, lost in zip(AXES, counts, lost_steps, strict=True):
-                yield time_ns, f"count_{axis}", count
-                yield time_ns, f"lost_{axis}_steps", lost
+                yield time, f"count_{axis}", count
+                yield time, f"lost_{axis}_steps", lost
             for axis, position in zip(AXES, position_mm, strict=False):
-                yield time_ns, f"position_{axis}_mm", position
+                yield time, f"position_{axis}_mm", position
 
 
 def _changes(changes: list[Change]) -> Iterator[_Entry]:
     for change in changes:
-        yield change.time_ns, f"{change.group}.{change.name}", change.value
+        yield change.time_ns * UNITS_PER_NS, f"{change.group}.{change.name}", change.value

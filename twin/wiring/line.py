@@ -1,7 +1,7 @@
 """The serial line between host and controller, 8N1, in virtual time.
 
-With `timed` a byte takes ten bit times, one after the other in each direction; without, bytes arrive at the instant
-they are sent (right for tests of logic, where the line is not what is looked at).
+With `timed` a byte takes ten bit times (`byte_ns`), one after the other in each direction; without, bytes arrive at
+the instant they are sent (right for tests of logic, where the line is not what is looked at).
 
     host sends  |b0|b1|b2|            at 19200 baud: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
@@ -14,6 +14,11 @@ from collections import deque
 import numpy as np
 
 _BITS_PER_BYTE = 10
+
+
+def byte_ns(baud: int) -> int:
+    """Time of one byte on the line in ns: start bit, eight data bits, stop bit at `baud` bit/s."""
+    return round(_BITS_PER_BYTE * 1e9 / baud)
 
 
 class _Direction:
@@ -84,7 +89,7 @@ class SerialLine:
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
 
     def _byte_ns(self, baud: int) -> int:
-        return round(_BITS_PER_BYTE * 1e9 / baud) if self._timed else 0
+        return byte_ns(baud) if self._timed else 0
 
     def _disturbed(self, data: bytes) -> bytes:
         if self.noise <= 0.0 or not data:
