@@ -116,6 +116,8 @@ def _build(
     flash: Path | None,
     line_speed: bool,
 ) -> Twin:
+    if seed < 0:
+        raise BadCall(f"--seed {seed}: must be a whole number from 0")
     with _bad_call(flash):
         from isel_twin.files import FlashFile
         from isel_twin.twin import Twin
@@ -133,6 +135,17 @@ def _build(
         if keeper is not None:
             keeper.attach(twin)
     return twin
+
+
+LONGEST_S = 1e9
+"""Longest time a call may name, in virtual seconds, as for the times of a scenario."""
+
+
+def _seconds(option: str, value: float, low: float) -> float:
+    """The value of an option that is a time, if it is one from `low` to LONGEST_S seconds."""
+    if not low <= value <= LONGEST_S:  # false for nan, too
+        raise BadCall(f"{option} {value:g}: must be a time from {low:g} to {LONGEST_S:g} s")
+    return value
 
 
 def _check_writable(*paths: Path | None) -> None:
@@ -180,6 +193,7 @@ def serve(
     from isel_twin.bridge.server import Server, on_signals
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="isel-twin: %(message)s")
+    _seconds("--interval", interval, 1e-9)
     with _bad_call():
         factor = parse_speed(speed)
     if record is not None and record.suffix not in (".npz", ".vcd", ".parquet"):
@@ -229,10 +243,7 @@ def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: Exi
 def _recorder(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
     from isel_twin.trace.recorder import Recorder
 
-    interval_ns = round(interval_s * 1e9)
-    if interval_ns <= 0:
-        raise BadCall(f"--interval {interval_s:g}: must be at least a nanosecond (1e-9)")
-    return stack.enter_context(Recorder(twin, interval_ns))
+    return stack.enter_context(Recorder(twin, round(interval_s * 1e9)))
 
 
 def _write_trace(path: Path, twin: Twin, recorder: Recorder) -> None:
@@ -278,12 +289,14 @@ def run(
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1.
     """
-    from isel_twin.job import parse_job, play
+    from isel_twin.job import decode_job, parse_job, play
 
+    _seconds("--interval", interval, 1e-9)
+    _seconds("--timeout", timeout, 0.0)
     with _bad_call(job):
         try:
-            text = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
-            lines = parse_job(text.decode("latin-1"))
+            data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
+            lines = parse_job(decode_job(data))
         except ValueError as error:
             raise BadCall(f"{job}: {error}") from None
         if report is not None:
@@ -340,11 +353,12 @@ def _summary(twin: Twin, results: list[Result], **call: Any) -> dict[str, Any]:
     refused = sum(not result.ok for result in results)
     nothing_lost = bool((abs(lost) < twin.slip_steps / 2).all() and not forgotten.any())
     return {
-        "ok": refused == 0 and nothing_lost,
+        "ok": refused == 0 and nothing_lost and not twin.fault,
         "commands": len(results),
         "refused": refused,
         "lost_steps": [round(float(steps), 3) for steps in lost],
         "lost_before_reference": [int(steps) for steps in forgotten],
+        "controller_fault": twin.fault,
         "steps": len(twin.steps),
         "counts": [int(count) for count in twin.counts],
         "position_mm": [round(float(position), 6) for position in twin.position_mm],
@@ -429,6 +443,8 @@ class _TableOutput:
         if any(summary["lost_before_reference"]):
             before = zip("XYZA", summary["lost_before_reference"], strict=True)
             lost += f" (and before a reference run: {', '.join(f'{axis} {steps}' for axis, steps in before if steps)})"
+        if summary["controller_fault"]:
+            lost += ", the controller shows an error"
         verdict = "[bold green]all well[/]" if summary["ok"] else "[bold red]not as it should be[/]"
         self._console.print(
             f"\n{verdict}: {summary['commands']} commands, {summary['refused']} refused, lost steps: {lost}, "

@@ -100,7 +100,7 @@ def test_all_traces_at_once(tmp_path):
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *(file.name for file in files.values())}
     assert files["steps"].read_bytes()[:2] == b"PK"
-    assert "$timescale 1 ns $end" in files["vcd"].read_text()
+    assert "$timescale 100 ps $end" in files["vcd"].read_text()
     assert files["trace"].read_bytes()[:4] == b"PAR1"
     page = files["report"].read_text()
     assert "<svg" in page
@@ -138,6 +138,7 @@ def odd(tmp_path):
     """A place with things that are not what is asked for."""
     (tmp_path / "job.txt").write_text("@07\n")
     (tmp_path / "bad.txt").write_text("@07\n<256>\n")
+    (tmp_path / "long.txt").write_text(f"@07\n<{'9' * 400}s>\n")
     (tmp_path / "folder").mkdir()
     (tmp_path / "bad.toml").write_text("[[event]]\nat = 'noon'\n")
     (tmp_path / "there").write_text("")
@@ -161,6 +162,17 @@ def odd(tmp_path):
         (["run", "{odd}/job.txt", "--steps", "{odd}/none/out.npz"], "none"),
         (["run", "{odd}/job.txt", "--trace", "{odd}/folder"], "folder"),
         (["run", "{odd}/job.txt", "--vcd", "{odd}/o.vcd", "--interval", "0"], "--interval"),
+        *(
+            (["run", "{odd}/job.txt", option, value], f"{option} {value}: must be a time")
+            for option in ("--interval", "--timeout")
+            for value in ("nan", "inf", "-1", "1e+10")
+        ),
+        *((["serve", "--interval", value], f"--interval {value}") for value in ("nan", "inf", "0")),
+        (["run", "{odd}/long.txt"], "line 2: a pause of more than"),
+        (["run", "{odd}/job.txt", "--seed", "-1"], "--seed -1"),
+        (["serve", "--seed", "-1"], "--seed -1"),
+        *((["serve", "--speed", value], value) for value in ("nan", "inf", "-1", "1e308", "1e-320")),
+        *((["serve", "--tcp", f"localhost:{value}"], "0 to 65535") for value in ("65536", "-1", "9" * 5000)),
         (["serve", "--tcp", "{taken}"], "{taken}"),
         (["serve", "--rfc2217", "{taken}"], "{taken}"),
         (["serve", "--tcp", "nowhere"], "nowhere"),
