@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import isel_twin.models
+from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
 AXIS_NAMES = ("x", "y", "z")
@@ -445,18 +446,32 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
             _as_good_as(_contact(key, value, sections["switches"], axes, file), imperfections)
             for key, value in sections["contacts"].items()
         ),
-        motors={
-            key: {
-                name: _free(item, f"motors.{key}.{name}", file)
-                for name, item in _table(value, f"motors.{key}", file).items()
-            }
-            for key, value in sections["motors"].items()
-        },
+        motors={key: _motor(key, value, file) for key, value in sections["motors"].items()},
         controller={key: _free(value, f"controller.{key}", file) for key, value in sections["controller"].items()},
         tree=tree,
     )
     _check(machine, file)
     return machine
+
+
+def _motor(name: str, table: Any, file: Path) -> dict[str, float]:
+    """Fields of a motor of the machine's own, tried out here, so that a wrong one is named with its file."""
+    where = f"motors.{name}"
+    table = _table(table, where, file)
+    fields = dataclasses.fields(Motor)
+    _known(table, [f.name for f in fields], where, file)
+    for f in fields:
+        if f.name not in table and f.default is MISSING:
+            raise MachineError(f"{file}: {where}.{f.name}: missing")
+    values = {key: _free(value, f"{where}.{key}", file) for key, value in table.items()}
+    for key, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise MachineError(f"{file}: {where}.{key}: {value!r}; allowed: a number")
+    try:
+        Motor(**values)
+    except ValueError as error:
+        raise MachineError(f"{file}: {where}: {error}") from None
+    return values
 
 
 def _check(machine: Machine, file: Path) -> None:

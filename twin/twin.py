@@ -31,10 +31,11 @@ from isel_twin.controller import (
     FlashWrite,
     Output,
     Reply,
+    UnknownNameError,
     create_controller,
 )
 from isel_twin.drives.heat import StageHeat
-from isel_twin.machine import AXIS_NAMES, Machine, load_machine, with_overrides
+from isel_twin.machine import AXIS_NAMES, Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Run, Steps
 from isel_twin.plant import Plant, Switch
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
@@ -89,7 +90,12 @@ class Twin:
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
         settings = with_overrides(as_built, wanted).controller
-        self._controller = create_controller(controller, flash=flash, settings=settings)
+        try:
+            self._controller = create_controller(controller, flash=flash, settings=settings)
+        except UnknownNameError:
+            raise
+        except ValueError as error:
+            raise MachineError(f"{as_built.file}: [controller]: {error}") from None
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))

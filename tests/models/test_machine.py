@@ -149,6 +149,18 @@ def test_a_machine_based_on_ones_own_finds_its_files(tmp_path):
             "[timing]\nmujoco_step = { value = 0.51, %s }",
             r"mujoco_step: 0\.51 ms; allowed: whole multiples of motor_sub",
         ),
+        ("[motors.q]\nresistance_ohm = 1.0", r"motors\.q\.inductance_h: missing"),
+        ("[motors.q]\nresistance = 1.0", r"motors\.q\.resistance: unknown key; did you mean 'resistance_ohm'\?"),
+        (
+            '[motors.q]\nresistance_ohm = "x"\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\n'
+            "rotor_inertia_kgm2 = 5e-5",
+            r"motors\.q\.resistance_ohm: 'x'; allowed: a number",
+        ),
+        (
+            "[motors.q]\nresistance_ohm = -1.0\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\n"
+            "rotor_inertia_kgm2 = 5e-5",
+            r"motors\.q: .*resistance_ohm",
+        ),
         ("[tming]\n", r"tming: unknown key; did you mean 'timing'\?"),
         ("[axes.w]\n", r"axes\.w: unknown key"),
         ("travel = ", r"cannot be read: Invalid value"),

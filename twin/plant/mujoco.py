@@ -131,10 +131,7 @@ def _need(machine: Machine, spec: mujoco.MjSpec, names: Any, kind: str) -> None:
 def axis_motor(machine: Machine, axis: Axis) -> Motor:
     """The motor of an axis: one of the machine's own or of the public table. Raises MachineError."""
     if axis.motor in machine.motors:
-        try:
-            return Motor(**machine.motors[axis.motor])  # type: ignore[arg-type]
-        except (TypeError, ValueError) as error:
-            raise MachineError(f"{machine.file}: motors.{axis.motor}: {error}") from None
+        return Motor(**machine.motors[axis.motor])  # type: ignore[arg-type]
     if axis.motor not in MOTORS:
         names = ", ".join([*machine.motors, *MOTORS])
         raise MachineError(f"{machine.file}: axes.{axis.name}.motor: {axis.motor!r}; allowed: {names}")
