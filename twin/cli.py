@@ -69,6 +69,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     except BrokenPipeError:  # nobody reads our output any more, for example `| head`
         sys.stderr.close()
         code = 1
+    except OSError as error:  # standard output cannot be written, for example a full disk
+        print(f"isel-twin: {_one_line(str(error.strerror or error))}", file=sys.stderr)
+        sys.stdout = None  # type: ignore[assignment]  # or the interpreter tries to flush it once more
+        code = 1
     sys.exit(code)
 
 
@@ -99,9 +103,9 @@ def _bad_call(about: object = None) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise BadCall(f"{error.filename}: there is no such file") from error
+        raise BadCall(f"{error.filename2 or error.filename}: there is no such file") from error
     except OSError as error:
-        where = error.filename or about
+        where = error.filename2 or error.filename or about
         raise BadCall(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
     except ValueError as error:
         raise BadCall(str(error)) from error
@@ -133,6 +137,9 @@ def _build(
             line_speed=line_speed,
         )
         if keeper is not None:
+            # A damaged image is the controller's business; a file that never was one is the caller's, and kept.
+            if twin.outputs.get("flash_fault") and not (keeper.image or b"").startswith(b"isel-twin "):
+                raise BadCall(f"{flash}: is no flash image of {controller}; remove it or name another file")
             keeper.attach(twin)
     return twin
 
@@ -148,15 +155,21 @@ def _seconds(option: str, value: float, low: float) -> float:
     return value
 
 
-def _check_writable(*paths: Path | None) -> None:
-    """Find out before a long job, not after it, that its results have nowhere to go."""
+def _check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> None:
+    """Find out before a long job that its results have nowhere to go, or would replace a file it needs."""
     import os
 
+    taken = {path.resolve() for path in kept if path is not None}
     for path in paths:
-        if path is not None and path.is_dir():
+        if path is None:
+            continue
+        if path.is_dir():
             raise BadCall(f"{path}: is a folder, not a file")
-        if path is not None and not os.access(path.parent, os.W_OK):
+        if not os.access(path.parent, os.W_OK):
             raise BadCall(f"{path}: cannot write in folder {path.parent}; choose another place")
+        if path.resolve() in taken and not path.is_char_device():
+            raise BadCall(f"{path}: is named twice in this call; choose another name for what is written")
+        taken.add(path.resolve())
 
 
 @app.command
@@ -171,7 +184,7 @@ def serve(
     ] = None,
     tcp: Annotated[str | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one.")] = None,
     rfc2217: Annotated[str | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings).")] = None,
-    panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel.")] = None,
+    panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
@@ -198,7 +211,7 @@ def serve(
         factor = parse_speed(speed)
     if record is not None and record.suffix not in (".npz", ".vcd", ".parquet"):
         raise BadCall(f"--record {record}: the name must end in .npz, .vcd or .parquet")
-    _check_writable(record)
+    _check_writable(record, kept=(flash, scenario))
     with ExitStack() as stack:
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
@@ -301,7 +314,7 @@ def run(
             raise BadCall(f"{job}: {error}") from None
         if report is not None:
             _need_matplotlib()
-    _check_writable(steps, vcd, trace, report)
+    _check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
     with ExitStack() as stack:
         twin = _build(machine, controller, plant, seed, scenario, flash, line_speed=False)
         recorder = _recorder(twin, interval, stack) if vcd or trace or report else None

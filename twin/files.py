@@ -8,10 +8,11 @@ one; the folder is flushed too, so that a power cut leaves the old file or the n
 
 from __future__ import annotations
 
+import glob
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +45,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         _flush(temporary)
         temporary.replace(target)
         _flush(target.parent)
+    except OSError as error:
+        if error.filename is not None and Path(error.filename) == temporary:
+            error.filename = str(path)  # what the user named, not what we made of it
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -63,6 +68,25 @@ def _flush(path: Path) -> None:
         os.close(handle)
 
 
+def _remove_left_overs(target: Path) -> None:
+    """Remove temporary files of processes that were killed while they replaced `target`."""
+    for temporary in target.parent.glob(f".{glob.escape(target.name)}.*.tmp"):
+        pid = temporary.name.split(".")[-2]
+        if pid.isdigit() and not _alive(int(pid)):
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
 class FlashFile:
     """A controller's flash memory in a file.
 
@@ -72,6 +96,7 @@ class FlashFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        _remove_left_overs(Path(os.path.realpath(path)))
         self.image = (path.read_bytes() or None) if path.exists() else None
 
     def attach(self, twin: Twin) -> None:

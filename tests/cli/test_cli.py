@@ -255,3 +255,44 @@ def test_output_that_nobody_reads_is_no_error_message(tmp_path):
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == ""
+
+
+JOB = "@07\n@0IUx\n@0IW\n"
+
+
+def test_a_file_that_is_no_flash_image_is_refused_and_kept(tmp_path):
+    precious = tmp_path / "thesis.txt"
+    precious.write_text("years of work")
+    done = run("--flash", precious, stdin=JOB)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"isel-twin: {precious}: is no flash image of imc-s8; remove it or name another file\n"
+    assert precious.read_text() == "years of work"
+
+
+@pytest.mark.parametrize("options", [("--steps", "job.txt"), ("--steps", "o.npz", "--vcd", "o.npz")])
+def test_a_file_named_twice_is_refused_and_kept(tmp_path, options):
+    job = tmp_path / "job.txt"
+    job.write_text(JOB)
+    done = isel_twin("run", job, "--plant", "kinematic", *(o if o.startswith("-") else tmp_path / o for o in options))
+    assert done.returncode == 2
+    assert "is named twice in this call" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert job.read_text() == JOB
+
+
+def test_left_overs_of_killed_processes_are_removed(tmp_path):
+    killed = subprocess.Popen([sys.executable, "-c", ""])
+    killed.wait()
+    left_over = tmp_path / f".flash.bin.{killed.pid}.tmp"
+    left_over.write_bytes(b"half")
+    assert run("--flash", tmp_path / "flash.bin", stdin=JOB).returncode == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["flash.bin"]
+
+
+def test_a_full_disk_behind_standard_output_is_one_line(tmp_path):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"],
+            input=JOB, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (1, "isel-twin: No space left on device\n")
