@@ -146,3 +146,19 @@ def test_emergency_stop_is_hardware() -> None:
     twin.run(3.0)
     assert twin.counts[0] > 2000
     assert abs(twin.position_mm[0] - before) < 1.0
+
+
+@pytest.mark.parametrize("opened_at_s", [0.5, 0.7], ids=["before the job", "during the job"])
+def test_the_cabinet_keeps_an_open_hood_safe_from_a_controller_that_knows_no_hood(opened_at_s: float) -> None:
+    twin = Twin(controller="ismif", start_mm=(30.0, 30.0, 30.0))
+    events = sorted([(opened_at_s, "hood"), (0.6, "job")])
+    for at_s, event in events:
+        twin.run(at_s - twin.time_ns / 1e9)
+        if event == "hood":
+            twin.set_input("hood", "open")
+        else:
+            twin.write(b"L1,X2000\x01\r")
+    cut_mm = twin.machine_position_mm[0]
+    twin.run(2.0)
+    assert twin.outputs["power"] == 0
+    assert twin.machine_position_mm[0] - cut_mm < 0.1, "the stages are dead, whatever is stepped"

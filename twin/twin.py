@@ -441,6 +441,7 @@ class Twin:
             return
         before, self._run = self._run, run
         self._cabinet.motion(run is not None)
+        self._cabinet_changed()
         continued = (
             before is not None
             and run is not None
