@@ -274,10 +274,8 @@ class Serial(SerialBase):
 
     @property
     def _byte_ns(self) -> int:
-        """Time of a byte on the line; imported here, as the scheme is registered without anything heavy."""
-        from isel_twin.wiring.line import byte_ns
-
-        return byte_ns(self.twin.baud)
+        """Time of a byte on the line."""
+        return self.twin.serial_format.byte_ns
 
     def _check_open(self) -> None:
         if not self.is_open:

@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple, Protocol
 
 from isel_twin.bridge.pacing import Clocked, Pacer
-from isel_twin.wiring.line import byte_ns
+from isel_twin.controller import SerialFormat
 
 __all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "on_signals"]
 
@@ -38,7 +38,7 @@ class SerialTwin(Clocked, Protocol):
     """What the server needs of a twin."""
 
     @property
-    def baud(self) -> int: ...
+    def serial_format(self) -> SerialFormat: ...
     def write(self, data: bytes) -> None: ...
     def read(self) -> bytes: ...
 
@@ -184,7 +184,7 @@ class Server:
         """Wall seconds until the line has room for more; <= 0: now. Unpaced lines always have."""
         if self.pacer.speed is None:
             return 0.0
-        room_ns = LINE_BYTES * byte_ns(self.twin.baud)
+        room_ns = LINE_BYTES * self.twin.serial_format.byte_ns
         return self.pacer.until_s(self._line_free_ns - room_ns)
 
     def _awake(self) -> None:
@@ -208,7 +208,7 @@ class Server:
         self._speaker = endpoint
         self.twin.write(data)
         start_ns = max(self._line_free_ns, self.twin.time_ns)
-        self._line_free_ns = start_ns + len(data) * byte_ns(self.twin.baud)
+        self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 
     def claim(self, endpoint: Endpoint) -> bool:
         """A network client of this endpoint asks for the line; True if it may have it.

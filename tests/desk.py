@@ -33,8 +33,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import AXES, NANOSECOND, Controller, CounterSet, FlashWrite, Output, Reply, create_controller
-from isel_twin.motion import Run, decode
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Reply, create_controller
+from isel_twin.motion import Motion
+from isel_twin.units import SECOND_NS
 from isel_twin.wiring.cabinet import ELEMENTS, Cabinet
 
 _CHUNK = 1 << 16
@@ -85,34 +87,6 @@ class Stream:
     def from_start(self) -> Stream:
         """The same ticks with the first one at time 0: streams of the same moves made at other times become equal."""
         return replace(self, t_ns=self.t_ns - self.t_ns[0]) if len(self) else self
-
-
-AXIS_NAMES = "xyza"
-
-IMC_TERMINALS: Mapping[str, tuple[str, ...]] = {
-    **{f"p0.{bit}": (f"user_{bit}",) for bit in range(8)},
-    "p1.0": ("estop_1",),
-    "p1.1": ("estop_2",),
-    "p1.2": ("overtemperature",),
-    "p1.3": ("start",),
-    "p1.4": ("stop",),
-    "p1.5": ("probe",),
-    "p2.0": ("spindle",),
-    "p2.1": ("power_ok",),
-    "p2.5": ("hood_automatic",),
-    "p2.6": ("hood_setup",),
-    "p2.7": ("key",),
-    "p3.0": ("limit_x1",),
-    "p3.1": ("limit_x2",),
-    "p3.2": ("limit_y1",),
-    "p3.3": ("limit_y2",),
-    "p3.4": ("limit_z1",),
-    "p3.5": ("limit_z2",),
-    "p3.6": ("limit_a1",),
-    "p3.7": ("limit_a2",),
-}
-"""Terminal -> contacts in series (the terminal is high while all are closed), as docs/architecture.md lists them; for a
-controller whose `wiring()` is None. The A axis has two real switches here, so that tests can strike them."""
 
 
 def switches(travel: Iterable[int] = (126_400, 96_000, 44_800, 100_000), hysteresis: int = 8) -> list[PositionSwitch]:
@@ -175,10 +149,9 @@ class Desk:
 
     def power_on(self) -> None:
         """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
-        wiring = self.controller.wiring()
-        self.terminals = dict(self._terminals_given or wiring or IMC_TERMINALS)
+        self.terminals = dict(self._terminals_given or self.controller.terminals())
         self.levels = self._levels()
-        self._expected = [0] * AXES
+        self._expected = [0] * len(self.counts)
         self.controller.power_on(self.time_ns, dict(self.levels))
         self._collect()
 
@@ -194,7 +167,7 @@ class Desk:
                 self.cabinet.output(name, 0)
                 self._log_output(name, 0)
         self.cabinet.output("moving", 0)
-        self.time_ns += round(off_s * NANOSECOND)
+        self.time_ns += round(off_s * SECOND_NS)
         if flash is not None:
             self.flash = flash
         self.controller = self.factory(self.flash)
@@ -228,7 +201,7 @@ class Desk:
 
         Raises StillBusyError if `limit_s` seconds of virtual time do not suffice.
         """
-        deadline = self.time_ns + round(limit_s * NANOSECOND)
+        deadline = self.time_ns + round(limit_s * SECOND_NS)
         if not self.controller.idle:
             self._advance(deadline, until_idle=True)
         if not self.controller.idle:
@@ -277,7 +250,7 @@ class Desk:
     def at(self, seconds: float, action: Callable[[], object]) -> None:
         """Do something momentary (set, send) `seconds` from now, whoever lets the time pass."""
         self._agenda_entries += 1
-        heapq.heappush(self._agenda, (self.time_ns + round(seconds * NANOSECOND), self._agenda_entries, action))
+        heapq.heappush(self._agenda, (self.time_ns + round(seconds * SECOND_NS), self._agenda_entries, action))
 
     # --- observation -----------------------------------------------------------------------------------------------
 
@@ -293,7 +266,7 @@ class Desk:
             t_ns, delta = zip(*self._chunks, strict=True)
             self._chunks = [(np.concatenate(t_ns), np.concatenate(delta))]
         if not self._chunks:
-            return Stream(np.zeros(0, np.int64), np.zeros((0, AXES), np.int8))
+            return Stream(np.zeros(0, np.int64), np.zeros((0, len(self.counts)), np.int8))
         return Stream(*self._chunks[0])
 
     @property
@@ -314,7 +287,7 @@ class Desk:
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of virtual time pass."""
-        self.advance_to(self.time_ns + round(seconds * NANOSECOND))
+        self.advance_to(self.time_ns + round(seconds * SECOND_NS))
 
     def advance_to(self, until_ns: int) -> None:
         """Let time pass to `until_ns`: never beyond `next_ns`, switch edges at the exact tick."""
@@ -367,9 +340,8 @@ class Desk:
             first, size = stop, min(2 * size, _CHUNK)
         return until_ns
 
-    def _make_chunk(self, run: Run, first: int, stop: int) -> int | None:
-        t_ns, code = run.window(first, stop)
-        delta = decode(code)
+    def _make_chunk(self, run: Motion, first: int, stop: int) -> int | None:
+        t_ns, delta = run.window(first, stop)
         motor = delta * np.array(self.controller.direction, dtype=np.int8)
         positions = self.carriage + np.cumsum(motor, axis=0, dtype=np.int64)
         n = len(t_ns)

@@ -8,7 +8,7 @@ import pytest
 from desk import Desk, PositionSwitch, ProtocolError, StillBusyError
 
 from isel_twin.controller import CounterSet, Event, Output, Reply
-from isel_twin.motion import Run, constant, line
+from isel_twin.motion import StepRun, constant, line
 
 MS = 1_000_000
 
@@ -20,7 +20,7 @@ class Toy:
     direction = (1, 1, 1, 1)
 
     def __init__(self, flash: bytes | None) -> None:
-        self.run: Run | None = None
+        self.run: StepRun | None = None
         self.begin = (0, 0, 0, 0)
         self.counts = (0, 0, 0, 0)
         self.events: list[Event] = []
@@ -52,7 +52,7 @@ class Toy:
                 self.events.append(Reply(b"k"))
             elif value == "m":
                 self.begin = self.counts
-                self.run = Run(line((-100, 0, 0, 0)), constant(100, 1000), t_ns)
+                self.run = StepRun(line((-100, 0, 0, 0)), constant(100, 1000), t_ns)
             elif value == "p":
                 self.events.append(Output("power_request", 1))
             elif value == "!":

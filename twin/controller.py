@@ -1,7 +1,7 @@
 """What a controller is: the border between a firmware and everything around it.
 
 A controller is sans-I/O. It is told what happens and when (bytes from the host, input levels, the passing of time) and
-says what it does (reply bytes, output levels, counter settings, flash images) and which steps it is making. It never
+says what it does (reply bytes, output levels, counter settings, flash images) and which motion it is making. It never
 reads a clock, a socket or a file, and nothing above or below it knows which controller it is.
 
 Protocol of time
@@ -13,31 +13,59 @@ Times are integer nanoseconds of virtual time and never run backwards. Whoever d
    (end of a motion, end of a delay, next step of a reference run);
 3. after each call fetch `take()`: the events of that instant, in their order.
 
-Between two calls the controller makes the pulses of `run` (see `isel_twin.motion.Run`), all those with a time <= t
-once it has been called with t. An input edge at t therefore meets a controller that has made exactly the pulses up to
-and including t: a limit switch ends the stream there, and no rollback is needed.
+Between two calls the controller makes the ticks of `run` (see `isel_twin.motion.Motion`), all those with a time <= t
+once it has been called with t. An input edge at t therefore meets a controller that has made exactly the ticks up to
+and including t: a limit switch ends the motion there, and no rollback is needed.
 
         t0            edge at t1          next_ns
-        |--- pulses of run ---|- - - cancelled - - -|
+        |--- ticks of run ----|- - - cancelled - - -|
         advance(t0)   set_input(t1, ...)
 
-Third parties add a controller by an entry point in the group `isel_twin.controllers`; see docs/controllers.md.
+What `run` may become while it is made is stated in `isel_twin.motion.motion`.
+
+What drives report
+------------------
+A controller that closes loops of its own asks for it: see `UsesDrives`. One that does not is not burdened.
+
+What its bytes mean to people and tools is a second, optional border: `isel_twin.language.Language`.
+
+Several devices on one shared line are themselves a controller: one object that hands each byte to all of them, sends
+what they answer, and shows the motion of the one that has axes. Third parties add a controller by an entry point in the
+group `isel_twin.controllers`; see docs/controllers.md.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
-from isel_twin.motion import Run
+from isel_twin.motion import Motion
+from isel_twin.units import SECOND_NS
 
-AXES = 4
-"""Number of axes of a step stream: X, Y, Z, A."""
 
-NANOSECOND = 1_000_000_000
-"""Nanoseconds in a second."""
+@dataclass(frozen=True)
+class SerialFormat:
+    """How a byte goes over the line: speed in bit/s, data bits, parity (N, E, O), stop bits."""
+
+    baud: int
+    data_bits: int = 8
+    parity: Literal["N", "E", "O"] = "N"
+    stop_bits: int = 1
+
+    @property
+    def bits(self) -> int:
+        """Bit times of a byte: start bit, data, parity, stop bits."""
+        return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
+
+    @property
+    def byte_ns(self) -> int:
+        """Time of a byte on the line in ns."""
+        return round(self.bits * SECOND_NS / self.baud)
+
+    def __str__(self) -> str:
+        return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits}"
 
 
 @dataclass(frozen=True)
@@ -51,7 +79,7 @@ class Reply:
 class Output:
     """A new level of a named output.
 
-    Names every controller may use, so that the cabinet understands them:
+    Names every controller may use, so that drives and cabinet understand them; all of them are 0 until it says so:
     `stages` (1: motor currents on), `power_request` (rising edge: reset and close the safety relay),
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
@@ -65,7 +93,7 @@ class Output:
 
 @dataclass(frozen=True)
 class CounterSet:
-    """The controller has set the step counter of one axis (0 X .. 3 A) without making a step: reference, reset."""
+    """The controller has set the counter of one axis (0 X, 1 Y ...) without a motion: reference, reset."""
 
     axis: int
     value: int
@@ -85,20 +113,20 @@ class Controller(Protocol):
     """An emulated controller. See the module for the protocol of time."""
 
     @property
-    def baud(self) -> int:
-        """Line speed in bit/s (8N1: ten bits a byte)."""
+    def serial_format(self) -> SerialFormat:
+        """Line speed and form of a byte, at the time of the last call."""
 
     @property
-    def counts(self) -> tuple[int, int, int, int]:
-        """Step counters X, Y, Z, A at the time of the last call."""
+    def counts(self) -> tuple[int, ...]:
+        """Counters at the time of the last call, one an axis (1 to 8, X Y Z A B C U V); always as many."""
 
     @property
-    def direction(self) -> tuple[int, int, int, int]:
+    def direction(self) -> tuple[int, ...]:
         """+1 or -1 for each axis: sense in which a positive count turns the motor. Changes only while `run` is None."""
 
     @property
-    def run(self) -> Run | None:
-        """The step stream in execution, in the sense of the counters, or None at rest."""
+    def run(self) -> Motion | None:
+        """The motion in execution, in the sense of the counters, or None at rest."""
 
     @property
     def next_ns(self) -> int | None:
@@ -127,10 +155,10 @@ class Controller(Protocol):
     def take(self) -> list[Event]:
         """Events since the last call of `take`, in their order; they happened at the time of the last call."""
 
-    def wiring(self) -> Mapping[str, tuple[str, ...]] | None:
-        """Terminals of this controller and the contacts of the machine wired to each (several: in series).
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals and the contacts of machine and cabinet that lead to each (several: in series).
 
-        None: the terminals that the machine's own wiring table names.
+        A contact that the machine lacks is left out; a terminal left without any is not wired.
         """
 
     def machine_overrides(self) -> Mapping[str, Any]:
@@ -138,6 +166,53 @@ class Controller(Protocol):
 
         Keys as for `isel_twin.machine.with_overrides`: {"axes.all.steps_per_rev": 400}. Empty for none.
         """
+
+
+class Drives(Protocol):
+    """What the drives know now. Good during a call of the border, and then about the time of that call."""
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        """Measured position of each axis, in increments of the commands, in zero and sense of the counters."""
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        """Following error of each axis in increments: command (as led by now) minus measured position."""
+
+    @property
+    def on(self) -> tuple[bool, ...]:
+        """Whether each axis has current."""
+
+    @property
+    def fault(self) -> tuple[bool, ...]:
+        """Whether the drive of each axis has switched itself off."""
+
+
+@dataclass(frozen=True)
+class DriveInput:
+    """An input terminal fed by a drive: high while a quantity of one axis is beyond a limit.
+
+    `lag`: size of the following error in increments, high above `limit`, low again at `limit - hysteresis`: a following
+    error, or with a small limit the opposite of "in position". `fault`: high while the drive is faulty; no limit.
+    """
+
+    terminal: str
+    axis: int
+    quantity: Literal["lag", "fault"]
+    limit: float = 0.0
+    hysteresis: float = 0.0
+
+
+@runtime_checkable
+class UsesDrives(Protocol):
+    """What a controller offers beside `Controller` if it wants to know what its drives know."""
+
+    def drive_inputs(self) -> Sequence[DriveInput]:
+        """Terminals that drives feed; their edges come by `set_input` like those of any switch, at the sub-step in
+        which the limit is passed. Asked once, before `power_on`."""
+
+    def use_drives(self, drives: Drives) -> None:
+        """The drives to be asked during later calls. Handed over once, before `power_on`."""
 
 
 ControllerFactory = Callable[..., Controller]

@@ -23,27 +23,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
-    AXES,
-    NANOSECOND,
     CounterSet,
     Event,
     FlashWrite,
     Output,
     Reply,
+    SerialFormat,
     UnknownNameError,
     create_controller,
 )
 from isel_twin.drives.heat import StageHeat
-from isel_twin.machine import AXIS_NAMES, Machine, MachineError, load_machine, with_overrides
-from isel_twin.motion import Run, Steps
+from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
+from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant, Switch
+from isel_twin.units import SECOND_NS
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
 
 PLANTS = ("mujoco", "kinematic")
 
-_CHUNK = 1 << 15
-"""Ticks of a run expanded at once; bounds the memory of long moves."""
 _MOVING_SLICE_NS = 10_000_000
 """While something moves by itself, whoever paces the twin should look again after this time."""
 _ENDLESS = 100_000
@@ -107,15 +106,16 @@ class Twin:
         self._outputs: dict[str, int] = {}
         self._line = SerialLine(line_speed, noise)
         self._cabinet = Cabinet()
-        self._contacts = Contacts(self.machine.contacts, self._controller.wiring(), bounces)
+        self._contacts = Contacts(self.machine.contacts, self._controller.terminals(), bounces)
         self._switches = self.machine.switches
         self._trip_random = trips
         self._plant = self._build_plant(plant, _power_on_mm(self.machine, start, start_mm))
         self._zero_mm = self._plant.position_mm
         self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
         self._period = self._plant.slip_steps
-        self._slip = np.zeros(AXES)
-        self._forgotten = np.zeros(AXES)
+        axes = len(self._controller.counts)
+        self._slip = np.zeros(axes)
+        self._forgotten = np.zeros(axes)
         self._heat = StageHeat(self._plant.stages)
         self._scenario = list(load_scenario(scenario, self._contacts.names)) if scenario is not None else []
         self._observers: list[_Observer] = []
@@ -125,9 +125,7 @@ class Twin:
             self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
         self._cabinet_changed()
         self._levels = self._contacts.levels()
-        self._run: Run | None = None
-        self._ticks = _Ticks(None, 0)
-        self._steps = Steps()
+        self._stream = Stream(axes)
         self._controller.power_on(0, self._levels)
         self._settle()
 
@@ -135,7 +133,7 @@ class Twin:
 
     def write(self, data: bytes) -> None:
         """The host sends bytes now."""
-        self._line.from_host(self.time_ns, data, self.baud)
+        self._line.from_host(self.time_ns, data, self.serial_format.byte_ns)
         self._settle()
 
     def read(self) -> bytes:
@@ -158,7 +156,7 @@ class Twin:
 
         Returns whether it is idle.
         """
-        self._advance(self.time_ns + round(timeout_s * NANOSECOND), lambda: self.idle)
+        self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle)
         return self.idle
 
     @property
@@ -173,9 +171,9 @@ class Twin:
         return arrival_ns is not None and arrival_ns <= self.time_ns
 
     @property
-    def baud(self) -> int:
-        """Speed of the serial line in bit/s."""
-        return self._controller.baud
+    def serial_format(self) -> SerialFormat:
+        """Speed of the serial line and form of a byte."""
+        return self._controller.serial_format
 
     @property
     def idle(self) -> bool:
@@ -189,7 +187,7 @@ class Twin:
         """Let virtual time pass. Raises ValueError unless seconds is a finite number, not negative."""
         if not 0.0 <= seconds < math.inf:
             raise ValueError(f"virtual time cannot pass by {seconds} s; give a finite number that is not negative")
-        self.run_until(self.time_ns + round(seconds * NANOSECOND))
+        self.run_until(self.time_ns + round(seconds * SECOND_NS))
 
     def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
         """Let virtual time pass to time_ns, or until `stop` (asked whenever something has happened) returns True.
@@ -202,7 +200,7 @@ class Twin:
     def next_event_ns(self) -> int | None:
         """When something may happen without anybody's doing; None if only the outside can change anything."""
         times = [t for t in (*self._deadlines(), self._line.next_reply_ns) if t is not None]
-        if self._run is not None or not self._plant.at_rest:
+        if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)
         return min(times, default=None)
 
@@ -244,7 +242,7 @@ class Twin:
     @property
     def steps(self) -> Steps:
         """The step stream made since power-on: `.t_ns` int64 [n], `.delta` int8 [n, 4]."""
-        return self._steps.until(self.time_ns)
+        return self._stream.steps(self.time_ns)
 
     @property
     def inputs(self) -> Mapping[str, str]:
@@ -288,7 +286,7 @@ class Twin:
 
     def apply_force(self, axis: int, force_n: float) -> None:
         """Push a carriage (0 X .. 2 Z) with force_n newton along its axis, until told otherwise. Raises ValueError."""
-        if axis not in range(len(AXIS_NAMES)):
+        if axis not in range(len(CARRIAGES)):
             raise ValueError(f"axis {axis!r} has no carriage; there are: 0 (X), 1 (Y), 2 (Z)")
         if not math.isfinite(force_n):
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
@@ -323,11 +321,11 @@ class Twin:
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the pulses up to until_ns, or up to the first switch edge or the end of a chunk."""
-        t_ns, code = self._ticks.until(until_ns)
-        if len(t_ns) and self._ticks.more_after(len(t_ns)):
+        t_ns, delta = self._stream.until(until_ns)
+        if len(t_ns) and self._stream.more_after(len(t_ns)):
             until_ns = int(t_ns[-1])
-        reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(code, self._controller.direction))
-        self._ticks.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
+        reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(delta, self._controller.direction))
+        self._stream.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
 
     def _settle(self) -> None:
@@ -416,7 +414,7 @@ class Twin:
         for event in events:
             match event:
                 case Reply(data):
-                    self._line.from_controller(self.time_ns, data, self.baud)
+                    self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
                 case Output(name, value):
                     self._outputs[name] = value
                     self._cabinet.output(name, value)
@@ -436,27 +434,9 @@ class Twin:
 
     def _follow_run(self) -> None:
         """Keep the record in step with what the controller says it is making."""
-        run = self._controller.run
-        if run is self._run:
-            return
-        before, self._run = self._run, run
-        self._cabinet.motion(run is not None)
-        self._cabinet_changed()
-        continued = (
-            before is not None
-            and run is not None
-            and run.path is before.path
-            and (run.start_ns, run.first) == (before.start_ns, before.first)
-        )
-        if continued and run is not None:
-            self._steps.replace_last(run)
-            self._ticks = _Ticks(run, self._ticks.made)
-            return
-        if before is not None:
-            self._steps.replace_last(before.cut(self.time_ns))
-        if run is not None:
-            self._steps.append(run)
-        self._ticks = _Ticks(run, run.first if run is not None else 0)
+        if self._stream.follow(self._controller.run, self.time_ns):
+            self._cabinet.motion(self._stream.moving)
+            self._cabinet_changed()
 
     def _commanded(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return self._plant.commanded, np.array(self._controller.direction, dtype=np.int64)
@@ -469,52 +449,22 @@ class Twin:
 
     def _build_plant(self, plant: str, start_mm: NDArray[np.float64]) -> Plant:
         switches = [
-            Switch(AXIS_NAMES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
+            Switch(CARRIAGES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
             for c in self._switches
         ]
         if plant == "kinematic":
             from isel_twin.plant.kinematic import KinematicPlant
 
-            return KinematicPlant(self.machine, switches, start_mm)
+            return KinematicPlant(self.machine, switches, start_mm, len(self._controller.counts))
         from isel_twin.plant.mujoco import MujocoPlant
 
-        return MujocoPlant(self.machine, switches, start_mm)
+        return MujocoPlant(self.machine, switches, start_mm, len(self._controller.counts))
 
     def _draw_trip_point(self, number: int) -> None:
         """A switch trips a little elsewhere each time: draw where it will the next time."""
         switch = self._switches[number]
         scatter_mm = self._trip_random.normal(0.0, switch.repeatability_mm)
         self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
-
-
-class _Ticks:
-    """The ticks of a run that are still to be made, expanded a chunk at a time and handed out as time goes on.
-
-    made            made + len(window)       run.last
-     |-- to be made --|- - - not expanded - - -|
-    """
-
-    def __init__(self, run: Run | None, made: int) -> None:
-        self._run = run
-        self.made = made
-        """Path ticks made so far."""
-        self._t_ns, self._code = _NO_TICKS
-
-    def until(self, t_ns: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Times and codes of the ticks to be made up to t_ns, as far as they are expanded."""
-        if not len(self._t_ns) and self._run is not None and self.made < self._run.last:
-            self._t_ns, self._code = self._run.window(self.made, min(self.made + _CHUNK, self._run.last))
-        count = int(np.searchsorted(self._t_ns, t_ns, side="right"))
-        return self._t_ns[:count], self._code[:count]
-
-    def more_after(self, count: int) -> bool:
-        """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
-        return self._run is not None and count == len(self._t_ns) and self.made + count < self._run.last
-
-    def make(self, count: int) -> None:
-        """The next `count` ticks have been made."""
-        self.made += count
-        self._t_ns, self._code = self._t_ns[count:], self._code[count:]
 
 
 class _Observer:
@@ -551,12 +501,6 @@ def _power_on_mm(
     return np.array(wanted_mm, dtype=np.float64)
 
 
-_NO_TICKS = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8))
-
-
-def _in_motor_sense(code: NDArray[np.uint8], direction: tuple[int, int, int, int]) -> NDArray[np.uint8]:
-    """Invert the axes whose direction is -1: in a two-bit field 1 and 3 change places, 0 stays."""
-    mask = sum(1 << (2 * axis) for axis, sense in enumerate(direction) if sense < 0)
-    if not mask or not len(code):
-        return code
-    return code ^ ((code & np.uint8(mask)) << np.uint8(1))
+def _in_motor_sense(delta: NDArray[Any], direction: tuple[int, ...]) -> NDArray[Any]:
+    """Changes [n, axes] in the sense of the counters, turned into that of the motors."""
+    return delta if min(direction) > 0 else delta * np.array(direction, dtype=delta.dtype)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from isel_twin.motion import Path, Profile, Run, Steps, circle, constant, decode, helix, line, trapezoid
+from isel_twin.motion import Path, Profile, StepRun, Steps, circle, constant, helix, line, trapezoid
 
 TICKS = 1_000_000
 CHUNK = 1 << 16
@@ -24,7 +24,7 @@ RUNS = {
 }
 
 
-def in_chunks(run: Run) -> int:
+def in_chunks(run: StepRun) -> int:
     """All windows of a run as the twin asks for them; the time of the last tick."""
     last = 0
     for k in range(0, TICKS, CHUNK):
@@ -58,14 +58,14 @@ def test_baseline_fill(benchmark: BenchmarkFixture) -> None:
 @pytest.mark.benchmark(group="step streams, 10^6 ticks")
 @pytest.mark.parametrize(("path", "profile"), RUNS.values(), ids=RUNS)
 def test_generation(benchmark: BenchmarkFixture, path: Path, profile: Profile) -> None:
-    run = Run(path, profile, 0)
+    run = StepRun(path, profile, 0)
     assert benchmark(in_chunks, run) == profile.duration_ns
     note(benchmark)
 
 
 @pytest.mark.benchmark(group="step streams, 10^6 ticks")
 def test_record_to_arrays(benchmark: BenchmarkFixture) -> None:
-    record = Steps([Run(*RUNS["line, trapezoid"], 0)])
+    record = Steps([StepRun(*RUNS["line, trapezoid"], 0)])
     t_ns, delta = benchmark(lambda: (record.t_ns, record.delta))
     assert (t_ns.size, len(delta)) == (TICKS, TICKS)
     note(benchmark)
@@ -82,5 +82,5 @@ def test_count(benchmark: BenchmarkFixture) -> None:
 def test_circle_displacement(benchmark: BenchmarkFixture) -> None:
     """Where is a circle of 10^6 ticks after tick k: from a checkpoint, at the far end of its interval."""
     path, k = RUNS["circle"][0], 61 * 8192 - 1
-    made = decode(path.codes(0, k)).sum(axis=0, dtype=int)
+    made = path.deltas(0, k).sum(axis=0, dtype=int)
     assert benchmark(path.displacement, k) == tuple(made)

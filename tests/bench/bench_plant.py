@@ -29,7 +29,7 @@ STEPS = 20_000
 """Of each axis at 10 kHz: 62.5 mm in 2.1 s."""
 PROFILE = trapezoid(STEPS, 10_000, 300, 100_000)
 T_NS = PROFILE.times(0, STEPS)
-CODES = {sign: line((sign * STEPS,) * 3 + (0,)).codes(0, STEPS) for sign in (1, -1)}
+CODES = {sign: line((sign * STEPS,) * 3 + (0,)).deltas(0, STEPS) for sign in (1, -1)}
 SECONDS = PROFILE.duration_ns * 1e-9
 REFERENCE = {"timing.motor_substep": 5.0, "timing.mujoco_step": 0.05}
 NO_PULSES = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)

@@ -427,15 +427,15 @@ def test_external_emergency_stop() -> None:
 def test_9600_baud_after_flash_and_reset(by: str) -> None:
     desk = fresh()
     assert desk.query("@0IC1") == "0"
-    assert desk.controller.baud == 19_200
+    assert desk.controller.serial_format.baud == 19_200
     assert desk.query("@0IW") == "0"
-    assert desk.controller.baud == 19_200
+    assert desk.controller.serial_format.baud == 19_200
     if by == "power":
         desk.power_cycle()
     else:
         desk.send(b"\xfe")
         desk.run(3.0)
-    assert desk.controller.baud == 9600
+    assert desk.controller.serial_format.baud == 9600
 
 
 @shows("imc-4.2.15-2")
@@ -443,20 +443,20 @@ def test_9600_baud_needs_the_flash() -> None:
     desk = fresh()
     assert desk.query("@0IC1") == "0"
     desk.power_cycle()
-    assert desk.controller.baud == 19_200
+    assert desk.controller.serial_format.baud == 19_200
 
 
 @shows("imc-4.2.15-3", "imc-4.2.15-4")
 def test_back_to_19200_baud() -> None:
     desk = fresh()
-    assert desk.controller.baud == 19_200
+    assert desk.controller.serial_format.baud == 19_200
     for text in ("@0IC1", "@0IW"):
         assert desk.query(text) == "0"
     desk.power_cycle()
     for text in ("@0IC0", "@0IW"):
         assert desk.query(text) == "0"
     desk.power_cycle()
-    assert desk.controller.baud == 19_200
+    assert desk.controller.serial_format.baud == 19_200
 
 
 # --- 4.2.16: user information --------------------------------------------------------------------------------------

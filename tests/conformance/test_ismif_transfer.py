@@ -81,7 +81,7 @@ def test_nothing_is_sent_unasked() -> None:
 
 @shows("ismif-5.1-3")
 def test_line_speed() -> None:
-    assert fresh().controller.baud == 19_200
+    assert fresh().controller.serial_format.baud == 19_200
 
 
 # --- 5.2: commands, jobs, memory ----------------------------------------------------------------------------------

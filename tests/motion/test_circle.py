@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isel_twin.motion import circle, decode, helix
+from isel_twin.motion import circle, helix
 from isel_twin.motion.circle import Circle
 
 RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
@@ -66,7 +66,7 @@ def field_d(r: float, x: int, y: int, rx: int, ry: int) -> float:
 
 def points(path: Circle, x: int, y: int) -> NDArray[np.int64]:
     """int64 [ticks + 1, 2] around the centre; every tick must be one step of one of the two axes."""
-    delta = decode(path.codes(0, path.ticks))[:, :2].astype(np.int64)
+    delta = path.deltas(0, path.ticks)[:, :2].astype(np.int64)
     assert (np.abs(delta).sum(axis=1) == 1).all()
     return np.concatenate([[(x, y)], np.array((x, y)) + np.cumsum(delta, axis=0)])
 
@@ -99,7 +99,7 @@ def test_the_helix_printed_in_the_manual() -> None:
     assert off(path, 2000) <= 1
     assert turns(path) == pytest.approx(2)
     assert spiral.displacement(32_000) == (0, 0, 6000, 0)
-    third = np.cumsum(decode(spiral.codes(0, 32_000))[:, 2].astype(int))
+    third = np.cumsum(spiral.deltas(0, 32_000)[:, 2].astype(int))
     assert third.tolist() == [(2 * k * 6000 + 32_000) // 64_000 for k in range(1, 32_001)]
 
 
@@ -205,8 +205,8 @@ def test_planes(axes: tuple[int, int]) -> None:
 def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None:
     flat = circle(3200, -200, 400, 0, -1, 1, False)
     spiral = helix(3200, -200, 400, 0, -1, 1, False, (0, 1), third_axis, third_steps)
-    delta = decode(spiral.codes(0, 3200))
-    assert delta[:, :2].tolist() == decode(flat.codes(0, 3200))[:, :2].tolist()
+    delta = spiral.deltas(0, 3200)
+    assert delta[:, :2].tolist() == flat.deltas(0, 3200)[:, :2].tolist()
     made = np.cumsum(delta[:, third_axis].astype(int))
     sign = -1 if third_steps < 0 else 1
     assert made.tolist() == [sign * ((2 * k * abs(third_steps) + 3200) // 6400) for k in range(1, 3201)]
@@ -218,18 +218,18 @@ def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None
 def test_windows_and_displacements_do_not_depend_on_how_they_are_cut(cuts: list[int]) -> None:
     """160000 ticks: some twenty checkpoints."""
     spiral = helix(160_000, -10_000, 20_000, 0, -1, 1, False, (1, 0), 3, -5000)
-    whole = spiral.codes(0, 160_000)
-    made = np.cumsum(decode(whole).astype(np.int64), axis=0)
+    whole = spiral.deltas(0, 160_000)
+    made = np.cumsum(whole.astype(np.int64), axis=0)
     edges = sorted({0, 160_000, *cuts})
     for first, last in pairwise(edges):
-        assert spiral.codes(first, last).tolist() == whole[first:last].tolist()
+        assert spiral.deltas(first, last).tolist() == whole[first:last].tolist()
         assert spiral.displacement(last) == tuple(made[last - 1])
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 8191, 8192, 8193, 16_384])
 def test_lengths_around_a_checkpoint(ticks: int) -> None:
     arc = circle(ticks, -10_000, 20_000, 0, -1, 1, False)
-    made = decode(arc.codes(0, ticks)).sum(axis=0, dtype=int)
+    made = arc.deltas(0, ticks).sum(axis=0, dtype=int)
     assert arc.displacement(ticks) == tuple(made)
 
 
@@ -251,6 +251,6 @@ def test_what_is_no_circle(arguments: tuple, message: str) -> None:
 
 def test_ticks_that_do_not_exist() -> None:
     with pytest.raises(IndexError, match="of 10"):
-        circle(10, 0, 5, 0, -1, 1, False).codes(0, 11)
+        circle(10, 0, 5, 0, -1, 1, False).deltas(0, 11)
     with pytest.raises(IndexError, match="of 10"):
         circle(10, 0, 5, 0, -1, 1, False).displacement(11)

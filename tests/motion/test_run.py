@@ -11,27 +11,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion.oracle import times_ns
 
-from isel_twin.motion import Run, Steps, circle, constant, decode, line, trapezoid
+from isel_twin.motion import StepRun, Steps, circle, constant, line, trapezoid
 
 START = 7_000_000_000
 
 
-def straight(steps: tuple[int, int, int, int], start_ns: int = START) -> Run:
+def straight(steps: tuple[int, int, int, int], start_ns: int = START) -> StepRun:
     """A line at 10 kHz with ramps."""
     path = line(steps)
-    return Run(path, trapezoid(path.ticks, 10_000, 400, 100_000), start_ns)
+    return StepRun(path, trapezoid(path.ticks, 10_000, 400, 100_000), start_ns)
 
 
-def total(run: Run) -> list[int]:
+def total(run: StepRun) -> list[int]:
     """Sum of the stream of a run."""
-    return decode(run.window(run.first, run.last)[1]).sum(axis=0, dtype=int).tolist()
+    return run.window(run.first, run.last)[1].sum(axis=0, dtype=int).tolist()
 
 
 def test_a_run_is_a_path_in_time() -> None:
     run = straight((800, -2000, 3, 0))
     t_ns, code = run.window(0, 2000)
     assert t_ns.tolist() == [START + t for t in times_ns(2000, 10_000, 400, 100_000)]
-    assert decode(code)[:, 1].tolist() == [-1] * 2000
+    assert code[:, 1].tolist() == [-1] * 2000
     assert (run.last, run.end_ns) == (2000, t_ns[-1])
     assert (t_ns.dtype, code.dtype) == (np.int64, np.uint8)
 
@@ -39,7 +39,7 @@ def test_a_run_is_a_path_in_time() -> None:
 def test_displacement_counts_the_ticks_made() -> None:
     run = straight((800, -2000, 3, 0))
     t_ns, code = run.window(0, 2000)
-    made = np.cumsum(decode(code).astype(int), axis=0)
+    made = np.cumsum(code.astype(int), axis=0)
     for tick in (1, 2, 777, 2000):
         t = int(t_ns[tick - 1])
         assert run.count(t) == tick
@@ -58,7 +58,7 @@ def test_stopped_and_resumed_moves_make_exactly_the_commanded_steps(n: tuple[int
     path, first, start = line(n), 0, START
     record = Steps()
     for part in stops:
-        planned = Run(path, trapezoid(path.ticks - first, 10_000, 400, 100_000), start, first)
+        planned = StepRun(path, trapezoid(path.ticks - first, 10_000, 400, 100_000), start, first)
         record.append(planned)
         t = planned.start_ns + int(part * (planned.end_ns - planned.start_ns))
         stopped = planned.stopped(t)
@@ -67,9 +67,9 @@ def test_stopped_and_resumed_moves_make_exactly_the_commanded_steps(n: tuple[int
         before = planned.window(first, made)
         assert [a.tolist() for a in stopped.window(first, made)] == [a.tolist() for a in before]
         first, start = stopped.last, stopped.end_ns + 1_000_000
-    record.append(Run(path, trapezoid(path.ticks - first, 10_000, 400, 100_000), start, first))
+    record.append(StepRun(path, trapezoid(path.ticks - first, 10_000, 400, 100_000), start, first))
     assert record.delta.sum(axis=0, dtype=int).tolist() == list(n)
-    assert record.delta.tolist() == decode(path.codes(0, path.ticks)).tolist()
+    assert record.delta.tolist() == path.deltas(0, path.ticks).tolist()
     assert (np.diff(record.t_ns) >= 0).all()
 
 
@@ -91,19 +91,19 @@ def test_a_limit_switch_ends_the_stream_at_once() -> None:
 
 def test_a_run_that_begins_within_its_path() -> None:
     path = circle(3200, -200, 400, 0, -1, 1, False)
-    run = Run(path, constant(1200, 1000), START, first=2000)
+    run = StepRun(path, constant(1200, 1000), START, first=2000)
     t_ns, code = run.window(2500, 2503)
     assert t_ns.tolist() == [START + k * 1_000_000 for k in (501, 502, 503)]
-    assert code.tolist() == path.codes(2500, 2503).tolist()
+    assert code.tolist() == path.deltas(2500, 2503).tolist()
     assert run.displacement(10**12) == tuple(-n for n in path.displacement(2000))
     assert (run.count(0), run.last) == (2000, 3200)
 
 
 def test_a_profile_must_fit_its_path() -> None:
     with pytest.raises(ValueError, match="path of 10"):
-        Run(line((10, 0, 0, 0)), constant(11, 1000), 0)
+        StepRun(line((10, 0, 0, 0)), constant(11, 1000), 0)
     with pytest.raises(ValueError, match="path of 10"):
-        Run(line((10, 0, 0, 0)), constant(5, 1000), 0, first=6)
+        StepRun(line((10, 0, 0, 0)), constant(5, 1000), 0, first=6)
 
 
 def test_runs_are_values() -> None:
@@ -183,7 +183,7 @@ def test_an_hour_of_motion_needs_little_memory() -> None:
 
     record, start = Steps(), 0
     for k in range(720):
-        run = Run(line((50_000, k, 0, 0)), constant(50_000, 10_000), start)
+        run = StepRun(line((50_000, k, 0, 0)), constant(50_000, 10_000), start)
         record.append(run)
         start = run.end_ns
     assert start == 3600 * 10**9

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from vcd.reader import TokenKind, tokenize
 
-from isel_twin.motion import Run, Steps, constant, line
+from isel_twin.motion import StepRun, Steps, constant, line
 from isel_twin.trace.npz import write_npz
 from isel_twin.trace.parquet import write_parquet
 from isel_twin.trace.recorder import BUFFER, Recorder
@@ -59,7 +59,7 @@ def stream(*moves: tuple[tuple[int, int, int, int], int, int]) -> Steps:
     steps = Steps()
     for path, speed_hz, start_ns in moves:
         path_line = line(path)
-        steps.append(Run(path_line, constant(path_line.ticks, speed_hz), start_ns))
+        steps.append(StepRun(path_line, constant(path_line.ticks, speed_hz), start_ns))
     return steps
 
 

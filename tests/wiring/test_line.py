@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from isel_twin.controller import SerialFormat
 from isel_twin.wiring import SerialLine
-from isel_twin.wiring.line import byte_ns
 
-BAUD = 19_200
 BYTE_NS = 520_833  # 10 bits at 19200 bit/s, to the nanosecond
 
 
@@ -18,20 +17,20 @@ def line(timed: bool) -> SerialLine:
 
 def test_untimed_bytes_arrive_at_once() -> None:
     wire = line(timed=False)
-    wire.from_host(7, b"@07\r", BAUD)
+    wire.from_host(7, b"@07\r", BYTE_NS)
     assert wire.at_controller(7) == b"@07\r"
     assert wire.next_ns is None
 
 
 @pytest.mark.parametrize(("baud", "expected_ns"), [(9600, 1_041_667), (19_200, BYTE_NS), (115_200, 86_806)])
 def test_a_byte_is_ten_bits_to_the_nearest_nanosecond(baud: int, expected_ns: int) -> None:
-    assert byte_ns(baud) == expected_ns
+    assert SerialFormat(baud).byte_ns == expected_ns
 
 
 def test_timed_bytes_arrive_one_after_the_other() -> None:
     wire = line(timed=True)
-    wire.from_host(0, b"ab", BAUD)
-    wire.from_host(100, b"c", BAUD)
+    wire.from_host(0, b"ab", BYTE_NS)
+    wire.from_host(100, b"c", BYTE_NS)
     arrivals = []
     while (t := wire.next_ns) is not None:
         arrivals.append((t, wire.at_controller(t)))
@@ -40,8 +39,8 @@ def test_timed_bytes_arrive_one_after_the_other() -> None:
 
 def test_directions_do_not_wait_for_each_other() -> None:
     wire = line(timed=True)
-    wire.from_host(0, b"long command", BAUD)
-    wire.from_controller(0, b"0", BAUD)
+    wire.from_host(0, b"long command", BYTE_NS)
+    wire.from_controller(0, b"0", BYTE_NS)
     assert wire.next_reply_ns == BYTE_NS
     assert wire.at_host(BYTE_NS - 1) == b""
     assert wire.at_host(BYTE_NS) == b"0"
@@ -52,7 +51,7 @@ def test_noise_flips_one_bit_in_its_share_of_bytes(noise: float) -> None:
     wire = line(timed=False)
     wire.noise = noise
     sent = bytes(range(256)) * 40
-    wire.from_host(0, sent, BAUD)
+    wire.from_host(0, sent, BYTE_NS)
     flipped = [(a ^ b).bit_count() for a, b in zip(sent, wire.at_controller(0), strict=True)]
     assert set(flipped) <= {0, 1}
     assert abs(sum(flipped) / len(sent) - noise) < 0.02

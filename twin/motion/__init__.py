@@ -1,16 +1,19 @@
-"""Step streams: what a controller makes and everything below it lives on, described instead of stored.
+"""Motion: what a controller makes and everything below it lives on, described instead of stored.
 
-A stream is a sequence of ticks; at each tick every axis makes -1, 0 or +1 step.
+A motion is a sequence of ticks; at each tick every axis changes its command by a whole number.
 
-    profile.py   when the ticks fall: the trapezoidal time law, exact to the nanosecond
-    path.py      which axes step at a tick: line; the packing of a tick into a byte
-    circle.py    the paths that are not straight: circle, helix
-    run.py       a path, timed by a profile, started at a time
-    record.py    all runs since power-on, expanded where they are looked at
+    motion.py       the protocol: what every motion offers, and what it means that one continues another
+    time_law.py     when the ticks of steps fall: the trapezoidal law, exact to the nanosecond
+    path.py         which axes step at a tick: line
+    circle.py       the paths that are not straight: circle, helix
+    step_run.py     a path, timed by a law, started at a time
+    set_points.py   a plan with one tick a period, led evenly from tick to tick
+    record.py       all motions since power-on, expanded where they are looked at
+    stream.py       the same as time goes on: what is being made, and what is still to be made of it
 
     motion = line((800, -2000, 0, 0))                                  # 2000 ticks, led by Y
-    run = Run(motion, trapezoid(motion.ticks, 5000, 400, 100_000), start_ns=t)
-    t_ns, code = run.window(0, 1000)                                   # the first 1000 ticks
+    run = StepRun(motion, trapezoid(motion.ticks, 5000, 400, 100_000), start_ns=t)
+    t_ns, delta = run.window(0, 1000)                                  # the first 1000 ticks
 
 Definitions and closed forms are in docs/step_streams.md.
 """
@@ -18,9 +21,27 @@ Definitions and closed forms are in docs/step_streams.md.
 from __future__ import annotations
 
 from isel_twin.motion.circle import circle, helix
-from isel_twin.motion.path import Path, decode, encode, line
-from isel_twin.motion.profile import Profile, constant, trapezoid
+from isel_twin.motion.motion import Motion
+from isel_twin.motion.path import Displacement, Path, line
 from isel_twin.motion.record import Steps
-from isel_twin.motion.run import Run
+from isel_twin.motion.set_points import SetPointRun, SetPoints
+from isel_twin.motion.step_run import StepRun
+from isel_twin.motion.stream import Stream
+from isel_twin.motion.time_law import TimeLaw, constant, trapezoid
 
-__all__ = ["Path", "Profile", "Run", "Steps", "circle", "constant", "decode", "encode", "helix", "line", "trapezoid"]
+__all__ = [
+    "Displacement",
+    "Motion",
+    "Path",
+    "SetPointRun",
+    "SetPoints",
+    "StepRun",
+    "Steps",
+    "Stream",
+    "TimeLaw",
+    "circle",
+    "constant",
+    "helix",
+    "line",
+    "trapezoid",
+]

@@ -36,7 +36,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from isel_twin.motion.path import Displacement, check_range, even, fill_even, step_code
+from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 __all__ = ["Circle", "circle", "helix"]
 
@@ -62,16 +62,17 @@ def circle(
     ry: int,
     clockwise: bool,
     axes: tuple[int, int] = (0, 1),
+    axis_count: int = 4,
 ) -> Circle:
     """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3.
 
     d: start value of the difference register, any integer. xs, ys: start point in steps, from the centre. rx, ry: sense
     of each axis in the first quadrant (only their signs count, and only to understand d: position and direction say the
-    same). axes: the two axes of the plane (0 X .. 3 A), first and second of the command.
+    same). axes: the two axes of the plane (0 X, 1 Y ...), first and second of the command; axis_count: of all axes.
 
     Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not two.
     """
-    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, None, 0)
+    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, None, 0, axis_count)
 
 
 def helix(
@@ -85,14 +86,15 @@ def helix(
     axes: tuple[int, int],
     third_axis: int | None,
     third_steps: int,
+    axis_count: int = 4,
 ) -> Circle:
     """A circle whose third axis makes `third_steps` (signed) evenly over the ticks, together with them; manual 2.2.27.
 
     Raises ValueError like `circle`, and if the third axis has more steps than there are ticks.
     """
     used = [*axes] if third_axis is None else [*axes, third_axis]
-    if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= {0, 1, 2, 3}:
-        raise ValueError(f"a circle needs different axes out of 0..3, got {used}")
+    if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(axis_count)):
+        raise ValueError(f"a circle needs different axes out of 0..{axis_count - 1}, got {used}")
     if not 0 <= ticks < LARGEST or max(abs(xs), abs(ys)) >= LARGEST:
         raise ValueError(f"ticks, xs and ys of a circle must stay below {LARGEST}, got {ticks}, {xs}, {ys}")
     if abs(third_steps) > ticks:
@@ -100,7 +102,7 @@ def helix(
     if clockwise:
         (xs, ys), (rx, ry), axes = (ys, xs), (ry, rx), (axes[1], axes[0])
     r2 = squared_radius(d, xs, ys, 1 if rx > 0 else -1, 1 if ry > 0 else -1)
-    return Circle(ticks, xs, ys, r2, axes, third_axis, third_steps)
+    return Circle(ticks, xs, ys, r2, axes, third_axis, third_steps, axis_count)
 
 
 def squared_radius(d: int, xs: int, ys: int, rx: int, ry: int) -> int:
@@ -143,36 +145,34 @@ class Circle:
     xs: int
     ys: int
     squared_radius: int
-    axes: tuple[int, int]
+    plane: tuple[int, int]
     third_axis: int | None
     third_steps: int
+    axes: int
 
-    def codes(self, first: int, last: int) -> NDArray[np.uint8]:
+    def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
-        code = np.empty(last - first, dtype=np.uint8)
-        _walk(*self._state(first), code, self._table())
+        delta = np.zeros((last - first, self.axes), dtype=np.int8)
+        _walk(*self._state(first), delta[:, self.plane[0]], delta[:, self.plane[1]])
         if self.third_axis is not None:
-            fill_even(code, first, self.third_steps, self.ticks, self.third_axis)
-        return code
+            fill_even(delta[:, self.third_axis], first, self.third_steps, self.ticks)
+        return delta
 
     def displacement(self, k: int) -> Displacement:
         check_range(0, k, self.ticks)
-        steps = [0, 0, 0, 0]
+        steps = [0] * self.axes
         x, y, _ = self._state(k)
-        steps[self.axes[0]] = x - self.xs
-        steps[self.axes[1]] = y - self.ys
+        steps[self.plane[0]] = x - self.xs
+        steps[self.plane[1]] = y - self.ys
         if self.third_axis is not None:
             steps[self.third_axis] = even(k, self.third_steps, self.ticks)
-        return steps[0], steps[1], steps[2], steps[3]
-
-    def _table(self) -> NDArray[np.uint8]:
-        """Codes of the four steps -X, -Y, +X, +Y of the plane."""
-        return np.array([step_code(axis, sense) for sense in (-1, 1) for axis in self.axes], dtype=np.uint8)
+        return tuple(steps)
 
     def _state(self, k: int) -> tuple[int, int, int]:
         """x, y, c after k ticks, from the checkpoint before."""
         x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
-        return _walk(x, y, c, np.empty(k % INTERVAL, dtype=np.uint8), self._table()) if k % INTERVAL else (x, y, c)
+        rest = np.empty((2, k % INTERVAL), dtype=np.int8)
+        return _walk(x, y, c, rest[0], rest[1]) if rest.size else (x, y, c)
 
 
 @lru_cache(maxsize=16)
@@ -180,29 +180,30 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
     """int64 [ticks // INTERVAL + 1, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... ticks."""
     states = np.empty((path.ticks // INTERVAL + 1, 3), dtype=np.int64)
     state = path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius
-    scratch = np.empty(INTERVAL, dtype=np.uint8)
+    scratch = np.empty((2, INTERVAL), dtype=np.int8)
     for row in states:
         row[:] = state
-        state = _walk(*state, scratch, path._table())
+        state = _walk(*state, scratch[0], scratch[1])
     return states
 
 
 @njit(cache=True, nogil=True)
-def _walk(x, y, c, code, table):  # type: ignore[no-untyped-def]
-    """Make code.size ticks from (x, y) with c = x^2 + y^2 - R^2, write their codes, return the state reached.
+def _walk(x, y, c, dx, dy):  # type: ignore[no-untyped-def]
+    """Make dx.size ticks from (x, y) with c = x^2 + y^2 - R^2; write their steps, each to one of dx and dy, and return
+    the state reached.
 
     A quadrant includes the half axis on which the counter-clockwise path enters it.
     """
-    for i in range(code.size):
+    for i in range(dx.size):
         rx = -1 if y > 0 or (y == 0 and x > 0) else 1
         ry = 1 if x > 0 or (x == 0 and y < 0) else -1
         inward = c + rx * x + ry * y + 1 > 0
         if inward == (rx * x < 0):  # X goes inwards in quadrants I and III, outwards in II and IV
             c += 2 * rx * x + 1
             x += rx
-            code[i] = table[1 + rx]
+            dx[i] = rx
         else:
             c += 2 * ry * y + 1
             y += ry
-            code[i] = table[2 + ry]
+            dy[i] = ry
     return x, y, c

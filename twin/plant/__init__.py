@@ -8,7 +8,7 @@ kinematic.py   the carriage follows the counter exactly; switches still work
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +48,10 @@ class Plant(Protocol):
     time_ns: int
     """Time reached: a multiple of the sub-step."""
 
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
         """Advance to until_ns or to the end of the first sub-step in which a switch changed; return the time reached.
 
-        t_ns, code [n]: all pulses in (last until_ns or time reached, until_ns], see isel_twin.motion for the packing.
+        t_ns [n], delta [n, axes]: all pulses in (last until_ns or time reached, until_ns].
         When it returns early (at time t), the pulses after t have not been made and must be handed in again if they
         still happen. Returns until_ns otherwise.
         """
@@ -81,11 +81,11 @@ class Plant(Protocol):
 
     @property
     def commanded(self) -> NDArray[np.int64]:
-        """int64 [4], sum of the pulses received since power-on, in microsteps."""
+        """int64 [axes], sum of the pulses received since power-on, in microsteps."""
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """float64 [4], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
+        """float64 [axes], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -97,7 +97,7 @@ class Plant(Protocol):
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [4], microsteps in one slip of a motor: a period of its torque, four full steps."""
+        """float64 [axes], microsteps in one slip of a motor: a period of its torque, four full steps."""
 
     @property
     def at_rest(self) -> bool:

@@ -201,13 +201,13 @@ def _strike(switches, axes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
-    plants, axes, drives, states, switches, commanded, qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, code
+    plants, axes, drives, states, switches, commanded, qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta
 ):
     """Advance to sub-step `until`, or to the end of the first one in which a switch changed; return the pulses made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, switches [m] SWITCH,
-    commanded int64 [4] microsteps, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago; t_ns, code [n]
-    pulses in time order.
+    commanded int64 [m] microsteps, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago;
+    t_ns [n], delta [n, m] pulses in time order.
     A pulse at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -233,11 +233,10 @@ def advance(  # type: ignore[no-untyped-def]
             mean[i] = commanded[i]
         while made < t_ns.shape[0] and t_ns[made] <= end_ns:
             remaining = (end_ns - t_ns[made]) / dt_ns
-            for i in range(4):
-                field = (code[made] >> (2 * i)) & 3
-                if field == 0:
+            for i in range(delta.shape[1]):
+                step = delta[made, i]
+                if step == 0:
                     continue
-                step = 1 if field == 1 else -1
                 commanded[i] += step
                 if i < AXES:
                     mean[i] += step * remaining

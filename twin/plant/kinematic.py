@@ -12,39 +12,40 @@ changes at the very pulse that strikes it:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.axes import CARRIAGES
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 from isel_twin.plant import Switch
 
-_AXES = 4
-
 
 @njit(cache=True)
-def _follow(code, commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+def _follow(delta, commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
     """Make ticks until a switch changes; commanded and struck change in place. Return the number of ticks made."""
-    low, high = np.full(_AXES, -np.inf), np.full(_AXES, np.inf)  # between them, no switch of the axis changes
+    low, high = (
+        np.full(commanded.shape[0], -np.inf),
+        np.full(commanded.shape[0], np.inf),
+    )  # between them, no switch of the axis changes
     for s in range(axis.shape[0]):
         edge = sense[s] * (release[s] if struck[s] else strike[s])
         if (sense[s] > 0) == struck[s]:
             low[axis[s]] = max(low[axis[s]], edge)
         else:
             high[axis[s]] = min(high[axis[s]], edge)
-    for k in range(code.shape[0]):
-        byte = code[k]
+    for k in range(delta.shape[0]):
         outside = False
-        for i in range(_AXES):
-            field = (byte >> (2 * i)) & 3
-            if field:
-                commanded[i] += 2 - np.int64(field)
+        for i in range(delta.shape[1]):
+            if delta[k, i]:
+                commanded[i] += delta[k, i]
                 outside |= not low[i] < commanded[i] < high[i]
         if outside and _switch(commanded, axis, sense, strike, release, struck):
             return k + 1
-    return code.shape[0]
+    return delta.shape[0]
 
 
 @njit(cache=True)
@@ -62,8 +63,10 @@ def _switch(commanded, axis, sense, strike, release, struck):  # type: ignore[no
 class KinematicPlant:
     """Implements `isel_twin.plant.Plant` without physics; forces, power and brake have no effect."""
 
-    def __init__(self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64]) -> None:
-        """Place the carriages at start_mm [3] in machine coordinates."""
+    def __init__(
+        self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64], axes: int = 4
+    ) -> None:
+        """Place the carriages at start_mm [3] in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
         self._start_mm = np.array(start_mm, dtype=np.float64)
         self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in machine.axes])
@@ -72,16 +75,17 @@ class KinematicPlant:
         self._sense = np.array([switch.sense for switch in switches], dtype=np.int64)
         self._strike = np.empty(len(switches))
         self._release = np.empty(len(switches))
-        self._commanded = np.zeros(_AXES, dtype=np.int64)
+        self._axes = axes
+        self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
         self._struck = np.zeros(len(switches), dtype=np.bool_)
         for number, switch in enumerate(switches):
             self.set_trip_point(number, switch.trip_mm)
             self._struck[number] = self._strike[number] < 0.0
 
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
         """See Plant.advance."""
         before = self._struck.copy()
-        made = _follow(code, self._commanded, self._axis, self._sense, self._strike, self._release, self._struck)
+        made = _follow(delta, self._commanded, self._axis, self._sense, self._strike, self._release, self._struck)
         self.time_ns = int(t_ns[made - 1]) if (before != self._struck).any() else until_ns
         return self.time_ns
 
@@ -118,12 +122,12 @@ class KinematicPlant:
     @property
     def commanded(self) -> NDArray[np.int64]:
         """See Plant.commanded."""
-        return self._commanded.copy()
+        return self._commanded[: self._axes].copy()
 
     @property
     def rotor(self) -> NDArray[np.float64]:
         """The rotor is where it is told to be."""
-        return self._commanded.astype(np.float64)
+        return self.commanded.astype(np.float64)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -138,7 +142,7 @@ class KinematicPlant:
     @property
     def slip_steps(self) -> NDArray[np.float64]:
         """One step: there is no motor that could slip."""
-        return np.ones(_AXES)
+        return np.ones(self._axes)
 
     @property
     def at_rest(self) -> bool:

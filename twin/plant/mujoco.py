@@ -181,8 +181,12 @@ def axis_screw(machine: Machine, axis: Axis) -> Screw:
 class MujocoPlant:
     """Implements `isel_twin.plant.Plant` with motors, screws and MuJoCo."""
 
-    def __init__(self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64]) -> None:
+    def __init__(
+        self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64], axes: int = 4
+    ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
+
+        axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their counter.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
@@ -197,7 +201,8 @@ class MujocoPlant:
         substep_s = machine.timing.substep_ns * 1e-9
         self._drives = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
         self._states = axis_states(kernel.AXES)
-        self._commanded = np.zeros(kernel.AXES + 1, dtype=np.int64)
+        self._count = axes
+        self._commanded = np.zeros(max(axes, kernel.AXES), dtype=np.int64)
         self._coulomb_nm = self._drives["coulomb_nm"].copy()
         self._brake_nm = np.array([axis.brake_n for axis in machine.axes]) * self._drives["travel_m_per_rad"]
 
@@ -226,7 +231,7 @@ class MujocoPlant:
 
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
-        self._late = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8))
+        self._late = (np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8))
         self._plant = np.zeros(1, kernel.PLANT)
         self._plant["substep_ns"] = machine.timing.substep_ns
         self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
@@ -239,16 +244,16 @@ class MujocoPlant:
         """float64 [nv], joint positions one window ago."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
 
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], code: NDArray[np.uint8]) -> int:
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
         """See Plant.advance. Raises PlantError if a joint runs away."""
         plant, data = self._plant, self.data
         substep_ns = self.machine.timing.substep_ns
         if len(self._late[0]):
-            t_ns, code = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], code))
+            t_ns, delta = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], delta))
         made = kernel.advance(
             plant, self._axes, self._drives, self._states, self._switches, self._commanded,
             data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
-            until_ns // substep_ns, t_ns, code,
+            until_ns // substep_ns, t_ns, delta,
         )  # fmt: skip
         self.time_ns = int(plant["now"][0]) * substep_ns
         if plant["lost_dof"][0] >= 0:
@@ -258,9 +263,9 @@ class MujocoPlant:
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if plant["edge"][0]:
-            self._late = (t_ns[:0], code[:0])
+            self._late = (t_ns[:0], delta[:0])
             return self.time_ns
-        self._late = (t_ns[made:], code[made:])
+        self._late = (t_ns[made:], delta[made:])
         return until_ns
 
     def trips(self) -> NDArray[np.bool_]:
@@ -315,13 +320,15 @@ class MujocoPlant:
     @property
     def commanded(self) -> NDArray[np.int64]:
         """See Plant.commanded."""
-        return self._commanded.copy()
+        return self._commanded[: self._count].copy()
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """See Plant.rotor; the A axis has no mechanics here and follows its counter."""
+        """See Plant.rotor; an axis without mechanics follows its counter."""
         steps_per_rad = np.array([axis.steps_per_rev for axis in self.machine.axes]) / (2.0 * math.pi)
-        return np.append(self._states["theta_rad"] * steps_per_rad, float(self._commanded[3]))
+        rotor = self._commanded.astype(np.float64)
+        rotor[: kernel.AXES] = self._states["theta_rad"] * steps_per_rad
+        return rotor[: self._count]
 
     @property
     def nut_force_n(self) -> NDArray[np.float64]:
@@ -352,10 +359,10 @@ class MujocoPlant:
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """See Plant.slip_steps; one step on the A axis, which has no motor here."""
+        """See Plant.slip_steps; one step on an axis that has no motor here."""
         motors = [axis_motor(self.machine, axis) for axis in self.machine.axes]
         periods = [axis.steps_per_rev / m.pole_pairs for axis, m in zip(self.machine.axes, motors, strict=True)]
-        return np.array([*periods, 1.0])
+        return np.array([*periods, *[1.0] * self._count])[: self._count]
 
     @property
     def at_rest(self) -> bool:

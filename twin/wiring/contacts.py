@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
 from isel_twin.wiring.cabinet import SIGNALS
 
@@ -35,21 +34,17 @@ class Contacts:
     def __init__(
         self,
         contacts: Sequence[Contact],
-        wiring: Mapping[str, tuple[str, ...]] | None,
+        terminals: Mapping[str, tuple[str, ...]],
         random: np.random.Generator,
     ) -> None:
-        """Wire `contacts` as the machine file says, or as `wiring` (terminal -> contacts in series) does instead.
+        """Wire `contacts` to `terminals` (contacts in series), as the controller wants them.
 
-        Cabinet signals that the machine file does not list exist too, but lead to no terminal.
+        What the machine lacks is left out, and with it a terminal to which nothing leads. Signals of the cabinet that
+        the machine file does not list exist too, but lead to no terminal.
         """
         self._contacts = {contact.name: contact for contact in contacts}
-        if wiring is None:
-            wiring = {contact.terminal: (contact.name,) for contact in contacts if contact.terminal}
-        for terminal, names in wiring.items():
-            for name in names:
-                if name not in self._contacts:
-                    raise UnknownNameError(f"terminal {terminal!r} is wired to {name!r}, a contact the machine lacks")
-        self._terminals = {terminal: tuple(names) for terminal, names in wiring.items()}
+        wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}
+        self._terminals = {terminal: names for terminal, names in wired.items() if names}
         self._closed = dict.fromkeys(SIGNALS, True) | {contact.name: contact.type == "opener" for contact in contacts}
         self._faults: dict[str, str] = {}
         self._random = random

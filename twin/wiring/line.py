@@ -1,9 +1,9 @@
-"""The serial line between host and controller, 8N1, in virtual time.
+"""The serial line between host and controller, in virtual time.
 
-With `timed` a byte takes ten bit times (`byte_ns`), one after the other in each direction; without, bytes arrive at
-the instant they are sent (right for tests of logic, where the line is not what is looked at).
+With `timed` a byte takes its time (`SerialFormat.byte_ns`), one after the other in each direction; without, bytes
+arrive at the instant they are sent (right for tests of logic, where the line is not what is looked at).
 
-    host sends  |b0|b1|b2|            at 19200 baud: 520.833 us a byte
+    host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
 """
 
@@ -12,13 +12,6 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-
-_BITS_PER_BYTE = 10
-
-
-def byte_ns(baud: int) -> int:
-    """Time of one byte on the line in ns: start bit, eight data bits, stop bit at `baud` bit/s."""
-    return round(_BITS_PER_BYTE * 1e9 / baud)
 
 
 class _Direction:
@@ -57,13 +50,13 @@ class SerialLine:
         self._to_controller = _Direction()
         self._to_host = _Direction()
 
-    def from_host(self, t_ns: int, data: bytes, baud: int) -> None:
+    def from_host(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The host sends bytes at t_ns."""
-        self._to_controller.send(t_ns, self._disturbed(data), self._byte_ns(baud))
+        self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self._timed else 0)
 
-    def from_controller(self, t_ns: int, data: bytes, baud: int) -> None:
+    def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
-        self._to_host.send(t_ns, self._disturbed(data), self._byte_ns(baud))
+        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self._timed else 0)
 
     def at_controller(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the controller by t_ns."""
@@ -87,9 +80,6 @@ class SerialLine:
     def quiet_ns(self) -> int:
         """Time at which everything sent so far has arrived at the host."""
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
-
-    def _byte_ns(self, baud: int) -> int:
-        return byte_ns(baud) if self._timed else 0
 
     def _disturbed(self, data: bytes) -> bytes:
         if self.noise <= 0.0 or not data:

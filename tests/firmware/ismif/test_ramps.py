@@ -72,10 +72,10 @@ def test_paired_path_and_profile_in_any_stretch(a: int, b: int) -> None:
     """Every stretch is cut out of the whole: each step twice, the second 1 ns later."""
     first, last = sorted((a, b))
     path, law = PairedPath(straight((15, -7, 3, 0))), paired(profile(15, 600, 200, 500))
-    codes = np.repeat(straight((15, -7, 3, 0)).codes(0, 15), 2)
+    codes = np.repeat(straight((15, -7, 3, 0)).deltas(0, 15), 2)
     times = [t + extra for t in pulse_times_ns(15, 600) for extra in (0, 1)]
     assert path.ticks == law.ticks == 30
-    assert path.codes(first, last).tolist() == codes[first:last].tolist()
+    assert path.deltas(first, last).tolist() == codes[first:last].tolist()
     assert law.times(first, last).tolist() == times[first:last]
     made = np.repeat(line(15, -7, 3), 2, axis=0)[:last].sum(axis=0, dtype=int)
     assert path.displacement(last) == tuple(made)

@@ -3,7 +3,7 @@
 An activity is a generator. It yields a request, is suspended while the request is carried out, and goes on with the
 result. What it does reads from top to bottom, whatever may happen in between:
 
-    ended = yield Travel(path, profile)      make these steps; ended.ticks made, ended.by_event?
+    ended = yield Travel(path, law)      make these steps; ended.ticks made, ended.by_event?
     yield Pause(50_000_000)                  let time pass
     char = yield Listen()                    wait for a byte from the host
 
@@ -17,19 +17,19 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
-from isel_twin.motion import Path, Profile
+from isel_twin.motion import Path, TimeLaw
 
 
 @dataclass(frozen=True)
 class Travel:
-    """Make the ticks first + 1 .. first + profile.ticks of a path.
+    """Make the ticks first + 1 .. first + law.ticks of a path.
 
     until: condition on inputs that ends it with the stop ramp. reference: part of a reference run, which a stop breaks
     off instead of parking it. seek: axis whose limit switches, or the stop key, end it at once.
     """
 
     path: Path
-    profile: Profile
+    law: TimeLaw
     first: int = 0
     until: Callable[[], bool] | None = None
     reference: bool = False

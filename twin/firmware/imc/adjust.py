@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from isel_twin.firmware.imc.activity import Activity, Pause
-from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.moves import speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
 from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, Settings, default_settings
+from isel_twin.units import MILLISECOND_NS
 
 A_AXIS = 8
 
@@ -31,7 +32,7 @@ def initialise(device: Device, mask: int) -> Activity:
             raise Refusal(FAULT)
         device.outputs["power_request"] = 1
         try:
-            yield Pause(device.profile.relay_ms * MILLISECOND)
+            yield Pause(device.profile.relay_ms * MILLISECOND_NS)
         finally:
             device.outputs["power_request"] = 0
         if not powered(device.inputs):
@@ -245,5 +246,5 @@ def _put_in_force(device: Device, settings: Settings) -> None:
 
 def erase(device: Device) -> Activity:
     """`@0k`: forget the stored program, whatever state it is in (2.2.17)."""
-    yield Pause(device.profile.erase_ms * MILLISECOND)
+    yield Pause(device.profile.erase_ms * MILLISECOND_NS)
     device.store(program=Program())

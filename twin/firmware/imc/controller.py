@@ -16,19 +16,19 @@ from collections import deque
 from collections.abc import Generator, Mapping
 from typing import Any
 
-from isel_twin.controller import AXES, CounterSet, Event
+from isel_twin.controller import CounterSet, Event, SerialFormat
 from isel_twin.firmware.imc import commands, grammar, settings
-from isel_twin.firmware.imc.device import Device, Steps
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.executor import Executor, Task, signal_error, watched
-from isel_twin.firmware.imc.ports import SIGNALS, Inputs
+from isel_twin.firmware.imc.ports import SIGNALS, TERMINALS, Inputs
 from isel_twin.firmware.imc.profile import Profile
 from isel_twin.firmware.imc.program import Recorder, run_program
 from isel_twin.firmware.imc.replies import BAD_AXES, INVALID_FIELD, OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.safety import State, powered
-from isel_twin.motion import Run
+from isel_twin.motion import Displacement, StepRun
 
-BAUD, SLOW_BAUD = 19_200, 9_600
+FORMAT, SLOW_FORMAT = SerialFormat(19_200), SerialFormat(9_600)
 
 
 class Imc:
@@ -54,7 +54,7 @@ class Imc:
         self._device = Device(self._profile, self._flash, self._inputs, self._events)
         self._device.now_ns = now_ns
         self._executor = Executor(self._device, self._device.send)
-        self._baud = SLOW_BAUD if self._device.settings.baud_9600 else BAUD
+        self._format = SLOW_FORMAT if self._device.settings.baud_9600 else FORMAT
         self._device.outputs.reset()
         self._device.outputs["flash_fault"] = int(self._flash is None)
         if powered(self._inputs):
@@ -68,22 +68,22 @@ class Imc:
     # ---- the border -------------------------------------------------------------------------------------------------
 
     @property
-    def baud(self) -> int:
-        """19200, or 9600 if the flash said so at the last power-on or reset (4.2.15)."""
-        return self._baud
+    def serial_format(self) -> SerialFormat:
+        """19200 baud, or 9600 if the flash said so at the last power-on or reset (4.2.15)."""
+        return self._format
 
     @property
-    def counts(self) -> Steps:
+    def counts(self) -> Displacement:
         """Counters X, Y, Z, A."""
         return self._device.counts
 
     @property
-    def direction(self) -> Steps:
+    def direction(self) -> Displacement:
         """Motor sense of each counter (4.2.8)."""
         return self._device.direction
 
     @property
-    def run(self) -> Run | None:
+    def run(self) -> StepRun | None:
         """The step stream in execution."""
         return self._device.run
 
@@ -140,9 +140,9 @@ class Imc:
         self._events.clear()
         return events
 
-    def wiring(self) -> None:
-        """The machine's own wiring table names the terminals."""
-        return None
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """The port bits; see ports.py."""
+        return TERMINALS
 
     def machine_overrides(self) -> Mapping[str, Any]:
         """None: the controller fits any stage."""
@@ -214,7 +214,7 @@ class Imc:
         counts = self._device.counts
         self._keep_flash()
         self._boot(self._device.now_ns)
-        for axis in range(AXES):
+        for axis in range(settings.AXES):
             if counts[axis]:
                 self._events.append(CounterSet(axis, 0))
 

@@ -29,15 +29,11 @@ from isel_twin.firmware.imc.replies import (
 from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
-from isel_twin.motion import Profile as TimeLaw
-from isel_twin.motion import Run, trapezoid
+from isel_twin.motion import Displacement, StepRun, TimeLaw, trapezoid
+from isel_twin.units import MILLISECOND_NS
 
 POSITION_LIMIT = 1 << 23
 """Counters have 24 bits, two's complement."""
-MILLISECOND = 1_000_000
-"""Nanoseconds."""
-
-Steps = tuple[int, int, int, int]
 
 
 class Device:
@@ -49,11 +45,11 @@ class Device:
         self.flash = flash or Flash(flash_image.default_settings(profile))
         self.settings = self.flash.settings
         self.inputs = inputs
-        self.limits = LimitSwitches(inputs, lambda: self.settings, profile.debounce_ms * MILLISECOND)
+        self.limits = LimitSwitches(inputs, lambda: self.settings, profile.debounce_ms * MILLISECOND_NS)
         self.outputs = Outputs(lambda name, value: events.append(Output(name, value)))
         self.safety = State.FAULT
         self.now_ns = 0
-        self.run: Run | None = None
+        self.run: StepRun | None = None
         self.number = 0
         self.axes = 0
         self.referenced = [False] * AXES
@@ -62,12 +58,12 @@ class Device:
         self.port_condition: tuple[int, int, int] | None = None
         """Port, mask, value that ends the next move of a stored program (3.2.7)."""
         self._events = events
-        self._base: Steps = (0, 0, 0, 0)
+        self._base: Displacement = (0, 0, 0, 0)
 
     # ---- step streams and counters ----------------------------------------------------------------------------------
 
     @property
-    def counts(self) -> Steps:
+    def counts(self) -> Displacement:
         """Counters X, Y, Z, A now."""
         return self._base if self.run is None else _sum(self._base, self.run.displacement(self.now_ns))
 
@@ -81,9 +77,7 @@ class Device:
 
     def set_counter(self, axis: int, value: int) -> None:
         """Set a counter without a step."""
-        counts = list(self._base)
-        counts[axis] = value
-        self._base = (counts[0], counts[1], counts[2], counts[3])
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
         self._events.append(CounterSet(axis, value))
 
     def heading(self, axis: int) -> int:
@@ -98,10 +92,9 @@ class Device:
         return 0
 
     @property
-    def direction(self) -> Steps:
+    def direction(self) -> Displacement:
         """Motor sense of each counter (`@0ID`)."""
-        x, y, z, a = (-1 if self.settings.inverted >> axis & 1 else 1 for axis in range(AXES))
-        return x, y, z, a
+        return tuple(-1 if self.settings.inverted >> axis & 1 else 1 for axis in range(AXES))
 
     # ---- axes and references ----------------------------------------------------------------------------------------
 
@@ -160,7 +153,7 @@ class Device:
         """Do limit switches end the motions of this axis? Not in test mode, not those of a rotary axis (F30)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
-    def require_room(self, *legs: Steps) -> None:
+    def require_room(self, *legs: Displacement) -> None:
         """Raise Refusal unless these displacements, one after the other, are allowed: reference (R), 24 bits (1)."""
         counts = self.counts
         for leg in legs:
@@ -254,5 +247,5 @@ class Device:
         self.modal = replace(self.modal, **values)
 
 
-def _sum(a: Steps, b: Steps) -> Steps:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]
+def _sum(a: Displacement, b: Displacement) -> Displacement:
+    return tuple(m + n for m, n in zip(a, b, strict=True))

@@ -18,13 +18,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from isel_twin.firmware.imc.activity import Activity, Ended, Listen, Pause, Request, Travel
-from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import axis_of
 from isel_twin.firmware.imc.ports import LIMIT_PORT
 from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, OK, STOPPED, Refusal
 from isel_twin.firmware.imc.safety import Event, State, hood_safe, powered
 from isel_twin.firmware.imc.settings import Watch
-from isel_twin.motion import Path, Run
+from isel_twin.motion import Path, StepRun
+from isel_twin.units import MILLISECOND_NS
 
 
 @dataclass
@@ -115,7 +116,7 @@ class Executor:
             case Pause(ns):
                 self._pause_until = device.now_ns + ns
             case Travel():
-                run = Run(request.path, request.profile, device.now_ns, request.first)
+                run = StepRun(request.path, request.law, device.now_ns, request.first)
                 if request.until is not None and request.until():
                     return Ended(request.first, by_event=True)
                 if request.seek is None and self._blocked(run):
@@ -248,7 +249,7 @@ class Executor:
             self.power_lost()
         self._check_condition()
         if self.task is not None and self._cycle_ns is None:
-            self._cycle_ns = device.now_ns + device.profile.cycle_ms * MILLISECOND
+            self._cycle_ns = device.now_ns + device.profile.cycle_ms * MILLISECOND_NS
 
     def _check_condition(self) -> None:
         """End a move whose condition has come true, with the stop ramp."""
@@ -299,7 +300,7 @@ class Executor:
         self.forget_parked()
         self._finish(LIMIT_SWITCH)
 
-    def _blocked(self, run: Run) -> bool:
+    def _blocked(self, run: StepRun) -> bool:
         """Would this run drive an axis further onto a switch it stands on?"""
         device = self._device
         return any(

@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from isel_twin.firmware.imc.activity import Activity, Travel
-from isel_twin.firmware.imc.device import Device, Steps
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, Refusal
-from isel_twin.motion import Path, helix, line
-from isel_twin.motion import Profile as TimeLaw
+from isel_twin.motion import Displacement, Path, TimeLaw, helix, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)
@@ -111,12 +110,12 @@ def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second
     return travel(legs, take_condition(device))
 
 
-def as_steps(way: dict[int, int]) -> Steps:
+def as_steps(way: dict[int, int]) -> Displacement:
     """Steps of all four axes from those of some."""
     return way.get(0, 0), way.get(1, 0), way.get(2, 0), way.get(3, 0)
 
 
-def straight_leg(device: Device, steps: Steps, speed_hz: int) -> Leg:
+def straight_leg(device: Device, steps: Displacement, speed_hz: int) -> Leg:
     """A straight way with the ramps in force now, however late it is travelled."""
     return Leg(line(steps), device.law(speed_hz))
 

@@ -29,6 +29,23 @@ SIGNALS: Mapping[str, tuple[int, int]] = {
 
 LIMIT_PORT = 3
 
+TERMINALS: Mapping[str, tuple[str, ...]] = {
+    **{f"p{LIMIT_PORT}.{bit}": (f"limit_{'xyza'[bit // 2]}{bit % 2 + 1}",) for bit in range(8)},
+    "p1.0": ("estop_1",),
+    "p1.1": ("estop_2",),
+    "p1.2": ("overtemperature",),
+    "p1.3": ("start",),
+    "p1.4": ("stop",),
+    "p1.5": ("probe",),
+    "p2.0": ("spindle",),
+    "p2.1": ("power_ok",),
+    "p2.5": ("hood_automatic",),
+    "p2.6": ("hood_setup",),
+    "p2.7": ("key",),
+    **{f"p0.{bit}": (f"user_{bit}",) for bit in range(8)},
+}
+"""Where the contacts of machine and cabinet are wired to (2.2.3, 4.2.6; levels: decision W1)."""
+
 
 class Inputs:
     """Levels at the input terminals, as port bytes and as named signals."""

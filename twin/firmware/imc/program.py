@@ -16,13 +16,14 @@ from typing import Any
 
 from isel_twin.firmware.imc.activity import Activity, Listen, Pause
 from isel_twin.firmware.imc.adjust import WHOLE_BYTE
-from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import BAD_NUMBER, INVALID_FIELD, MEMORY_FULL, Refusal
 from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, Program
+from isel_twin.units import MILLISECOND_NS
 
 Line = tuple[str, tuple[int, ...]]
-DECISECOND = 100_000_000
-"""Nanoseconds in the unit of the delay command (3.2.6)."""
+DECISECOND_NS = 100 * MILLISECOND_NS
+"""Unit of the delay command (3.2.6)."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def wait_for_sync(device: Device, char: int, offset: int) -> Activity:
 
 def delay(device: Device, tenths: int) -> Activity:
     """`5`: in tenths of a second; a stop does not shorten it (3.2.6)."""
-    yield Pause(tenths * DECISECOND)
+    yield Pause(tenths * DECISECOND_NS)
 
 
 def check_input(device: Device, port: int, bit: int, value: int, *_: int) -> None:
@@ -161,7 +162,7 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
             target = _next(number, result, loops, device.profile.loop_depth)
             if target <= number:
                 if device.now_ns == last_branch_ns:
-                    yield Pause(device.profile.cycle_ms * MILLISECOND, stoppable=True)
+                    yield Pause(device.profile.cycle_ms * MILLISECOND_NS, stoppable=True)
                 last_branch_ns = device.now_ns
             number = target
     finally:

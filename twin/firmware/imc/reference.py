@@ -15,18 +15,17 @@ for axes named by `@0IR`. Whichever switch of the axis opens on the way is its r
 from __future__ import annotations
 
 from isel_twin.firmware.imc.activity import Activity, Pause, Travel
-from isel_twin.firmware.imc.device import MILLISECOND, Device
+from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.moves import as_steps
 from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
 from isel_twin.firmware.imc.safety import Event
 from isel_twin.motion import constant, line
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 ORDER = (2, 1, 0, 3)
 """Z, Y, X, A (2.2.22)."""
 FARTHEST = (1 << 23) - 1
 """Steps after which a switch that does not answer is taken to be missing."""
-SECOND = 1_000_000_000
-"""Nanoseconds."""
 
 
 def reference_run(device: Device, mask: int) -> Activity:
@@ -74,7 +73,7 @@ def _find_switch(device: Device, axis: int) -> Activity:
         ended = yield Travel(path, device.law(device.reference_hz(axis))(path.ticks), reference=True, seek=axis)
         if not ended.by_event:
             raise Refusal(LIMIT_SWITCH)
-        yield Pause(device.profile.settle_ms * MILLISECOND, reference=True)
+        yield Pause(device.profile.settle_ms * MILLISECOND_NS, reference=True)
     yield from _leave(device, axis, -direction)
 
 
@@ -86,7 +85,7 @@ def _leave(device: Device, axis: int, direction: int) -> Activity:
         if not device.limits.struck(axis):
             break
         yield Travel(step, constant(1, half_hz), reference=True)
-        yield Pause(SECOND // half_hz, reference=True)
+        yield Pause(SECOND_NS // half_hz, reference=True)
     free = line(as_steps({axis: direction * device.settings.run_free_steps[axis]}))
     if free.ticks:
         yield Travel(free, device.law(device.reference_hz(axis))(free.ticks), reference=True)

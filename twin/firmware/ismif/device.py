@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from isel_twin.controller import CounterSet, Event, Output, Reply
+from isel_twin.controller import CounterSet, Event, Output, Reply, SerialFormat
 from isel_twin.firmware.ismif.commands import (
     AXIS_LETTERS,
     LINE_LIMIT,
@@ -35,16 +35,15 @@ from isel_twin.firmware.ismif.commands import (
 )
 from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
 from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
-from isel_twin.firmware.ismif.moves import PAIR_NS, PairedPath, paired, profile
-from isel_twin.motion import Path, Run, line
+from isel_twin.firmware.ismif.moves import FullSteps, ramp
+from isel_twin.motion import Displacement, Path, StepRun, line
+from isel_twin.units import MILLISECOND_NS
 
 VERSION = "SMC-ISMIF 1.00"
-BAUD = 19_200
+FORMAT = SerialFormat(19_200)
 CR, LF, START, READY, FULL = b"\r", b"\n", b"\x01", b"\x02", b"\x03"
 REFERENCE_INPUT = "pin11"
-MILLISECOND = 1_000_000
-"""Nanoseconds."""
-REST_NS = 50 * MILLISECOND
+REST_NS = 50 * MILLISECOND_NS
 """Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (S8)."""
 SEARCH_LIMIT = 200_000
 FREE_LIMIT = 4_000
@@ -79,12 +78,12 @@ class Referenced:
 class Ismif:
     """Implements `isel_twin.controller.Controller`. Counters count half steps of the stage, whatever F says (S4)."""
 
-    baud = BAUD
+    serial_format = FORMAT
     direction = (1, 1, 1, 1)
 
     def __init__(self, *, error_ppm: int = 0) -> None:
         """`error_ppm`: how far the output frequency is off, in millionths (S5)."""
-        self.run: Run | None = None
+        self.run: StepRun | None = None
         self._error_ppm = error_ppm
         self._configuration = Configuration()
         self._memory = JobMemory()
@@ -134,7 +133,7 @@ class Ismif:
     # ---- the border -------------------------------------------------------------------------------------------------
 
     @property
-    def counts(self) -> tuple[int, int, int, int]:
+    def counts(self) -> Displacement:
         """Half steps of X, Y, Z from the zero point at the time of the last call; A is always 0."""
         if self.run is None:
             return self._made
@@ -202,7 +201,7 @@ class Ismif:
         events, self._events = self._events, []
         return events
 
-    def wiring(self) -> Mapping[str, tuple[str, ...]]:
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
         """All position switches in series on the one reference input (S8)."""
         return {REFERENCE_INPUT: tuple(f"limit_{letter.lower()}{end}" for letter in AXIS_LETTERS for end in (1, 2))}
 
@@ -330,11 +329,11 @@ class Ismif:
             case Travel():
                 path = line((*action.steps, 0))
                 self._travel, self._path_made = action, 0
-                self._path = PairedPath(path) if self._configuration.half_steps == 2 else path
+                self._path = FullSteps(path) if self._configuration.half_steps == 2 else path
             case Referenced(axis):
                 counts = list(self._made)
                 counts[axis] = 0
-                self._set_counts((counts[0], counts[1], counts[2], counts[3]), axis)
+                self._set_counts(tuple(counts), axis)
                 self._known[axis] = True
 
     def _set_off(self) -> None:
@@ -342,13 +341,13 @@ class Ismif:
         travel, path = self._travel, self._path
         assert travel is not None
         assert path is not None
-        rest = (path.ticks - self._path_made) // self._configuration.half_steps
+        rest = path.ticks - self._path_made
         if travel.until == self._input or rest == 0:
             self._travel = None
             return
         settings = self._configuration
-        law = profile(rest, travel.speed_hz, settings.start_hz, settings.ramp_ms, self._error_ppm)
-        self.run = Run(path, paired(law) if self._configuration.half_steps == 2 else law, self._t_ns, self._path_made)
+        law = ramp(rest, travel.speed_hz, settings.start_hz, settings.ramp_ms, self._error_ppm)
+        self.run = StepRun(path, law, self._t_ns, self._path_made)
 
     def _run_ended(self) -> None:
         """The pulses of the run have been made: its travel is over, or it was braked on the way."""
@@ -368,12 +367,12 @@ class Ismif:
             self._fail()
 
     def _end_at_edge(self) -> None:
-        """The switch has changed: stop there. A full step that has begun is finished first."""
+        """The switch has changed: stop there."""
         if self.run is None:
             self._travel = None
             return
         self._edge = True
-        self.run = self.run.cut(self._t_ns + (self._configuration.half_steps - 1) * PAIR_NS)
+        self.run = self.run.cut(self._t_ns)
         if self.run.end_ns <= self._t_ns:
             self._run_ended()
 
@@ -470,7 +469,7 @@ class Ismif:
         self._events += [Output("pin12", on), Output("spindle", on)]
 
     def _begin_wait(self, ms: int) -> None:
-        self._actions.append(Wait(ms * MILLISECOND, told=True))
+        self._actions.append(Wait(ms * MILLISECOND_NS, told=True))
 
     def _begin_reference(self, axes: tuple[int, ...]) -> None:
         """6.13: each axis in turn, in three motions. Z of a plotter has nothing to search for (S12)."""
@@ -521,7 +520,7 @@ class Ismif:
             return self._pen
         return self.counts[axis] // self._configuration.half_steps
 
-    def _set_counts(self, counts: tuple[int, int, int, int], *axes: int) -> None:
+    def _set_counts(self, counts: Displacement, *axes: int) -> None:
         self._made = counts
         self._events += [CounterSet(axis, counts[axis]) for axis in axes]
 
@@ -553,5 +552,5 @@ def _parse(line: bytes) -> Command:
     return parse(line)
 
 
-def _sum(a: tuple[int, int, int, int], b: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]
+def _sum(a: Displacement, b: Displacement) -> Displacement:
+    return tuple(m + n for m, n in zip(a, b, strict=True))

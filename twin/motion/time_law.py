@@ -31,13 +31,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Profile", "Rational", "Trapezoid", "constant", "trapezoid"]
+from isel_twin.units import SECOND_NS
+
+__all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "trapezoid"]
 
 Rational = int | Fraction
 """Frequencies and accelerations may be any exact number; floats would not say what is meant."""
-
-SECOND = 1_000_000_000
-"""Nanoseconds in a second."""
 
 LONGEST_NS = 1 << 62
 """Times must stay below this (146 years), so that sums of two fit into 64 bits."""
@@ -53,8 +52,8 @@ numerator 3 u, the quotient 8.5 u; adding the rounded rest of T costs 1 u of the
 # ---- the public part -----------------------------------------------------------------------------------------------
 
 
-class Profile(Protocol):
-    """What a `Run` asks of a time law. Immutable; a controller may bring its own."""
+class TimeLaw(Protocol):
+    """What a `StepRun` asks of a time law. Immutable; a controller may bring its own."""
 
     @property
     def ticks(self) -> int:
@@ -70,10 +69,10 @@ class Profile(Protocol):
     def count(self, t_ns: int) -> int:
         """Number of ticks at or before t_ns; agrees with `times`."""
 
-    def cut(self, t_ns: int) -> Profile:
+    def cut(self, t_ns: int) -> TimeLaw:
         """Only the ticks at or before t_ns."""
 
-    def stopped(self, t_ns: int) -> Profile:
+    def stopped(self, t_ns: int) -> TimeLaw:
         """The same up to t_ns, then the ramp from the momentary frequency to standstill, if there is one."""
 
 
@@ -99,14 +98,14 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
     ):
         if value <= 0:
             raise ValueError(f"{name} must be positive, got {value}")
-    if ticks * SECOND >= LONGEST_NS * min(speed_hz, start_stop_hz):
+    if ticks * SECOND_NS >= LONGEST_NS * min(speed_hz, start_stop_hz):
         raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
     return Trapezoid(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
 
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Made by `trapezoid` or `constant`: times of ticks 1 .. `ticks`, in ns after the start. See `Profile`."""
+    """Made by `trapezoid` or `constant`: times of ticks 1 .. `ticks`, in ns after the start. See `TimeLaw`."""
 
     ticks: int
     _law: _Law
@@ -117,7 +116,7 @@ class Trapezoid:
 
     def times(self, first: int, last: int) -> NDArray[np.int64]:
         if not 0 <= first <= last <= self.ticks:
-            raise IndexError(f"ticks {first}..{last} of a profile of {self.ticks}")
+            raise IndexError(f"ticks {first}..{last} of a time law of {self.ticks}")
         out = np.empty(last - first, dtype=np.int64)
         for phase in _phases(self._law):
             low, high = max(first, phase.first), min(last, phase.last)
@@ -188,7 +187,7 @@ def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
     if law.stop_ns is not None and t_ns >= law.stop_ns:
         return None
     f0, a, v = law.start_stop_hz, law.acceleration, law.speed_hz
-    t = Fraction(max(t_ns, 0), SECOND)
+    t = Fraction(max(t_ns, 0), SECOND_NS)
     s_r, t_r = law.rise
     phase = f0 * t + a * t * t / 2
     if phase < s_r:
@@ -250,7 +249,7 @@ class _Cruise:
 
 def _cruise(first: int, last: int, speed_hz: Rational, offset_s: Fraction) -> _Cruise:
     """t_k = offset_s + k / speed_hz, over the least common denominator."""
-    slope, offset = Fraction(SECOND) / speed_hz, SECOND * offset_s
+    slope, offset = Fraction(SECOND_NS) / speed_hz, SECOND_NS * offset_s
     den = math.lcm(slope.denominator, offset.denominator)
     return _Cruise(first, last, int(slope * den), int(offset * den), den)
 
@@ -291,7 +290,7 @@ class _Ramp:
     """T in ns, to much better than the double-precision error."""
 
     def estimate(self, t_ns: int) -> int:
-        tau = float(self.sign * (t_ns - self.t_ns)) / SECOND
+        tau = float(self.sign * (t_ns - self.t_ns)) / SECOND_NS
         d = tau * (float(self.f0) + float(self.a) / 2 * tau) if tau > 0 else 0.0
         return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
 
@@ -312,9 +311,9 @@ class _Ramp:
         r = self.f0 * self.f0 + 2 * self.a * self.sign * (k - self.s)
         plus, minus = (r, Fraction(0)) if self.sign > 0 else (self.peak, r)
         # An approximation that is right or one too small or too great; then ask on which side of a middle t_k lies.
-        n = round((self.shift + _root(plus) - _root(minus)) * SECOND / self.a)
+        n = round((self.shift + _root(plus) - _root(minus)) * SECOND_NS / self.a)
         for middle in (2 * n - 1, 2 * n + 1):
-            side = _sign(plus, minus, Fraction(self.a * middle, 2 * SECOND) - self.shift)
+            side = _sign(plus, minus, Fraction(self.a * middle, 2 * SECOND_NS) - self.shift)
             if side == 0:
                 return round(Fraction(middle, 2))
             if middle < 2 * n and side < 0:
@@ -334,7 +333,7 @@ def _ramp(
     shift: Fraction,
     peak: Fraction = Fraction(0),
 ) -> _Ramp:
-    t_ns = (shift + _root(peak) + sign * f0) * SECOND / a
+    t_ns = (shift + _root(peak) + sign * f0) * SECOND_NS / a
     return _Ramp(first, last, sign, f0, a, s, shift, peak, t_ns)
 
 
@@ -359,7 +358,7 @@ def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, t, t_rest):  # type: ig
     """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):
         d = sign * (k + i - s) + s_rest
-        x = 2.0 * SECOND * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
+        x = 2.0 * SECOND_NS * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
         y = t_rest + sign * x
         n = np.rint(y)
         if 0.5 - abs(y - n) <= DOUBT * (x + 1.0):

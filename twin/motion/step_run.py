@@ -1,0 +1,82 @@
+"""Steps: a path, timed by a time law, started at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion.motion import Motion
+from isel_twin.motion.path import Displacement, Path
+from isel_twin.motion.time_law import TimeLaw
+
+__all__ = ["StepRun"]
+
+
+@dataclass(frozen=True, slots=True)
+class StepRun:
+    """Ticks first + 1 .. last of a path; tick first + i falls at start_ns + tick i of the time law.
+
+        path      tick   1  2  3 | 4  5  6  7  8 | 9  10       first = 3: a motion that was stopped after 3 ticks
+        law       tick             1  2  3  4  5               and is resumed with 5 more: last = 8
+
+    Follows `isel_twin.motion.Motion`. Raises ValueError if the path has not as many ticks as the law times.
+    """
+
+    path: Path
+    law: TimeLaw
+    start_ns: int
+    first: int = 0
+
+    def __post_init__(self) -> None:
+        if self.first < 0 or self.last > self.path.ticks:
+            raise ValueError(f"ticks {self.first}..{self.last} timed on a path of {self.path.ticks}")
+
+    @property
+    def axes(self) -> int:
+        return self.path.axes
+
+    @property
+    def last(self) -> int:
+        return self.first + self.law.ticks
+
+    @property
+    def end_ns(self) -> int:
+        return self.start_ns + self.law.duration_ns
+
+    @property
+    def lead_ns(self) -> int:
+        """0: a stage takes a step at once."""
+        return 0
+
+    def count(self, t_ns: int) -> int:
+        """Path ticks made at t_ns, those of earlier runs of the path included: first .. last."""
+        return self.first + self.law.count(t_ns - self.start_ns)
+
+    def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+        """See `Motion.window`; changes are int8."""
+        times = self.law.times(k0 - self.first, k1 - self.first)
+        times += self.start_ns
+        return times, self.path.deltas(k0, k1)
+
+    def displacement(self, t_ns: int) -> Displacement:
+        """See `Motion.displacement`."""
+        before, now = self.path.displacement(self.first), self.path.displacement(self.count(t_ns))
+        return tuple(n - b for n, b in zip(now, before, strict=True))
+
+    def stopped(self, t_ns: int) -> StepRun:
+        """The same up to t_ns, then the stop ramp; see `TimeLaw.stopped`."""
+        return replace(self, law=self.law.stopped(t_ns - self.start_ns))
+
+    def cut(self, t_ns: int) -> StepRun:
+        """The same, ended at t_ns: only the ticks at or before it."""
+        return replace(self, law=self.law.cut(t_ns - self.start_ns))
+
+    def continues(self, other: Motion) -> bool:
+        """The same path from the same place at the same time."""
+        return (
+            isinstance(other, StepRun)
+            and (self.start_ns, self.first) == (other.start_ns, other.first)
+            and self.path == other.path
+        )

@@ -1,0 +1,86 @@
+"""The stream of a controller as time goes on: the motion it is making, the ticks still to be made, the record.
+
+Goal: whoever owns the clock asks for the ticks up to a time, says how many of them were made, and shows the motion
+that the controller shows, whenever that may have changed.
+
+    made            made + len(window)       motion.last
+     |-- to be made --|- - - not expanded - - -|
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion.motion import Motion
+from isel_twin.motion.record import Steps
+
+__all__ = ["Stream"]
+
+CHUNK = 1 << 15
+"""Ticks of a motion expanded at once; bounds the memory of long moves."""
+
+
+class Stream:
+    """See the module."""
+
+    def __init__(self, axes: int) -> None:
+        self._record = Steps(axes)
+        self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8)
+        self._motion: Motion | None = None
+        self._made = 0
+        self._t_ns, self._delta = self._none
+
+    @property
+    def moving(self) -> bool:
+        """A motion is being made."""
+        return self._motion is not None
+
+    @property
+    def lead_ns(self) -> int:
+        """`Motion.lead_ns` of the motion being made, 0 if there is none."""
+        return 0 if self._motion is None else self._motion.lead_ns
+
+    def steps(self, t_ns: int) -> Steps:
+        """Record of what has been made by t_ns, the present."""
+        return self._record.until(t_ns)
+
+    def follow(self, motion: Motion | None, t_ns: int) -> bool:
+        """Take over the motion that the controller shows at t_ns; return whether it is another one than before."""
+        before = self._motion
+        if motion is before:
+            return False
+        self._motion = motion
+        self._t_ns, self._delta = self._none
+        if before is not None and motion is not None and motion.continues(before):
+            self._record.replace_last(motion)
+            return True
+        if before is not None:
+            self._record.replace_last(before.cut(t_ns))
+        if motion is not None:
+            self._record.append(motion)
+            self._made = motion.first
+        return True
+
+    def until(self, t_ns: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
+        """Times int64 [n] and changes [n, axes] of the ticks still to be made up to t_ns, as far as they are expanded.
+
+        `more_after(n)` tells whether there are others.
+        """
+        motion = self._motion
+        if not len(self._t_ns) and motion is not None and self._made < motion.last:
+            self._t_ns, self._delta = motion.window(self._made, min(self._made + CHUNK, motion.last))
+        count = int(np.searchsorted(self._t_ns, t_ns, side="right"))
+        return self._t_ns[:count], self._delta[:count]
+
+    def more_after(self, count: int) -> bool:
+        """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
+        motion = self._motion
+        return motion is not None and count == len(self._t_ns) and self._made + count < motion.last
+
+    def make(self, count: int) -> None:
+        """The next `count` ticks have been made."""
+        self._made += count
+        self._t_ns, self._delta = self._t_ns[count:], self._delta[count:]

@@ -1,0 +1,9 @@
+"""Units of virtual time, in its own unit: integer nanoseconds."""
+
+from __future__ import annotations
+
+from typing import Final
+
+MICROSECOND_NS: Final = 1_000
+MILLISECOND_NS: Final = 1_000_000
+SECOND_NS: Final = 1_000_000_000
