@@ -37,7 +37,7 @@ from isel_twin.axes import AXIS_NAMES
 from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Reply, create_controller
 from isel_twin.motion import Motion
 from isel_twin.units import SECOND_NS
-from isel_twin.wiring.cabinet import ELEMENTS, Cabinet
+from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 
 _CHUNK = 1 << 16
 _SPIN_LIMIT = 100_000
@@ -135,7 +135,7 @@ class Desk:
         self._struck = {switch.contact: False for switch in self.position_switches}
         for switch in self.position_switches:
             self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
-        self.cabinet = Cabinet()
+        self.cabinet = SafetyCabinet()
         self.controller = self.factory(flash)
         if power:
             self.power_on()
@@ -388,7 +388,7 @@ class Desk:
     def _wires_changed(self) -> None:
         """Hand every changed level to the controller; what it does in answer may change further levels."""
         contacts = {**self.cabinet.contacts(), **self._forced_contacts}
-        self.cabinet.estop_circuits(contacts["estop_1"] and contacts["estop_2"])
+        self.cabinet.sense(contacts.__getitem__)
         for _ in range(_SPIN_LIMIT):
             levels = self._levels()
             changed = [terminal for terminal, level in levels.items() if level != self.levels[terminal]]

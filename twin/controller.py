@@ -205,7 +205,10 @@ class DriveInput:
 
 @runtime_checkable
 class UsesDrives(Protocol):
-    """What a controller offers beside `Controller` if it wants to know what its drives know."""
+    """What a controller offers beside `Controller` if it wants to know what its drives know.
+
+    An encoder follows the counter's zero by `CounterSet`: one is due after a change of `direction`, too.
+    """
 
     def drive_inputs(self) -> Sequence[DriveInput]:
         """Terminals that drives feed; their edges come by `set_input` like those of any switch, at the sub-step in

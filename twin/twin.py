@@ -1,11 +1,11 @@
-"""The twin: one virtual clock for controller, plant, wiring and serial line.
+"""The twin: one virtual clock for controller, serial line, wiring and plant.
 
-Goal: at every instant each part has seen exactly what has happened before it. The loop is
+Goal: at every instant each part has seen exactly what has happened before it. Every part has a `next_ns`, the time at
+which it has something to do by itself (None: never). The loop is
 
-    settle:   hand over everything that is due now (bytes, scenario events, bounces, the controller's own deadlines)
-              until nobody has anything more to do at this instant
-    advance:  let the plant run to the next time at which somebody has something to do, or to the end of the sub-step
-              in which a switch changes, whichever comes first
+    settle:   hand over everything that is due now, until nobody has anything more to do at this instant
+    advance:  let the plant run to the least `next_ns`, or to the instant in which one of its thresholds is passed,
+              whichever comes first
 
 so no part ever has to take anything back. See docs/one_move.md for one command followed through all of it.
 
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,34 +26,43 @@ from numpy.typing import NDArray
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
     CounterSet,
-    Event,
     FlashWrite,
     Output,
     Reply,
     SerialFormat,
     UnknownNameError,
+    UsesDrives,
     create_controller,
 )
-from isel_twin.drives.heat import StageHeat
+from isel_twin.language import Language, create_language
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import Plant, Switch
-from isel_twin.units import SECOND_NS
-from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
+from isel_twin.plant import Plant, Threshold
+from isel_twin.position import Position
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.wiring import SerialLine, Wiring, check_input, load_scenario, thresholds
 
 PLANTS = ("mujoco", "kinematic")
 
-_MOVING_SLICE_NS = 10_000_000
+_MOVING_SLICE_NS = 10 * MILLISECOND_NS
 """While something moves by itself, whoever paces the twin should look again after this time."""
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle; a controller that needs more is broken."""
 
 
+class Source(Protocol):
+    """A part that has something to do at times of its own."""
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next time is; None if only somebody else can bring it about."""
+
+
 class Twin:
     """A digital twin of a controller and the gantry it drives.
 
-    Axes are in the order X, Y, Z (A). Counts are steps of the controller; positions are in mm in the zero and direction
-    of the counters, as the controller last set them (reference run).
+    Axes are in the order X, Y, Z, A ...: as many as the controller has. Counts are steps of the controller; positions
+    are in mm in the zero and direction of the counters, as the controller last set them (reference run).
     """
 
     def __init__(
@@ -95,6 +104,9 @@ class Twin:
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
+        self.controller_name = controller
+        self.language: Language | None = create_language(controller)
+        """What the controller's bytes mean, None if nobody has said so."""
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
@@ -103,29 +115,27 @@ class Twin:
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
-        self._outputs: dict[str, int] = {}
-        self._line = SerialLine(line_speed, noise)
-        self._cabinet = Cabinet()
-        self._contacts = Contacts(self.machine.contacts, self._controller.terminals(), bounces)
-        self._switches = self.machine.switches
-        self._trip_random = trips
-        self._plant = self._build_plant(plant, _power_on_mm(self.machine, start, start_mm))
-        self._zero_mm = self._plant.position_mm
-        self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
-        self._period = self._plant.slip_steps
+        uses_drives = isinstance(self._controller, UsesDrives)
+        drive_inputs = tuple(self._controller.drive_inputs()) if uses_drives else ()
         axes = len(self._controller.counts)
-        self._slip = np.zeros(axes)
-        self._forgotten = np.zeros(axes)
-        self._heat = StageHeat(self._plant.stages)
-        self._scenario = list(load_scenario(scenario, self._contacts.names)) if scenario is not None else []
+        start_at_mm = _power_on_mm(self.machine, start, start_mm)
+        self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
+        self._position = Position(
+            self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes])
+        )
+        self._line = SerialLine(line_speed, noise)
+        self._wiring = Wiring(
+            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces
+        )
+        if scenario is not None:
+            self._wiring.schedule(load_scenario(scenario, self._wiring.settable))
+        self._stream = Stream(axes)
+        self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
 
-        self._struck = self._plant.trips()
-        for switch, struck in zip(self._switches, self._struck, strict=True):
-            self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
-        self._cabinet_changed()
-        self._levels = self._contacts.levels()
-        self._stream = Stream(axes)
+        if uses_drives:
+            self._controller.use_drives(self._position)
+        self._levels = self._wiring.levels
         self._controller.power_on(0, self._levels)
         self._settle()
 
@@ -141,15 +151,19 @@ class Twin:
         return self._line.at_host(self.time_ns)
 
     def query(self, text: str, timeout_s: float = 3600.0) -> str:
-        """Send text and a carriage return, run until the controller has answered and is idle, return the reply.
+        """Send a line as a host would, run until the controller has answered and is idle, return the reply.
 
-        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time.
+        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time, and
+        ValueError for a text that cannot be sent or a controller without a language.
         """
+        if self.language is None:
+            raise ValueError(f"controller {self.controller_name!r} has no language: use write and read with its bytes")
+        data = self.language.frame(text)
         self.read()
-        self.write(text.encode("latin-1") + b"\r")
+        self.write(data)
         if not self.run_until_idle(timeout_s):
             raise TimeoutError(f"no complete reply to {text!r} within {timeout_s:g} s of virtual time")
-        return self.read().decode("latin-1")
+        return self.language.text(self.read())
 
     def run_until_idle(self, timeout_s: float = 3600.0) -> bool:
         """Let virtual time pass until the controller is idle and its replies have arrived, at most timeout_s.
@@ -199,40 +213,47 @@ class Twin:
     @property
     def next_event_ns(self) -> int | None:
         """When something may happen without anybody's doing; None if only the outside can change anything."""
-        times = [t for t in (*self._deadlines(), self._line.next_reply_ns) if t is not None]
+        times = [
+            self._controller.next_ns,
+            self._line.next_ns,
+            self._line.next_reply_ns,
+            self._wiring.next_event_ns,
+        ]
         if self._stream.moving or not self._plant.at_rest:
             times.append(self.time_ns + _MOVING_SLICE_NS)
-        return min(times, default=None)
+        return min((t for t in times if t is not None), default=None)
 
     # What there is to see
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """int64 [4], the controller's step counters X Y Z A."""
-        return np.array(self._controller.counts, dtype=np.int64)
+        """int64 [axes], the controller's counters X Y Z A ..."""
+        return self._position.counts
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in mm, in the zero and direction of the counters."""
-        commanded, direction = self._commanded()
-        zero = self._zero_mm + (commanded - direction * self.counts - self._slip)[:3] * self._step_mm
-        return direction[:3] * (self._plant.position_mm - zero)
+        return self._position.position_mm
+
+    @property
+    def position_error_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true position minus counter, in mm."""
+        return self._position.error_mm
 
     @property
     def lost_steps(self) -> NDArray[np.float64]:
-        """float64 [4], counter minus rotor position in steps since each counter was set; meaningful at rest."""
-        commanded, direction = self._commanded()
-        return direction * (commanded - self._plant.rotor - self._slip)
+        """float64 [axes], counter minus rotor position in steps since each counter was set; meaningful at rest."""
+        return self._position.lost_steps
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [4], steps in one slip of each motor (four full steps): losses are multiples of it."""
-        return self._period.copy()
+        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        return self._position.slip_steps
 
     @property
     def forgotten_steps(self) -> NDArray[np.float64]:
-        """float64 [4], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
-        return self._forgotten.copy()
+        """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        return self._position.forgotten_steps
 
     @property
     def machine_position_mm(self) -> NDArray[np.float64]:
@@ -241,27 +262,18 @@ class Twin:
 
     @property
     def steps(self) -> Steps:
-        """The step stream made since power-on: `.t_ns` int64 [n], `.delta` int8 [n, 4]."""
+        """The stream made since power-on: `.t_ns` int64 [n], `.delta` int8 [n, axes] (int32 with set points)."""
         return self._stream.steps(self.time_ns)
 
     @property
     def inputs(self) -> Mapping[str, str]:
         """State of everything `set_input` can set, and of the end switches (`free`, `struck` or a fault)."""
-        states = dict(self._cabinet.state)
-        for switch, struck in zip(self._switches, self._struck, strict=True):
-            states[switch.name] = "struck" if struck else "free"
-        if self._heat.hot:
-            states["overtemperature"] = "hot"
-        for name in self._contacts.names:
-            if self._contacts.fault(name) != "ok":
-                states[name] = self._contacts.fault(name)
-        return states
+        return self._wiring.inputs
 
     @property
     def outputs(self) -> Mapping[str, int]:
-        """Controller outputs, and the relays they act on: `power` (safety relay) and `spindle_runs`."""
-        relays = {"power": int(self._cabinet.relay), "spindle_runs": int(self._cabinet.spindle_runs)}
-        return {**self._outputs, **relays}
+        """Controller outputs, and the relays they act on, such as `power` and `spindle_runs`."""
+        return self._wiring.outputs
 
     @property
     def levels(self) -> Mapping[str, bool]:
@@ -273,14 +285,15 @@ class Twin:
     def set_input(self, name: str, state: str) -> str:
         """Operate an element or give a contact a fault, now; return the state it is in afterwards.
 
-        Elements: hood (closed, open, forced), estop (released, pressed), key (automatic, setup), power (on, off),
-        start and stop (up, down), overtemperature (normal, hot), probe (free, touched), user_0 .. user_7 (low, high).
-        A locked hood does not open unless it is forced. Contacts: ok, broken, stuck_open, stuck_closed.
+        Elements, with the cabinet that the machines here have: hood (closed, open, forced), estop (released, pressed),
+        key (automatic, setup), power (on, off), start and stop (up, down), overtemperature (normal, hot), probe (free,
+        touched), user_0 .. user_7 (low, high). A locked hood does not open unless it is forced. Contacts: ok, broken,
+        stuck_open, stuck_closed.
 
         Raises ValueError for a name or state that does not exist.
         """
-        check_input(name, state, self._contacts.names, "set_input")
-        self._operate(name, state)
+        check_input(name, state, self._wiring.settable, "set_input")
+        self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)
 
@@ -303,28 +316,22 @@ class Twin:
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         while self.time_ns < until_ns and not (stop is not None and stop()):
-            stops = [until_ns, self._next_ns(), *(observer.next_ns for observer in self._observers)]
-            if self._line.quiet_ns > self.time_ns:
-                stops.append(self._line.quiet_ns)
-            horizon = min(t for t in stops if t is not None)
+            horizon = until_ns
+            for source in (*self._sources, *self._observers):
+                if (next_ns := source.next_ns) is not None and next_ns < horizon:
+                    horizon = next_ns
+            if self.time_ns < self._line.quiet_ns < horizon:
+                horizon = self._line.quiet_ns
             self._advance_plant(max(horizon, self.time_ns))
             self._settle()
 
-    def _next_ns(self) -> int | None:
-        """Time of the next thing that somebody has to do."""
-        return min((t for t in (*self._deadlines(), self._heat.next_ns) if t is not None), default=None)
-
-    def _deadlines(self) -> tuple[int | None, ...]:
-        """The same, of all who have something to say; a look at the temperatures of the stages is not."""
-        scenario_ns = self._scenario[0].at_ns if self._scenario else None
-        return self._controller.next_ns, self._line.next_ns, self._contacts.next_ns, scenario_ns
-
     def _advance_plant(self, until_ns: int) -> None:
-        """Let the plant make the pulses up to until_ns, or up to the first switch edge or the end of a chunk."""
+        """Let the plant make the ticks up to until_ns, or up to the first threshold passed or the end of a chunk."""
         t_ns, delta = self._stream.until(until_ns)
         if len(t_ns) and self._stream.more_after(len(t_ns)):
             until_ns = int(t_ns[-1])
-        reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(delta, self._controller.direction))
+        delta = _in_motor_sense(delta, self._controller.direction)
+        reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
         self._stream.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
 
@@ -333,49 +340,20 @@ class Twin:
         for _ in range(_ENDLESS):
             self._controller.advance(self.time_ns)
             self._take_events()
-            if not (self._hand_over_switches() or self._hand_over_due() or self._hand_over_levels()):
+            if not (self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels()):
                 self._observe(changed=False)
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
-    def _hand_over_switches(self) -> bool:
-        struck = self._plant.trips()
-        changed = np.flatnonzero(struck != self._struck)
-        for number in changed:
-            switch = self._switches[number]
-            self._contacts.strike(switch.name, bool(struck[number]), self.time_ns)
-            if not struck[number]:
-                self._draw_trip_point(int(number))
-        self._struck = struck
-        return self._contacts.advance(self.time_ns) or len(changed) > 0
-
-    def _hand_over_due(self) -> bool:
-        """Bytes, temperatures, scenario events whose time has come; one source at a time, so that effects are seen."""
+    def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
         if data:
             self._controller.receive(self.time_ns, data)
             self._take_events()
-            return True
-        if self._heat.next_ns is not None and self._heat.next_ns <= self.time_ns:
-            self._heat.advance(self._plant.current_fraction.tolist())
-            self._cabinet.heat(self._heat.hot)
-            self._cabinet_changed()
-            return True
-        if self._scenario and self._scenario[0].at_ns <= self.time_ns:
-            event = self._scenario.pop(0)
-            for name, state in event.inputs.items():
-                self._operate(name, state)
-            for axis, force_n in event.force_n.items():
-                self._plant.apply_force(axis, force_n)
-            for axis, phases in event.phase_lost.items():
-                self._plant.set_phase_lost(axis, phases)
-            if event.noise is not None:
-                self._line.noise = event.noise
-            return True
-        return False
+        return bool(data)
 
     def _hand_over_levels(self) -> bool:
-        levels = self._contacts.levels()
+        levels = self._wiring.levels
         if levels is self._levels or levels == self._levels:
             return False
         before, self._levels = self._levels, levels
@@ -386,85 +364,32 @@ class Twin:
         self._observe(changed=True)
         return True
 
-    def _operate(self, name: str, state: str) -> None:
-        if name in ELEMENTS and state in ELEMENTS[name]:
-            self._cabinet.operate(name, state)
-        if name in self._contacts.names and state in FAULTS:
-            self._contacts.set_fault(name, state)
-        self._cabinet_changed()
-
-    def _cabinet_changed(self) -> None:
-        """Carry the cabinet's contacts to the terminals and its relay to the power stages."""
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
-        self._cabinet.estop_circuits(all(self._contacts.closed(name) for name in ("estop_1", "estop_2")))
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
-        live = self._cabinet.relay
-        self._plant.set_power(
-            stages=live and bool(self._outputs.get("stages", 1)),
-            brake_released=live and bool(self._outputs.get("brake", 1)),
-            lowering=bool(self._outputs.get("current_lowering", 1)),
-        )
-
     def _take_events(self) -> None:
-        events: list[Event] = self._controller.take()
-        self._follow_run()
+        """Take over what the controller says after a call, and the motion it shows."""
+        events = self._controller.take()
+        if self._stream.follow(self._controller.run, self.time_ns):
+            self._wiring.motion(self._stream.moving)
         outputs_changed = False
         for event in events:
             match event:
                 case Reply(data):
                     self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
                 case Output(name, value):
-                    self._outputs[name] = value
-                    self._cabinet.output(name, value)
+                    self._wiring.output(name, value)
                     outputs_changed = True
-                case CounterSet(axis, _):
-                    behind = self._plant.commanded[axis] - self._plant.rotor[axis]
-                    slip = round(behind / self._period[axis]) * self._period[axis]
-                    self._forgotten[axis] += abs(slip - self._slip[axis])
-                    self._slip[axis] = slip
+                case CounterSet(axis, value):
+                    self._position.counter_set(axis, value)
                 case FlashWrite(image):
                     self.flash = image
                     if self.on_flash is not None:
                         self.on_flash(image)
         if outputs_changed:
-            self._cabinet_changed()
+            self._wiring.outputs_changed()
             self._observe(changed=True)
-
-    def _follow_run(self) -> None:
-        """Keep the record in step with what the controller says it is making."""
-        if self._stream.follow(self._controller.run, self.time_ns):
-            self._cabinet.motion(self._stream.moving)
-            self._cabinet_changed()
-
-    def _commanded(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        return self._plant.commanded, np.array(self._controller.direction, dtype=np.int64)
 
     def _observe(self, changed: bool) -> None:
         for observer in self._observers:
             observer.look(self, changed)
-
-    # Building
-
-    def _build_plant(self, plant: str, start_mm: NDArray[np.float64]) -> Plant:
-        switches = [
-            Switch(CARRIAGES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
-            for c in self._switches
-        ]
-        if plant == "kinematic":
-            from isel_twin.plant.kinematic import KinematicPlant
-
-            return KinematicPlant(self.machine, switches, start_mm, len(self._controller.counts))
-        from isel_twin.plant.mujoco import MujocoPlant
-
-        return MujocoPlant(self.machine, switches, start_mm, len(self._controller.counts))
-
-    def _draw_trip_point(self, number: int) -> None:
-        """A switch trips a little elsewhere each time: draw where it will the next time."""
-        switch = self._switches[number]
-        scatter_mm = self._trip_random.normal(0.0, switch.repeatability_mm)
-        self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
 
 
 class _Observer:
@@ -481,6 +406,18 @@ class _Observer:
             self.next_ns += self._interval_ns
         if due or changed:
             self._callback(twin)
+
+
+def _build_plant(
+    plant: str, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int
+) -> Plant:
+    if plant == "kinematic":
+        from isel_twin.plant.kinematic import KinematicPlant
+
+        return KinematicPlant(machine, thresholds, start_mm, axes)
+    from isel_twin.plant.mujoco import MujocoPlant
+
+    return MujocoPlant(machine, thresholds, start_mm, axes)
 
 
 def _power_on_mm(

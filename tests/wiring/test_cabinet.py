@@ -5,37 +5,36 @@ from __future__ import annotations
 import pytest
 
 from isel_twin.controller import UnknownNameError
-from isel_twin.wiring import Cabinet
+from isel_twin.wiring import SafetyCabinet
 
 CIRCUITS = [("estop", "pressed", "released"), ("overtemperature", "hot", "normal"), ("power", "off", "on")]
 
 
-def cabinet(**states: str) -> Cabinet:
-    new = Cabinet()
+def cabinet(**states: str) -> SafetyCabinet:
+    new = SafetyCabinet()
     for name, state in states.items():
         new.operate(name, state)
     return new
 
 
-def press_estop(box: Cabinet, state: str) -> None:
+def press_estop(box: SafetyCabinet, state: str) -> None:
     box.operate("estop", state)
-    contacts = box.contacts()
-    box.estop_circuits(contacts["estop_1"] and contacts["estop_2"])
+    box.sense(box.contacts().__getitem__)
 
 
-def request_power(box: Cabinet) -> None:
+def request_power(box: SafetyCabinet) -> None:
     box.output("power_request", 1)
     box.output("power_request", 0)
 
 
 def test_power_is_on_at_the_start() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     assert box.relay
     assert box.contacts()["power_ok"]
 
 
 def test_emergency_stop_opens_both_circuits_and_the_relay_and_releasing_it_does_not_close_it() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     press_estop(box, "pressed")
     assert (box.contacts()["estop_1"], box.contacts()["estop_2"], box.relay) == (False, False, False)
     request_power(box)
@@ -58,7 +57,7 @@ def test_relay_opens_with_any_other_circuit(name: str, bad: str, good: str) -> N
 
 
 def test_operator_closes_the_relay_with_the_power_key() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     press_estop(box, "pressed")
     press_estop(box, "released")
     box.operate("power", "on")
@@ -100,7 +99,7 @@ def test_turning_the_key_to_automatic_with_the_hood_open_in_a_motion_cuts_power(
 
 
 def test_a_locked_hood_stays_closed_unless_forced() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     box.output("hood_release", 0)
     assert box.operate("hood", "open") == "closed"
     assert box.contacts()["hood_automatic"]
@@ -109,7 +108,7 @@ def test_a_locked_hood_stays_closed_unless_forced() -> None:
 
 
 def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     assert not box.spindle_runs
     box.output("spindle", 1)
     assert box.spindle_runs
@@ -119,7 +118,7 @@ def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
 
 
 def test_opening_the_hood_while_steps_are_made_cuts_power_whatever_the_controller_says() -> None:
-    box = Cabinet()
+    box = SafetyCabinet()
     box.motion(True)
     box.operate("hood", "open")
     assert not box.relay
@@ -155,6 +154,6 @@ def test_hood_contacts_combine_hood_and_key(hood: str, key: str, automatic: bool
 
 def test_unknown_names_and_states_are_named() -> None:
     with pytest.raises(UnknownNameError, match=r"unknown input 'door'; there are: hood, estop"):
-        Cabinet().operate("door", "open")
+        SafetyCabinet().operate("door", "open")
     with pytest.raises(UnknownNameError, match=r"'hood' cannot be 'ajar'; it can be: closed, open, forced"):
-        Cabinet().operate("hood", "ajar")
+        SafetyCabinet().operate("hood", "ajar")

@@ -1,7 +1,7 @@
 """The control cabinet: operator elements, hood, safety relay and spindle contactor, as hardware without software.
 
 Goal: whatever the firmware believes, the machine loses power when a person needs it to. The cabinet is a small state
-machine with two states; the transitions are all in `Cabinet._settle`:
+machine with two states; the transitions are all in `SafetyCabinet._settle`:
 
                        power_request rises, or the operator's power key,
                        and every condition to close holds
@@ -23,7 +23,8 @@ operator's side. Decisions W1 to W4 in docs/decisions.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
 from isel_twin.controller import UnknownNameError
 
@@ -59,8 +60,50 @@ SIGNALS = (
 """Contacts of the cabinet, as machine files name them."""
 
 
-class Cabinet:
-    """Elements and relays. Feed it with what happens, read contacts and relays."""
+class Cabinet(Protocol):
+    """What a machine's cabinet is to its wiring: it is told what happens, and shows contacts, relays and power."""
+
+    elements: Mapping[str, tuple[str, ...]]
+    """What people operate, and the states of each; the first one is the state at power-on."""
+    signals: tuple[str, ...]
+    """Contacts it has."""
+
+    @property
+    def states(self) -> Mapping[str, str]:
+        """State of each element now."""
+
+    @property
+    def powered(self) -> bool:
+        """Stages and brakes have supply."""
+
+    @property
+    def relays(self) -> Mapping[str, int]:
+        """What is to be seen of its relays, beside the controller's outputs."""
+
+    def operate(self, element: str, state: str) -> str:
+        """Operate an element; return the state it has now. Raises UnknownNameError for one that does not exist."""
+
+    def output(self, name: str, value: int) -> None:
+        """A controller output changes; only those the cabinet is wired to matter."""
+
+    def sense(self, closed: Callable[[str], bool]) -> None:
+        """Look at contacts as they are wired: a broken wire may be open where the element is not."""
+
+    def motion(self, moving: bool) -> None:
+        """Tell whether a motion is being made, whatever the controller says of it."""
+
+    def heat(self, hot: bool) -> None:
+        """Tell whether a power stage has reached its thermal limit."""
+
+    def contacts(self) -> Mapping[str, bool]:
+        """Closed (True) or open, for every one of `signals`."""
+
+
+class SafetyCabinet:
+    """Implements `Cabinet`: elements, safety relay, hood lock and spindle contactor as described in the module."""
+
+    elements = ELEMENTS
+    signals = SIGNALS
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
@@ -103,14 +146,14 @@ class Cabinet:
             self.spindle_runs = True
         self._settle()
 
-    def estop_circuits(self, closed: bool) -> None:
-        """Tell whether both E-stop circuits are closed as wired: a broken wire opens one without the button."""
-        self._estop_closed = closed
+    def sense(self, closed: Callable[[str], bool]) -> None:
+        """Both E-stop circuits must be closed as wired: a broken wire opens one without the button."""
+        self._estop_closed = closed("estop_1") and closed("estop_2")
         self._settle()
 
-    def motion(self, axes_move: bool) -> None:
-        """Tell whether steps are being made, whatever the controller says of it."""
-        self._axes_move = axes_move
+    def motion(self, moving: bool) -> None:
+        """See Cabinet.motion."""
+        self._axes_move = moving
         self._settle()
 
     def heat(self, hot: bool) -> None:
@@ -122,6 +165,21 @@ class Cabinet:
     def cool(self) -> bool:
         """The over-temperature contact is closed."""
         return self.state["overtemperature"] == "normal" and not self.stages_hot
+
+    @property
+    def states(self) -> Mapping[str, str]:
+        """State of each element now; a hot stage shows as `overtemperature`."""
+        return self.state | ({"overtemperature": "hot"} if self.stages_hot else {})
+
+    @property
+    def powered(self) -> bool:
+        """The safety relay is closed."""
+        return self.relay
+
+    @property
+    def relays(self) -> Mapping[str, int]:
+        """`power`: safety relay, `spindle_runs`: spindle contactor."""
+        return {"power": int(self.relay), "spindle_runs": int(self.spindle_runs)}
 
     @property
     def locked(self) -> bool:
@@ -162,3 +220,7 @@ class Cabinet:
             self.relay = False
         if not (self.relay and self._outputs["spindle"] and self.state["hood"] == "closed"):
             self.spindle_runs = False
+
+
+CABINETS: Mapping[str, Callable[[], Cabinet]] = {"safety-relay": SafetyCabinet}
+"""Kinds of cabinet by the name a machine file gives."""

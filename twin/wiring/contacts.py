@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from isel_twin.machine import Contact
-from isel_twin.wiring.cabinet import SIGNALS
 
 FAULTS: Mapping[str, bool | None] = {"ok": None, "broken": False, "stuck_open": False, "stuck_closed": True}
 """Fault names, and the state in which each holds the contact."""
@@ -35,17 +34,18 @@ class Contacts:
         self,
         contacts: Sequence[Contact],
         terminals: Mapping[str, tuple[str, ...]],
+        signals: Sequence[str],
         random: np.random.Generator,
     ) -> None:
         """Wire `contacts` to `terminals` (contacts in series), as the controller wants them.
 
-        What the machine lacks is left out, and with it a terminal to which nothing leads. Signals of the cabinet that
+        What the machine lacks is left out, and with it a terminal to which nothing leads. `signals` of the cabinet that
         the machine file does not list exist too, but lead to no terminal.
         """
         self._contacts = {contact.name: contact for contact in contacts}
         wired = {terminal: tuple(n for n in names if n in self._contacts) for terminal, names in terminals.items()}
         self._terminals = {terminal: names for terminal, names in wired.items() if names}
-        self._closed = dict.fromkeys(SIGNALS, True) | {contact.name: contact.type == "opener" for contact in contacts}
+        self._closed = dict.fromkeys(signals, True) | {contact.name: contact.type == "opener" for contact in contacts}
         self._faults: dict[str, str] = {}
         self._random = random
         self._pending: list[tuple[int, int, str, bool]] = []

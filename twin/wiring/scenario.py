@@ -33,8 +33,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from isel_twin.wiring.cabinet import ELEMENTS
-from isel_twin.wiring.contacts import FAULTS
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _KEYS = ("at", "set", "force_n", "phase_lost", "noise")
@@ -56,8 +54,10 @@ class ScenarioEvent:
     noise: float | None = None
 
 
-def load_scenario(path: str | Path, contacts: tuple[str, ...]) -> tuple[ScenarioEvent, ...]:
-    """Read a scenario file for a machine with these contacts; events sorted by time, in file order at equal times.
+def load_scenario(path: str | Path, settable: Mapping[str, tuple[str, ...]]) -> tuple[ScenarioEvent, ...]:
+    """Read a scenario file; events sorted by time, in file order at equal times.
+
+    settable: what can be set and the states of each, see `Wiring.settable`.
 
     Raises ScenarioError for anything wrong in it, OSError if it cannot be read.
     """
@@ -71,11 +71,11 @@ def load_scenario(path: str | Path, contacts: tuple[str, ...]) -> tuple[Scenario
     tables = document.get("event", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ScenarioError(f"{path}: `event` must be written as [[event]] tables")
-    events = [_event(table, f"{path}: event {number}", contacts) for number, table in enumerate(tables, 1)]
+    events = [_event(table, f"{path}: event {number}", settable) for number, table in enumerate(tables, 1)]
     return tuple(sorted(events, key=lambda event: event.at_ns))
 
 
-def _event(table: dict[str, Any], where: str, contacts: tuple[str, ...]) -> ScenarioEvent:
+def _event(table: dict[str, Any], where: str, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
     for key in table:
         if key not in _KEYS:
             near = difflib.get_close_matches(key, _KEYS, 1)
@@ -86,7 +86,7 @@ def _event(table: dict[str, Any], where: str, contacts: tuple[str, ...]) -> Scen
         raise ScenarioError(f"{where}: nothing happens; say what: {', '.join(_KEYS[1:])}")
     inputs = _table(table, "set", where)
     for name, state in inputs.items():
-        check_input(name, state, contacts, where)
+        check_input(name, state, settable, where)
     forces = {
         _axis(axis, f"{where}: `force_n`"): _number(value, f"{where}: `force_n.{axis}`", -1e5, 1e5)
         for axis, value in _table(table, "force_n", where).items()
@@ -100,13 +100,12 @@ def _event(table: dict[str, Any], where: str, contacts: tuple[str, ...]) -> Scen
     return ScenarioEvent(round(at_s * 1e9), inputs, forces, phases, noise)
 
 
-def check_input(name: str, state: Any, contacts: tuple[str, ...], where: str) -> None:
-    """Raise ScenarioError unless `name` is an element or contact that can be in `state`."""
-    states = ELEMENTS.get(name, ()) + (tuple(FAULTS) if name in contacts else ())
+def check_input(name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str) -> None:
+    """Raise ScenarioError unless `name` is something that can be set to `state`."""
+    states = settable.get(name, ())
     if not states:
-        known = (*ELEMENTS, *contacts)
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(dict.fromkeys(known))}"
+        near = difflib.get_close_matches(name, settable, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(settable)}"
         raise ScenarioError(f"{where}: unknown input {name!r}; {hint}")
     if state not in states:
         raise ScenarioError(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")

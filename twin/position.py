@@ -1,0 +1,117 @@
+"""Counters, rotors and carriages: what is lost between what the controller believes and where the machine is.
+
+Three numbers stand for each axis, in steps of the controller:
+
+    count       what the controller believes; it may set it anew without a motion (reference run)
+    command     the sum of the ticks the drive has been given since power-on, in the sense of the motor
+    rotor       where the motor is, in the sense of the motor
+
+A motor that loses steps loses whole slips, one period of its torque. When a counter is set, the slips until then are
+forgotten by everybody but this module:
+
+    lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
+    zero  = where the carriage is when the counter is 0 and nothing is lost
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.controller import Controller
+from isel_twin.plant import Plant
+
+__all__ = ["Position"]
+
+
+class Position:
+    """Relates one controller's counters to the plant it moves. Implements `isel_twin.controller.Drives`."""
+
+    def __init__(self, controller: Controller, plant: Plant, step_mm: NDArray[np.float64]) -> None:
+        """step_mm: float64 [3], nominal travel of each carriage per step."""
+        self._controller = controller
+        self._plant = plant
+        self._step_mm = step_mm
+        self._zero_mm = plant.position_mm
+        self._period = plant.slip_steps
+        self._slip = np.zeros(len(controller.counts))
+        self._forgotten = np.zeros(len(controller.counts))
+        self._encoder_zero = np.zeros(len(controller.counts))
+
+    def counter_set(self, axis: int, value: int) -> None:
+        """The controller has set the counter of one axis to a value, without a motion."""
+        commanded, rotor, sense = self._plant.commanded[axis], self._plant.rotor[axis], self._direction[axis]
+        slip = round((commanded - rotor) / self._period[axis]) * self._period[axis]
+        self._forgotten[axis] += abs(slip - self._slip[axis])
+        self._slip[axis] = slip
+        self._encoder_zero[axis] = value - sense * commanded
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """int64 [axes], the controller's counters."""
+        return np.array(self._controller.counts, dtype=np.int64)
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in zero and direction of the counters."""
+        direction = self._direction
+        beyond = _of_carriages(self._plant.commanded - direction * self.counts - self._slip)
+        zero = self._zero_mm + beyond * self._step_mm
+        return _of_carriages(direction, 1) * (self._plant.position_mm - zero)
+
+    @property
+    def error_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true position minus counter: lag, lost steps, backlash, load and errors of the screw."""
+        return self.position_mm - _of_carriages(self.counts) * self._step_mm
+
+    @property
+    def lost_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle."""
+        return self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
+
+    @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        return self._period.copy()
+
+    @property
+    def forgotten_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        return self._forgotten.copy()
+
+    # For controllers that ask what their drives know
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        """See Drives.encoder."""
+        measured = self._direction * self._plant.rotor + self._encoder_zero
+        return tuple(int(n) for n in measured.round())
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        """See Drives.lag."""
+        return tuple((self._direction * self._plant.lag).tolist())
+
+    @property
+    def on(self) -> tuple[bool, ...]:
+        """See Drives.on."""
+        return tuple(self._plant.powered.tolist())
+
+    @property
+    def fault(self) -> tuple[bool, ...]:
+        """See Drives.fault."""
+        return tuple(self._plant.fault.tolist())
+
+    @property
+    def _direction(self) -> NDArray[np.int64]:
+        return np.array(self._controller.direction, dtype=np.int64)
+
+
+def _of_carriages(values: NDArray[Any], missing: int = 0) -> NDArray[Any]:
+    """The first three of some values [axes], filled up if there are fewer."""
+    if len(values) >= len(CARRIAGES):
+        return values[: len(CARRIAGES)]
+    return np.concatenate((values, np.full(len(CARRIAGES) - len(values), missing, dtype=values.dtype)))
