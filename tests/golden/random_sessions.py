@@ -240,11 +240,11 @@ def imc_program(draw: Draw) -> list[str]:
     return ["@0k", "@0i", "N7", *lines, "9", "@0S"]
 
 
-def imc_actions(draw: Draw, length: int) -> list[Action]:
-    """A session of an iMC."""
+def imc_actions(draw: Draw, length: int, physics: bool) -> list[Action]:
+    """A session of an iMC; with physics it always begins with a reference run, so that there is motion to follow."""
     ready = b"@07\r@0N7\r"
     actions: list[Action] = []
-    match int(draw.integers(16)):
+    match 1 if physics else int(draw.integers(16)):
         case 0:
             pass
         case 1 | 2 | 3:
@@ -361,8 +361,8 @@ def random_session(controller: str, plant: str, number: int) -> Session:
     scenario = None
     if chance(draw, 0.15) and not full_steps:
         scenario = NOISE if chance(draw, 0.3) and not ismif else pick(draw, SCENARIOS)
-    length = int(draw.integers(6, 11) if physics else draw.integers(12, 36))
-    actions = ismif_actions(draw, length, full_steps) if ismif else imc_actions(draw, length)
+    length = int(draw.integers(8, 16) if physics else draw.integers(12, 36))
+    actions = ismif_actions(draw, length, full_steps) if ismif else imc_actions(draw, length, physics)
     if ismif and not full_steps:
         actions = [_without_full_steps(action) for action in actions]
     return Session(options, tuple(actions), scenario)

@@ -21,7 +21,7 @@ from golden.session import Session, digest_of, play
 
 FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
-RANDOM = {"kinematic": 200, "mujoco": 6}
+RANDOM = {"kinematic": 200, "mujoco": 12}
 """Random sessions of every controller on each plant."""
 CHUNK = 20
 """Sessions in one test."""
