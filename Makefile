@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test bench conformance lint types format clean
+.PHONY: help demo test bench conformance golden lint types format clean
 
 help:                ## show the commands
 	@grep -hE '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -28,6 +28,9 @@ bench: $(READY)      ## speed and memory, as ratios measured side by side
 
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report
+
+golden: $(READY)     ## digest behaviour anew after a deliberate change
+	$(BIN)/python -m pytest -q --update-golden tests/golden tests/conformance
 
 lint: $(READY)       ## ruff: rules and format
 	$(BIN)/ruff check .

@@ -28,7 +28,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,9 @@ def switches(travel: Iterable[int] = (126_400, 96_000, 44_800, 100_000), hystere
 class Desk:
     """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
 
+    built: ClassVar[list[Desk] | None] = None
+    """Where somebody wants to know of every desk: all that are built, in their order."""
+
     def __init__(
         self,
         factory: Callable[[bytes | None], Controller],
@@ -118,6 +121,7 @@ class Desk:
         self.position_switches = list(switches() if position_switches is None else position_switches)
         self.flash = flash
         self.flash_log: list[tuple[int, bytes]] = []
+        self.sent = bytearray()
         self.replies: list[tuple[int, bytes]] = []
         self.output_log: list[tuple[int, str, int]] = []
         self.outputs: dict[str, int] = {}
@@ -137,6 +141,8 @@ class Desk:
             self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
         self.cabinet = SafetyCabinet()
         self.controller = self.factory(flash)
+        if Desk.built is not None:
+            Desk.built.append(self)
         if power:
             self.power_on()
 
@@ -177,6 +183,7 @@ class Desk:
 
     def send(self, data: bytes, *, byte_time_ns: int = 0) -> None:
         """Bytes reach the controller now, all at once or one every `byte_time_ns` (the last one arrives at the end)."""
+        self.sent += data
         if byte_time_ns == 0:
             self.controller.receive(self.time_ns, data)
             self._collect()

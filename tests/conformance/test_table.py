@@ -10,6 +10,7 @@ import pytest
 from conformance.record import Record, covers_folder
 from conformance.report import BEGIN, DOCUMENT, collect, markdown
 from conformance.rows import FOLDER, Table, tables
+from golden.conformance import Golden
 
 TABLES = tables()
 each_table = pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
@@ -72,6 +73,12 @@ def test_the_copy_in_the_documents_is_current(collected: Record) -> None:
     document = DOCUMENT.read_text(encoding="utf-8")
     copy = document.split(BEGIN)[1].strip()
     assert copy == markdown(collected).strip(), "run: python tests/conformance/report.py --write"
+
+
+def test_every_golden_session_has_its_test(request: pytest.FixtureRequest, golden: Golden) -> None:
+    items = request.session.items
+    if covers_folder(request.config, items) and not golden.update:
+        assert golden.missing({f"{item.path.name}::{item.name}" for item in items}) == [], "run make golden"
 
 
 def test_the_report_names_an_unknown_table() -> None:

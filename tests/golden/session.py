@@ -1,0 +1,112 @@
+"""A session: how a twin is built and what is done to it, as data; and what it did.
+
+Only the public contract of `isel_twin.Twin` is used, so that sessions outlive whatever is behind it. Actions are
+
+    ("write", b"...")            the host sends bytes
+    ("run", seconds, slices)     time passes in so many pieces, the host reads after each
+    ("ask", b"...", limit_s)     the host sends bytes and reads until the answer is complete, at most so long
+    ("set", name, state)         something is operated
+
+and after each the host reads.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from golden.digest import digest, switches_full_steps
+from numpy.typing import NDArray
+
+from isel_twin import Twin
+
+Action = tuple[Any, ...]
+
+ASK_SLICE_S = 0.05
+LAST_RUN_S = 0.5
+
+
+@dataclass(frozen=True)
+class Session:
+    """Keyword arguments of the twin, what is done to it, and the text of a scenario file."""
+
+    options: Mapping[str, Any]
+    actions: tuple[Action, ...]
+    scenario: str | None = None
+
+    @property
+    def coarse(self) -> bool:
+        """An iSMIF was told to make full steps; see `digest`."""
+        sent = b"".join(action[1] for action in self.actions if action[0] in ("write", "ask"))
+        return self.options["controller"] == "ismif" and switches_full_steps(sent)
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a session did: replies with the times at which they were read, the stream, and where everything ended."""
+
+    replies: list[tuple[int, bytes]]
+    steps: Any
+    counts: NDArray[np.int64]
+    position_mm: NDArray[np.float64]
+
+
+def play(session: Session) -> Played:
+    """Build the twin and do everything."""
+    twin = _build(session)
+    replies: list[tuple[int, bytes]] = []
+
+    def read() -> bytes:
+        data = twin.read()
+        if data:
+            replies.append((twin.time_ns, data))
+        return data
+
+    for kind, *values in session.actions:
+        match kind:
+            case "write":
+                twin.write(*values)
+            case "set":
+                twin.set_input(*values)
+            case "run":
+                seconds, slices = values
+                for _ in range(slices):
+                    twin.run(seconds / slices)
+                    read()
+            case "ask":
+                data, limit_s = values
+                end = b"\x02\r" if b"\x01" in data else b""
+                twin.write(data)
+                answer = read()
+                for _ in range(round(limit_s / ASK_SLICE_S)):
+                    if answer and answer.endswith(end):
+                        break
+                    twin.run(ASK_SLICE_S)
+                    answer += read()
+            case _:
+                raise ValueError(f"unknown action {kind!r}")
+        read()
+    twin.run(LAST_RUN_S)
+    read()
+    return Played(replies, twin.steps, twin.counts, twin.position_mm)
+
+
+def _build(session: Session) -> Twin:
+    if session.scenario is None:
+        return Twin(**session.options)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scenario.toml"
+        path.write_text(session.scenario, encoding="utf-8")
+        return Twin(**session.options, scenario=path)
+
+
+def digest_of(session: Session) -> str:
+    """Play a session and digest what it did."""
+    played = play(session)
+    physics = session.options["plant"] == "mujoco"
+    positions = None if session.coarse and physics else played.position_mm
+    return digest(played.replies, played.steps, played.counts, positions, session.coarse)
