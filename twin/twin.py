@@ -120,9 +120,7 @@ class Twin:
         axes = len(self._controller.counts)
         start_at_mm = _power_on_mm(self.machine, start, start_mm)
         self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
-        self._position = Position(
-            self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes])
-        )
+        self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
             self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from desk import Desk, Stream
+from isel_twin.testing import Desk, Ticks
 
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 """Carriages far from all switches, steps from the motor end."""
@@ -38,7 +38,7 @@ def ready(axes: int = 7, **options: Any) -> Desk:
     return desk
 
 
-def made(desk: Desk, command: str, reply: str = "0") -> Stream:
+def made(desk: Desk, command: str, reply: str = "0") -> Ticks:
     """The ticks of one command, which must answer `reply`."""
     mark = desk.ticks
     assert desk.query(command) == reply, command

@@ -10,8 +10,9 @@ from __future__ import annotations
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
 
 import numpy as np
-from desk import Desk, Stream, switches
 from numpy.typing import NDArray
+
+from isel_twin.testing import Desk, Ticks, switches
 
 TRAVEL = (31_600, 24_000, 11_200)
 """The 4030 in half steps: 395, 300, 140 mm at 80 a mm."""
@@ -65,12 +66,12 @@ def status(desk: Desk) -> str:
     return reply[2:8]
 
 
-def moved(desk: Desk, *commands: str) -> Stream:
+def moved(desk: Desk, *commands: str) -> Ticks:
     """Run a job that must succeed; return the ticks it made, the first job time being 0."""
     mark, start_ns = desk.ticks, desk.time_ns
     assert job(desk, *commands) == ACK * len(commands) + DONE
     stream = desk.steps_since(mark)
-    return Stream(stream.t_ns - start_ns, stream.delta)
+    return Ticks(stream.t_ns - start_ns, stream.delta)
 
 
 def pulse_times_ns(steps: int, v: int, f0: int = 200, ramp_ms: int = 500, error_ppm: int = 0) -> list[int]:
@@ -108,6 +109,6 @@ def line(x: int = 0, y: int = 0, z: int = 0) -> NDArray[np.int8]:
     return np.diff(made, axis=0).astype(np.int8)
 
 
-def top_speed_hz(stream: Stream) -> float:
+def top_speed_hz(stream: Ticks) -> float:
     """Highest step frequency in a stream."""
     return float(1e9 / np.diff(stream.t_ns).min())

@@ -17,8 +17,9 @@ from conformance.closed_forms import (
 )
 from conformance.imc_desk import fresh, initialised, made, ready
 from conformance.rows import case, shows
-from desk import Desk, Stream
 from numpy.typing import NDArray
+
+from isel_twin.testing import Desk, Ticks
 
 EXAMPLE = "@0y400,1500,119,-141,141,-1,-1"
 
@@ -28,7 +29,7 @@ def free(axes: int = 7) -> Desk:
     return ready(axes, position_switches=())
 
 
-def points(stream: Stream, xs: int, ys: int, axes: tuple[int, int] = (0, 1)) -> NDArray[np.int64]:
+def points(stream: Ticks, xs: int, ys: int, axes: tuple[int, int] = (0, 1)) -> NDArray[np.int64]:
     """int64 [n + 1, 2]: the path relative to the centre, start point included."""
     path = stream.path()[:, list(axes)] + (xs, ys)
     return np.concatenate([[(xs, ys)], path])

@@ -9,7 +9,8 @@ import pytest
 from conformance.closed_forms import hex24, line, pulse_times_ns
 from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
-from desk import Desk, Stream
+
+from isel_twin.testing import Desk, Ticks
 
 # --- 1: every command of the overviews exists ---------------------------------------------------------------------
 
@@ -542,7 +543,7 @@ def test_a_wrong_value_changes_nothing(command: str) -> None:
 # --- 2.2.5: reference speed ----------------------------------------------------------------------------------------
 
 
-def fastest_hz(stream: Stream, axis: int) -> float:
+def fastest_hz(stream: Ticks, axis: int) -> float:
     """Highest frequency between two steps of an axis."""
     t_ns = stream.t_ns[stream.delta[:, axis] != 0]
     return 1e9 / float(np.diff(t_ns).min())

@@ -7,7 +7,8 @@ import pytest
 from conformance.closed_forms import hex24, line, off_circle, pulse_times_ns
 from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 AXES_NAMED = {1: (0,), 2: (1,), 3: (0, 1), 4: (2,), 5: (0, 2), 6: (1, 2), 7: (0, 1, 2), 8: (3,)}
 

@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 from conformance.imc_desk import MIDDLE, fresh
 from conformance.rows import shows
-from desk import Desk
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from isel_twin.testing import Desk
 
 numbers = st.one_of(
     st.integers(-300, 300),

@@ -9,7 +9,8 @@ import pytest
 from conformance.closed_forms import hex24, pulse_times_ns
 from conformance.imc_desk import MIDDLE, fresh, initialised, made, program, ready, stored
 from conformance.rows import shows
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 OUT = "@0A10,900,0,900,0,900,0,900"
 LONG = "@0A20000,5000,-7000,900,300,900,-100,900"

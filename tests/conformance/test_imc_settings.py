@@ -8,7 +8,8 @@ import pytest
 from conformance.closed_forms import pulse_times_ns
 from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 TRAVEL = (126_400, 96_000, 44_800, 100_000)
 AXES = range(4)

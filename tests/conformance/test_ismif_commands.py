@@ -21,7 +21,8 @@ from conformance.ismif_desk import (
     top_speed_hz,
 )
 from conformance.rows import case, shows
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 OFF = HYSTERESIS + 1
 """Half steps from the switch point until the switch lets go."""

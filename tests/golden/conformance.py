@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from desk import Desk
 from golden.digest import FOLDER, LENGTH, REMEDY, digest, load, save, switches_full_steps
+
+from isel_twin.testing import Desk
 
 FILE = FOLDER / "conformance.txt"
 

@@ -33,7 +33,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-
 _AXES = {"x": 0, "y": 1, "z": 2}
 _KEYS = ("at", "set", "force_n", "phase_lost", "noise")
 _PHASES = ("", "a", "b", "ab")

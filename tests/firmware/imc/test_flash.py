@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hypothesis.strategies as st
 import pytest
-from desk import Desk
 from hypothesis import given, settings
 
 from isel_twin.firmware.imc.profile import load_profile
 from isel_twin.firmware.imc.settings import VALID, Flash, Modal, Program, Settings, decode, default_settings, encode
+from isel_twin.testing import Desk
 
 PROGRAM = ("@0i", "010,900,0,900,0,900,0,900", "5 1", "3 2,-2", "9")
 DEFAULTS = default_settings(load_profile("imc-s8", {}))

@@ -9,12 +9,12 @@ from typing import Any
 
 import hypothesis.strategies as st
 import pytest
-from desk import Desk
 from hypothesis import given
 
 from isel_twin.controller import create_controller
 from isel_twin.firmware.imc.grammar import LineAssembler, read_number
 from isel_twin.firmware.imc.replies import Refusal
+from isel_twin.testing import Desk
 
 MOVE = "@0A900,900,0,900,0,900,0,900"
 """About a second."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from desk import Desk
 
 from isel_twin.controller import create_controller
 from isel_twin.firmware.imc.commands import CNC, DNC, INITIALISATION
+from isel_twin.testing import Desk
 
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 OVERVIEW = Path(__file__).parents[3] / "docs" / "imc.md"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 

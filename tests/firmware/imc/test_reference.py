@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 FAR = 126_400
 """Trip point of switch X2 of the desk, steps from switch X1 at 0."""

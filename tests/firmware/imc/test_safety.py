@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 TABLE = Path(__file__).parents[3] / "docs" / "safety.md"
 MIDDLE = (60_000, 48_000, 22_000, 50_000)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 SESSIONS = {
     "set up, 3D, absolute move": [

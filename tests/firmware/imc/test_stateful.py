@@ -7,11 +7,11 @@ that the protocol of time is kept.
 from __future__ import annotations
 
 import hypothesis.strategies as st
-from desk import Desk
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from isel_twin.controller import Controller
+from isel_twin.testing import Desk
 
 CODES = "0123456789DFGHR"
 """Manual section 5, without the codes it calls unused."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conformance.ismif_desk import fresh
-from desk import Desk
+
+from isel_twin.testing import Desk
 
 STRINGS = 100_000
 PER_DEVICE = 200

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
-from desk import Desk, PositionSwitch, ProtocolError, StillBusyError
 
 from isel_twin.controller import CounterSet, Event, Output, Reply
 from isel_twin.motion import StepRun, constant, line
+from isel_twin.testing import Desk, PositionSwitch, ProtocolError, StillBusyError
 
 MS = 1_000_000
 

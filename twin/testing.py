@@ -1,4 +1,4 @@
-"""A test desk for controllers: ideal carriages, position switches, an operator, and a clock that never slips.
+"""For tests of controllers: a desk with ideal carriages, position switches, an operator and a clock that never slips.
 
 Goal: drive anything that follows `isel_twin.controller.Controller` with the exact protocol of time and nothing else, so
 that what a test sees is the firmware alone. The carriage follows the counter (no motor, no elasticity), in the sense of
@@ -13,19 +13,24 @@ The operator's elements, safety relay and spindle contactor are those of `isel_t
 
 Use
 ---
+    from isel_twin.testing import Desk
     desk = Desk.of("imc-s8")                     # or Desk(factory), factory(flash) -> Controller
-    assert desk.query("@07") == "0"              # text + CR; time advances until everything is answered
-    desk.start("@0A 8000,2000,0,30,0,30,0,30")   # text + CR, no waiting
+    assert desk.query("@07") == "0"              # as its language frames it; time advances until all is answered
+    desk.start("@0A 8000,2000,0,30,0,30,0,30")   # the same, no waiting
     desk.run(0.5)                                # seconds of virtual time
     desk.set("hood", "forced")                   # an element, a contact ("limit_x1": open, closed, free) or a
     desk.set("p0.2", True)                       # terminal (its level, True: high)
     assert desk.finish() == "9"                  # until idle; all reply text not yet read
     desk.steps.t_ns, desk.steps.delta            # every tick since the first power-on
+
+The desk watches the border while it drives it, and raises ProtocolError for a `next_ns` in the past, counters that are
+not the sum of the stream, or a terminal fed by a contact that no machine has.
 """
 
 from __future__ import annotations
 
 import heapq
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -35,12 +40,16 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Reply, create_controller
+from isel_twin.language import Language, create_language
 from isel_twin.motion import Motion
 from isel_twin.units import SECOND_NS
-from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
+from isel_twin.wiring.cabinet import SafetyCabinet
+
+__all__ = ["Desk", "PositionSwitch", "ProtocolError", "StillBusyError", "Ticks", "switches"]
 
 _CHUNK = 1 << 16
 _SPIN_LIMIT = 100_000
+_LIMIT_SWITCH = re.compile(f"limit_[{''.join(AXIS_NAMES)}][12]")
 
 
 class ProtocolError(AssertionError):
@@ -66,11 +75,11 @@ class PositionSwitch:
 
 
 @dataclass(frozen=True)
-class Stream:
-    """Ticks: t_ns int64 [n], delta int8 [n, 4] in the sense of the counters."""
+class Ticks:
+    """Ticks: t_ns int64 [n], delta int8 or int32 [n, axes] in the sense of the counters."""
 
     t_ns: NDArray[np.int64]
-    delta: NDArray[np.int8]
+    delta: NDArray[Any]
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -81,10 +90,10 @@ class Stream:
         return tuple(int(n) for n in self.delta.sum(axis=0, dtype=np.int64))
 
     def path(self) -> NDArray[np.int64]:
-        """int64 [n, 4], position of each axis after each tick, counted from 0."""
+        """int64 [n, axes], position of each axis after each tick, counted from 0."""
         return np.cumsum(self.delta, axis=0, dtype=np.int64)
 
-    def from_start(self) -> Stream:
+    def from_start(self) -> Ticks:
         """The same ticks with the first one at time 0: streams of the same moves made at other times become equal."""
         return replace(self, t_ns=self.t_ns - self.t_ns[0]) if len(self) else self
 
@@ -108,17 +117,27 @@ class Desk:
         self,
         factory: Callable[[bytes | None], Controller],
         *,
-        carriage: Iterable[int] = (2000, 2000, 2000, 2000),
+        language: Language | None = None,
+        carriage: Iterable[int] | None = None,
         position_switches: Iterable[PositionSwitch] | None = None,
         terminals: Mapping[str, tuple[str, ...]] | None = None,
         flash: bytes | None = None,
         power: bool = True,
     ) -> None:
-        """`factory(flash)` builds the controller; `carriage` [4] is where the axes stand at first power-on, steps."""
+        """`factory(flash)` builds the controller.
+
+        language: what `query` and `start` send; None: only `send` can be used. carriage: where the axes stand at first
+        power-on, in steps, one number an axis (2000; so do axes left out). terminals: instead of the controller's own.
+        """
         self.factory = factory
+        self._language = language
         self.time_ns = 0
-        self.carriage = np.array(list(carriage), dtype=np.int64)
-        self.position_switches = list(switches() if position_switches is None else position_switches)
+        self.controller = self.factory(flash)
+        axes = len(self.counts)
+        stands = [*(carriage or ()), *[2000] * axes][:axes]
+        self.carriage = np.array(stands, dtype=np.int64)
+        given = switches() if position_switches is None else position_switches
+        self.position_switches = [switch for switch in given if switch.axis < axes]
         self.flash = flash
         self.flash_log: list[tuple[int, bytes]] = []
         self.sent = bytearray()
@@ -140,7 +159,6 @@ class Desk:
         for switch in self.position_switches:
             self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
         self.cabinet = SafetyCabinet()
-        self.controller = self.factory(flash)
         if Desk.built is not None:
             Desk.built.append(self)
         if power:
@@ -148,7 +166,8 @@ class Desk:
 
     @classmethod
     def of(cls, name: str, *, settings: Mapping[str, Any] | None = None, **options: Any) -> Desk:
-        """A desk for the installed controller `name` with profile `settings`."""
+        """A desk for the installed controller `name` with these settings, and its language."""
+        options.setdefault("language", create_language(name))
         return cls(lambda flash: create_controller(name, flash=flash, settings=settings), **options)
 
     # --- mains -----------------------------------------------------------------------------------------------------
@@ -156,6 +175,7 @@ class Desk:
     def power_on(self) -> None:
         """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
         self.terminals = dict(self._terminals_given or self.controller.terminals())
+        self._check_terminals()
         self.levels = self._levels()
         self._expected = [0] * len(self.counts)
         self.controller.power_on(self.time_ns, dict(self.levels))
@@ -194,11 +214,13 @@ class Desk:
             self._collect()
 
     def start(self, text: str) -> None:
-        """Send a command (CR added) and do not wait."""
-        self.send(text.encode("latin-1") + b"\r")
+        """Send a command as the language frames it, and do not wait."""
+        if self._language is None:
+            raise ValueError("this desk was given no language: use send")
+        self.send(self._language.frame(text))
 
     def query(self, text: str, limit_s: float = 900.0) -> str:
-        """Send a command (CR added), let time pass until the controller is idle; return the reply text since now."""
+        """Send a command, let time pass until the controller is idle; return the reply text since now."""
         self._unread = len(self.replies)
         self.start(text)
         return self.finish(limit_s)
@@ -217,22 +239,22 @@ class Desk:
 
     def read(self) -> str:
         """Reply text not read before; no time passes."""
-        text = b"".join(data for _, data in self.replies[self._unread :]).decode("latin-1")
+        data = b"".join(data for _, data in self.replies[self._unread :])
         self._unread = len(self.replies)
-        return text
+        return data.decode("latin-1") if self._language is None else self._language.text(data)
 
     # --- operator --------------------------------------------------------------------------------------------------
 
     def set(self, name: str, state: str | bool) -> None:
         """Set something by hand, now.
 
-        An element of the cabinet (`isel_twin.wiring.cabinet.ELEMENTS`: hood, estop, key, start, stop, user_0) to one of
-        its states; a contact ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2",
+        An element of the cabinet (hood, estop, key, start, stop, user_0 ...) to one of its states; a contact ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2",
         by its level True or False, or "free").
         """
-        if name in ELEMENTS:
+        elements = self.cabinet.elements
+        if name in elements:
             if isinstance(state, bool):
-                state = ELEMENTS[name][int(state)]
+                state = elements[name][int(state)]
             self.cabinet.operate(name, state)
         elif name in self.terminals:
             if isinstance(state, bool):
@@ -267,24 +289,24 @@ class Desk:
         return tuple(int(n) for n in self.controller.counts)
 
     @property
-    def steps(self) -> Stream:
+    def steps(self) -> Ticks:
         """Every tick made since the first power-on."""
         if len(self._chunks) > 1:
             t_ns, delta = zip(*self._chunks, strict=True)
             self._chunks = [(np.concatenate(t_ns), np.concatenate(delta))]
         if not self._chunks:
-            return Stream(np.zeros(0, np.int64), np.zeros((0, len(self.counts)), np.int8))
-        return Stream(*self._chunks[0])
+            return Ticks(np.zeros(0, np.int64), np.zeros((0, len(self.counts)), np.int8))
+        return Ticks(*self._chunks[0])
 
     @property
     def ticks(self) -> int:
         """Number of ticks made since the first power-on: a mark to hand to `steps_since`."""
         return self._recorded
 
-    def steps_since(self, mark: int) -> Stream:
+    def steps_since(self, mark: int) -> Ticks:
         """The ticks after the first `mark` ones."""
         stream = self.steps
-        return Stream(stream.t_ns[mark:], stream.delta[mark:])
+        return Ticks(stream.t_ns[mark:], stream.delta[mark:])
 
     def struck(self, contact: str) -> bool:
         """Is this position switch struck by its carriage?"""
@@ -382,6 +404,13 @@ class Desk:
         return changed
 
     # --- wires -----------------------------------------------------------------------------------------------------
+
+    def _check_terminals(self) -> None:
+        """A name that no machine has would never be wired, and nobody would notice."""
+        for terminal, names in self.terminals.items():
+            for name in names:
+                if name not in self.cabinet.signals and not _LIMIT_SWITCH.fullmatch(name) and name not in self._struck:
+                    raise ProtocolError(f"terminal {terminal!r} is wired to {name!r}, a contact that no machine has")
 
     def _levels(self) -> dict[str, bool]:
         contacts = self.cabinet.contacts()
