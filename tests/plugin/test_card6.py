@@ -1,0 +1,155 @@
+"""A controller from outside with six axes, set points, binary frames and 8E1 needs no change in the package.
+
+It is installed by pip in a folder of its own, as a third party's would be, and reached by everything the package has.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+OPTIONS = ["--controller", "card6", "--plant", "kinematic"]
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """An environment in which the card is installed."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("plugins")
+    for name in ("card6.py", "pyproject.toml"):
+        shutil.copy(HERE / name, source)
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
+    subprocess.run([*pip, "--no-build-isolation", "--target", str(target), str(source)], check=True)
+    return {**os.environ, "PYTHONPATH": str(target)}
+
+
+def python(environment: dict[str, str], code: str) -> list[str]:
+    """Lines printed by a program."""
+    call = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False, timeout=240
+    )
+    assert call.returncode == 0, call.stderr
+    return call.stdout.splitlines()
+
+
+def frame(address: int, content: bytes) -> bytes:
+    """As the card's description says, written once more."""
+    head = bytes([2, address, len(content)]) + content
+    return head + bytes([sum(head) & 255])
+
+
+KINEMATIC = """
+from isel_twin import Twin
+import numpy as np
+twin = Twin(controller="card6", plant="kinematic", start_mm=(100.0, 50.0, 30.0))
+print(twin.serial_format, twin.counts.tolist())
+print(twin.query("zero"), twin.query("move 3200 -1600 320 7 0 -9 16000"))
+print(twin.counts.tolist(), np.round(twin.position_mm, 9).tolist(), twin.steps.delta.dtype, twin.steps.delta.shape[1])
+twin.run(0.004)
+print(np.round(twin.position_mm, 9).tolist(), twin.lost_steps.tolist())
+t = twin.steps.t_ns
+print(set(np.diff(t).tolist()), twin.steps.delta.sum(axis=0).tolist(), twin.steps.delta.max())
+twin.write(twin.language.frame("move 0 0 0 0 0 0 16000")); twin.run(0.05)
+print(twin.query("stop"), twin.counts[0] < 3200)
+print(twin.query("move -90000 0 0 0 0 0 40000"), round(twin.machine_position_mm[0], 4), twin.inputs["limit_x1"])
+print(twin.query("lamps"))
+"""
+
+
+def test_it_moves_six_axes_by_set_points_that_are_led(environment: dict[str, str]) -> None:
+    """3200 increments at 16000/s, ramps of 200000/s^2: T = 3200 / 16000 + 16000 / 200000 = 0.28 s, 70 set points; the
+    carriage comes one period after the last of them. At 320 increments/mm it has made 10 mm then."""
+    lines = python(environment, KINEMATIC)
+    assert lines[0] == "38400 8E1 [0, 0, 0, 0, 0, 0]"
+    done = frame(0x81, b"K").hex(" ")
+    assert lines[1] == f"{done} {done}"
+    assert lines[2].startswith("[3200, -1600, 320, 7, 0, -9] [")
+    assert lines[2].endswith("] int32 6")
+    assert lines[2].split("] [")[1].split(",")[0] != "10.0", "the last set point is only being led to"
+    assert lines[3] == "[10.0, -5.0, 1.0] [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
+    assert lines[4] == "{4000000} [3200, -1600, 320, 7, 0, -9] 64"
+    assert lines[5] == f"{done} {frame(0x81, b'F').hex(' ')} True"
+    answer, position, switch = lines[6].rsplit(" ", 2)
+    assert (answer, switch) == (frame(0x81, b"L").hex(" "), "struck")
+    assert float(position) == pytest.approx(0.0, abs=0.2)
+    assert lines[7] == frame(0x82, b"K\x00").hex(" ")
+
+
+PHYSICS = """
+from isel_twin import Twin
+import struct
+def encoders(twin):
+    return struct.unpack(">12i", bytes.fromhex(twin.query("encoders"))[4:-1])
+twin = Twin(controller="card6", start_mm=(100.0, 50.0, 30.0))
+twin.query("zero"); twin.query("move 3200 1600 -320 5 6 7 16000"); twin.run(0.5)
+print(*encoders(twin)[:6])
+twin.apply_force(0, 300.0); twin.run(0.5)
+print(encoders(twin)[6])
+twin.apply_force(0, 4000.0); twin.run(0.5)
+print(twin.query("lamps"))
+"""
+
+
+def test_its_drives_report(environment: dict[str, str]) -> None:
+    """With motors: encoders at the command within the load angle, which a push of 300 N shows; one of 4000 N is more
+    than the motor holds, and the following error lights the second lamp."""
+    encoders, lag, lamps = python(environment, PHYSICS)
+    expected = (3200, 1600, -320, 5, 6, 7)
+    assert all(abs(int(a) - b) <= 3 for a, b in zip(encoders.split(), expected, strict=True))
+    assert abs(int(lag)) > 10
+    assert lamps == frame(0x82, b"K\x02").hex(" ")
+
+
+def test_it_runs_jobs(environment: dict[str, str], tmp_path: Path) -> None:
+    job = tmp_path / "job.txt"
+    job.write_text("zero\nmove 640 0 0 0 0 640 8000  # 2 mm\n<2><1><1><80><84> # where, byte by byte\n")
+    outputs = ["--steps", str(tmp_path / "s.npz"), "--vcd", str(tmp_path / "s.vcd"), "--trace", str(tmp_path / "s.parquet")]
+    command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), *OPTIONS, *outputs, "--json"]
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    *results, summary = map(json.loads, call.stdout.splitlines())
+    assert (call.returncode, summary["ok"], summary["refused"]) == (0, True, 0)
+    assert summary["counts"] == [640, 0, 0, 0, 0, 640]
+    assert results[2]["reply"] == frame(0x81, b"K" + struct.pack(">6i", 640, 0, 0, 0, 0, 640)).hex(" ")
+    job.write_text("zero\njump\n")
+    call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
+    assert call.returncode == 2
+    assert "line 2" in call.stderr
+    assert "none of: move" in call.stderr
+
+
+SERIAL = """
+import serial, isel_twin
+port = serial.serial_for_url("twin://card6?plant=kinematic", timeout=5)
+port.write(bytes.fromhex("0201015054")); print(port.read(29).hex())
+port.write(bytes.fromhex("0201015055")); print(port.read(5).hex())
+"""
+
+
+def test_it_is_a_serial_port(environment: dict[str, str]) -> None:
+    whole, damaged = python(environment, SERIAL)
+    assert whole == frame(0x81, b"K" + bytes(24)).hex()
+    assert damaged == frame(0x81, b"N").hex()
+
+
+SERVED = """
+import json, socket, subprocess, sys
+serve = [sys.executable, "-m", "isel_twin.cli", "serve", "--controller", "card6", "--plant", "kinematic", "--tcp", "127.0.0.1:0"]
+server = subprocess.Popen([*serve, "--speed", "max"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+try:
+    host, port = json.loads(server.stdout.readline())["tcp"].split(":")
+    with socket.create_connection((host, int(port)), timeout=60) as line, line.makefile("rb") as replies:
+        line.sendall(bytes.fromhex("0202013f44")); print(replies.read(6).hex())
+finally:
+    server.terminate(); server.wait()
+"""
+
+
+def test_it_is_served(environment: dict[str, str]) -> None:
+    assert python(environment, SERVED) == [frame(0x82, b"K\x00").hex()]
