@@ -38,6 +38,7 @@ from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant, Switch
+from isel_twin.snapshot import position_error_mm
 from isel_twin.units import SECOND_NS
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
 
@@ -217,6 +218,16 @@ class Twin:
         commanded, direction = self._commanded()
         zero = self._zero_mm + (commanded - direction * self.counts - self._slip)[:3] * self._step_mm
         return direction[:3] * (self._plant.position_mm - zero)
+
+    @property
+    def step_mm(self) -> NDArray[np.float64]:
+        """float64 [3], nominal way of each carriage for one step of its counter, in mm."""
+        return self._step_mm.copy()
+
+    @property
+    def position_error_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions minus where the counters say they are, in mm; a moving axis lags."""
+        return position_error_mm(self.position_mm, self.counts, self._step_mm)
 
     @property
     def lost_steps(self) -> NDArray[np.float64]:

@@ -1,0 +1,87 @@
+"""What there is to see of a twin at one instant: for recordings, tables and panels.
+
+    position error = true carriage position - counter * lead / (steps per revolution)
+
+The error of a moving axis has its lag in it. All positions are in mm, in the zero and direction of the counters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Snapshot", "Visible", "position_error_mm", "snapshot"]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A twin at one instant. Arrays and mappings are copies: they stay as they are."""
+
+    time_ns: int
+    counts: NDArray[np.int64]
+    """int64 [axes], the controller's step counters."""
+    position_mm: NDArray[np.float64]
+    """float64 [3], true carriage positions X, Y, Z."""
+    position_error_mm: NDArray[np.float64]
+    """float64 [3], true carriage positions minus where the counters say they are."""
+    lost_steps: NDArray[np.float64]
+    """float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle."""
+    inputs: Mapping[str, str]
+    """State of every switch, element and contact, as `Twin.inputs`."""
+    outputs: Mapping[str, int]
+    """Controller outputs and the relays they act on, as `Twin.outputs`."""
+    levels: Mapping[str, bool]
+    """Electrical level (True: high) of every wired input terminal of the controller."""
+
+
+class Visible(Protocol):
+    """What a snapshot needs of a twin; see `Twin` for each."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def counts(self) -> NDArray[np.int64]: ...
+    @property
+    def position_mm(self) -> NDArray[np.float64]: ...
+    @property
+    def step_mm(self) -> NDArray[np.float64]: ...
+    @property
+    def lost_steps(self) -> NDArray[np.float64]: ...
+    @property
+    def inputs(self) -> Mapping[str, str]: ...
+    @property
+    def outputs(self) -> Mapping[str, int]: ...
+    @property
+    def levels(self) -> Mapping[str, bool]: ...
+
+
+def snapshot(twin: Visible) -> Snapshot:
+    """The twin as it is now."""
+    counts, position_mm = twin.counts, twin.position_mm
+    return Snapshot(
+        time_ns=twin.time_ns,
+        counts=counts,
+        position_mm=position_mm,
+        position_error_mm=position_error_mm(position_mm, counts, twin.step_mm),
+        lost_steps=twin.lost_steps,
+        inputs=twin.inputs,
+        outputs=twin.outputs,
+        levels=twin.levels,
+    )
+
+
+def position_error_mm(
+    position_mm: NDArray[np.float64], counts: NDArray[np.int64], step_mm: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """float64 [..., 3], true position minus counter, for positions [..., 3], counts [..., axes], way of a step [3].
+
+    A carriage that the controller has no counter for should stand at 0.
+    """
+    axes = min(counts.shape[-1], len(step_mm))
+    error_mm = position_mm.copy()
+    error_mm[..., :axes] -= counts[..., :axes] * step_mm[:axes]
+    return error_mm
