@@ -35,7 +35,7 @@ from __future__ import annotations
 import threading
 import time
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING, Any
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException, to_bytes
 
 from isel_twin.bridge.pacing import Pacer, parse_speed
+from isel_twin.call import TwinCall
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -59,6 +60,9 @@ PATIENCE_NS = 3_600_000_000_000
 """Virtual time after which a read without timeout gives up on a controller that is idle: 1 h."""
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}
+"""What becomes of the text of an option; the others stay text."""
 
 
 def parse_url(url: str) -> dict[str, str]:
@@ -119,23 +123,12 @@ class Serial(SerialBase):
             self.reset_input_buffer()
 
     def _power_on(self, url: str) -> None:
-        from isel_twin.twin import Twin
-
-        options: dict[str, Any] = dict(parse_url(url))
+        options = parse_url(url)
         try:
             speed = parse_speed(options.pop("speed", "max"))
-            if "seed" in options:
-                options["seed"] = int(options["seed"])
-            flash = options.pop("flash", None)
-            if flash is not None:
-                from isel_twin.files import FlashFile
-
-                keeper = FlashFile(Path(flash))
-                twin = Twin(**options, flash=keeper.image, line_speed=speed is not None)
-                keeper.attach(twin)
-            else:
-                twin = Twin(**options, line_speed=speed is not None)
-        except (ValueError, OSError) as error:
+            values = {option: _VALUES.get(option, str)(text) for option, text in options.items()}
+            twin = TwinCall(**values, line_speed=speed is not None).build()
+        except ValueError as error:
             raise SerialException(f"{url}: {error}") from error
         self._twin = twin
         self._pacer = Pacer(speed, twin.time_ns)

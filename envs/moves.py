@@ -11,8 +11,8 @@ would measure at the machine with a dial gauge and a stop watch:
 
 position error = true carriage position - counter / (steps per mm), in mm, on each axis.
 
-A motor slips by whole periods of its torque, four full steps: if counter minus rotor changes by more than half a period
-from one rest to the next, steps were lost in between; anything less is load angle.
+A motor slips by whole periods of its torque, four full steps: if counter minus rotor changes by half a period or more
+from one rest to the next, steps were lost in between; anything less is load angle (`isel_twin.verdict.lost`).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.twin import Twin
+from isel_twin.verdict import lost
 
 __all__ = ["JOB", "RANGES", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
 
@@ -218,7 +219,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         reply=reply,
         time_s=time_s,
         settling_s=float((outside[-1] + 1) * _RESTING_SAMPLE_S) if len(outside) else 0.0,
-        slipped=bool((np.abs(lost_steps - lost_before) > twin.slip_steps[:3] / 2).any()),
+        slipped=bool(lost(lost_steps - lost_before, twin.slip_steps[:3]).any()),
         lost_steps=lost_steps,
         error_mm=dwell_mm[-1],
         vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,

@@ -9,6 +9,9 @@ The signal chain, in the order of the folders:
     wiring/     motion back to input levels: switches, hood, E-stop, faults, scenarios
     trace/      what happened, as VCD, npz or Parquet
     twin.py     the clock that ties them together
+
+What tools share: call.py (from the words of a caller to a twin), snapshot.py (what there is to see), verdict.py (was
+the job well done?). cli/ is the command `isel-twin`. The borders between all of these are in docs/architecture.md.
 """
 
 from __future__ import annotations
@@ -17,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 import serial
 
+from isel_twin.version import VERSION
+
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
 __all__ = ["Twin"]
-__version__ = "0.1.0"
+__version__ = VERSION
 
 # serial.serial_for_url("twin://...") finds our handler once this package is imported.
 if "isel_twin.bridge" not in serial.protocol_handler_packages:

@@ -39,10 +39,12 @@ from __future__ import annotations
 import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
-from isel_twin.motion import Motion
 from isel_twin.units import SECOND_NS
+
+if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the compiler behind a motion much longer
+    from isel_twin.motion import Motion
 
 
 @dataclass(frozen=True)

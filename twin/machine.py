@@ -28,9 +28,9 @@ from dataclasses import MISSING, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-import isel_twin.models
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
+from isel_twin.models import machine_names, models_folder
 
 AXIS_NAMES = ("x", "y", "z")
 GRADES = ("measured", "datasheet", "estimate", "setting")
@@ -248,16 +248,6 @@ class Row:
     unit: str
     source: str
     grade: str
-
-
-def models_folder() -> Path:
-    """Where the machines that come with the package live."""
-    return Path(isel_twin.models.__path__[0])
-
-
-def machine_names() -> list[str]:
-    """Names of the machines that come with the package, sorted."""
-    return sorted(path.parent.name for path in models_folder().glob("*/machine.toml"))
 
 
 def load_machine(name_or_path: str | Path) -> Machine:

@@ -24,7 +24,20 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.controller import Controller
 from isel_twin.plant import Plant
 
-__all__ = ["Position"]
+__all__ = ["Position", "position_error_mm"]
+
+
+def position_error_mm(
+    position_mm: NDArray[np.float64], counts: NDArray[np.int64], step_mm: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """float64 [..., 3], true position minus counter, for positions [..., 3], counts [..., axes], way of a step [3].
+
+    A carriage that the controller has no counter for should stand at 0.
+    """
+    axes = min(counts.shape[-1], len(step_mm))
+    error_mm = position_mm.copy()
+    error_mm[..., :axes] -= counts[..., :axes] * step_mm[:axes]
+    return error_mm
 
 
 class Position:
@@ -34,7 +47,7 @@ class Position:
         """step_mm: float64 [3], nominal travel of each carriage per step."""
         self._controller = controller
         self._plant = plant
-        self._step_mm = step_mm
+        self.step_mm = step_mm
         self._zero_mm = plant.position_mm
         self._period = plant.slip_steps
         self._slip = np.zeros(len(controller.counts))
@@ -59,13 +72,13 @@ class Position:
         """float64 [3], true carriage positions in zero and direction of the counters."""
         direction = self._direction
         beyond = _of_carriages(self._plant.commanded - direction * self.counts - self._slip)
-        zero = self._zero_mm + beyond * self._step_mm
+        zero = self._zero_mm + beyond * self.step_mm
         return _of_carriages(direction, 1) * (self._plant.position_mm - zero)
 
     @property
     def error_mm(self) -> NDArray[np.float64]:
         """float64 [3], true position minus counter: lag, lost steps, backlash, load and errors of the screw."""
-        return self.position_mm - _of_carriages(self.counts) * self._step_mm
+        return position_error_mm(self.position_mm, self.counts, self.step_mm)
 
     @property
     def lost_steps(self) -> NDArray[np.float64]:

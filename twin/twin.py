@@ -239,6 +239,11 @@ class Twin:
         return self._position.error_mm
 
     @property
+    def step_mm(self) -> NDArray[np.float64]:
+        """float64 [3], nominal way of each carriage for one step of its counter, in mm."""
+        return self._position.step_mm.copy()
+
+    @property
     def lost_steps(self) -> NDArray[np.float64]:
         """float64 [axes], counter minus rotor position in steps since each counter was set; meaningful at rest."""
         return self._position.lost_steps

@@ -29,6 +29,7 @@ class Bench:
         self.levels = {"p3.0": True}
         self.inputs = {"limit_x1": "free"}
         self.outputs: dict[str, int] = {}
+        self.step_mm = np.full(3, 1 / 1600)
         self._look = None
 
     @property

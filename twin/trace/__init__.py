@@ -4,6 +4,7 @@
     npz.py        the step stream, exactly: t_ns, delta
     vcd.py        step and direction signals, levels and positions for a waveform viewer
     parquet.py    the samples as a table
+    write.py      one of these three, as the name of the file says
     report.py     one HTML page: path, error, lost steps, commands
 
 Everything is written in pieces: an hour of machining needs no more memory than a second. Files appear complete or not

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.snapshot import snapshot
+
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
@@ -69,7 +71,8 @@ class Recorder:
         return self._stored + self._buffered
 
     def _look(self, twin: Twin) -> None:
-        time_ns = twin.time_ns
+        seen = snapshot(twin)
+        time_ns = seen.time_ns
         again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
         if self._buffered == BUFFER and not again:
             self._buffer.tofile(self._file)
@@ -77,10 +80,10 @@ class Recorder:
             self._buffered = 0
         if not again:  # of several looks at one instant, the last one counts
             self._buffered += 1
-        self._buffer[self._buffered - 1] = (time_ns, twin.counts, twin.position_mm, twin.lost_steps)
-        self._compare(time_ns, "level", twin.levels)
-        self._compare(time_ns, "input", twin.inputs)
-        self._compare(time_ns, "output", twin.outputs)
+        self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
+        self._compare(time_ns, "level", seen.levels)
+        self._compare(time_ns, "input", seen.inputs)
+        self._compare(time_ns, "output", seen.outputs)
 
     def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
         last = self._last[group]

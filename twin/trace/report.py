@@ -1,6 +1,7 @@
 """One self-contained HTML page about a job: path, position error, lost steps, commands and replies.
 
-position error = true position - counter * lead / steps per revolution        (lag of a moving axis included)
+What the position error is, is in `isel_twin.snapshot`. Curves are of the carriages, counters of all axes that the
+controller has.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.files import atomic_write
-from isel_twin.trace.recorder import SAMPLE, Recorder
+from isel_twin.position import position_error_mm
+from isel_twin.trace.recorder import Recorder
+from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.job import Result
@@ -29,6 +33,8 @@ POINTS = 4000
 """Most samples drawn in a curve."""
 ROWS = 500
 """Most commands listed."""
+
+_CARRIAGES = tuple(axis.upper() for axis in CARRIAGES)
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; color: #222; }
@@ -50,16 +56,15 @@ def write_report(
 ) -> None:
     """Write the page. Raises OSError."""
     samples = _thinned(recorder)
-    step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in twin.machine.axes])
     parts = [
         "<!DOCTYPE html>",
         f"<html lang='en'><head><meta charset='utf-8'><title>{html.escape(title)}</title>",
         f"<style>{_STYLE}</style></head><body><h1>{html.escape(title)}</h1>",
         _table(("", ""), [(key, _shown(value)) for key, value in summary.items()], []),
         _svg(_path_figure(samples)),
-        _svg(_time_figure(samples, step_mm)),
+        _svg(_time_figure(samples, twin.step_mm)),
         "<h2>Commands</h2>",
-        _commands(results),
+        _commands(results, len(twin.counts)),
         "</body></html>",
     ]
     atomic_write(path, "\n".join(parts).encode())
@@ -68,12 +73,11 @@ def write_report(
 def _thinned(recorder: Recorder) -> NDArray[np.void]:
     """At most POINTS samples, evenly chosen, the last one included."""
     stride = max(1, -(-len(recorder) // POINTS))
-    pieces, offset, last = [], 0, None
+    pieces, offset = [], 0
     for piece in recorder.samples():
         pieces.append(piece[-offset % stride :: stride])
         offset += len(piece)
-        last = piece[-1:]
-    return np.concatenate([*pieces, last]) if last is not None else np.empty(0, dtype=SAMPLE)
+    return np.concatenate([*pieces, piece[-1:]])  # a recorder has a sample at least, of the time it was made
 
 
 def _path_figure(samples: NDArray[np.void]) -> Figure:
@@ -89,12 +93,13 @@ def _path_figure(samples: NDArray[np.void]) -> Figure:
 
 def _time_figure(samples: NDArray[np.void], step_mm: NDArray[np.float64]) -> Figure:
     figure = Figure(figsize=(11, 7.5), layout="constrained")
-    time_s = samples["time_ns"] / 1e9
-    error_um = (samples["position_mm"] - samples["counts"][:, :3] * step_mm) * 1e3
+    time_s = samples["time_ns"] / SECOND_NS
+    error_um = position_error_mm(samples["position_mm"], samples["counts"], step_mm) * 1e3
     position, error, lost = figure.subplots(3, 1, sharex=True)
-    for number, axis in enumerate("XYZ"):
+    for number, axis in enumerate(_CARRIAGES):
         position.plot(time_s, samples["position_mm"][:, number], label=axis, linewidth=1)
         error.plot(time_s, error_um[:, number], label=axis, linewidth=1)
+    for number, axis in enumerate(_CARRIAGES[: samples["lost_steps"].shape[1]]):  # motors are where carriages are
         lost.plot(time_s, samples["lost_steps"][:, number], label=axis, linewidth=1)
     position.set(ylabel="true position / mm")
     position.legend(loc="upper right")
@@ -114,11 +119,11 @@ def _svg(figure: Figure) -> str:
     return text[text.index("<svg") :]
 
 
-def _commands(results: Sequence[Result]) -> str:
+def _commands(results: Sequence[Result], axes: int) -> str:
     rows = [
         (
             str(result.number),
-            f"{result.time_ns / 1e9:.6f}",
+            f"{result.time_ns / SECOND_NS:.6f}",
             result.command,
             result.reply,
             *(str(count) for count in result.counts),
@@ -131,8 +136,8 @@ def _commands(results: Sequence[Result]) -> str:
         "time / s",
         "command",
         "reply",
-        *(f"count {axis}" for axis in "XYZA"),
-        *(f"{a} / mm" for a in "XYZ"),
+        *(f"count {axis.upper()}" for axis in AXIS_NAMES[:axes]),
+        *(f"{axis} / mm" for axis in _CARRIAGES),
     )
     refused = [index for index, result in enumerate(results[:ROWS]) if not result.ok]
     rest = f"<p>and {len(results) - ROWS} more</p>" if len(results) > ROWS else ""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from isel_twin import __version__
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
 from isel_twin.firmware.imc.settings import AXES, VALID
+from isel_twin.version import VERSION
 
 AXIS_NAMES = "XYZA"
 END = "\r\n"
@@ -95,4 +95,4 @@ def user_info(device: Device) -> str:
 
 def version(device: Device) -> str:
     """`@0V`, `@0?` (2.2.26)."""
-    return f"{OK}{device.profile.name}{END}isel-twin {__version__}{END}"
+    return f"{OK}{device.profile.name}{END}isel-twin {VERSION}{END}"

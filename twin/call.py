@@ -1,0 +1,107 @@
+"""A twin as somebody calls for it, in the words of a command line or a URL, and the one way from there to a `Twin`.
+
+    isel-twin run --machine 4030 --seed 1 ...  --.
+                                                  >--  TwinCall  --- build() -->  Twin, with its flash in a file
+    twin://imc-s8?machine=4030&seed=1 ...      --'         `-------------------->  CallError: one line, what to do
+
+Nothing heavy is imported before `build`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from isel_twin.twin import Twin
+
+__all__ = ["CallError", "TwinCall", "call_errors", "one_line"]
+
+_IMAGE = b"isel-twin "
+"""What the flash image of any controller begins with."""
+
+
+class CallError(ValueError):
+    """A call cannot be carried out; the message is one line that says why and what to do.
+
+    option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
+    """
+
+    def __init__(self, line: str, *, option: bool = False) -> None:
+        super().__init__(line)
+        self.option = option
+
+
+def one_line(text: str) -> str:
+    """The text with every stretch of white space as one blank."""
+    return " ".join(text.split())
+
+
+@contextmanager
+def call_errors(about: object = None) -> Iterator[None]:
+    """What a caller may have got wrong becomes a CallError, about a file if the error does not name one itself."""
+    try:
+        yield
+    except CallError:
+        raise
+    except FileNotFoundError as error:
+        raise CallError(f"{error.filename2 or error.filename}: there is no such file") from error
+    except OSError as error:
+        where = error.filename2 or error.filename or about
+        raise CallError(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
+    except ValueError as error:
+        raise CallError(one_line(str(error))) from error
+
+
+@dataclass(frozen=True)
+class TwinCall:
+    """What a caller says about the twin it wants; the rest is as it comes."""
+
+    machine: str = "4030"
+    """Name of a machine, or path of a machine folder."""
+    controller: str = "imc-s8"
+    plant: str = "mujoco"
+    seed: int = 0
+    scenario: Path | None = None
+    """File of timed events."""
+    flash: Path | None = None
+    """File that keeps the controller's flash memory; created if missing, and written whenever the flash is."""
+    line_speed: bool = False
+    """Bytes take their time on the serial line."""
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
+
+    def build(self) -> Twin:
+        """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
+
+        A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
+        image is the caller's mistake: it is refused and left as it is.
+        """
+        if self.seed < 0:
+            raise CallError(f"seed {self.seed}: must be a whole number from 0", option=True)
+        from isel_twin.files import FlashFile
+        from isel_twin.twin import Twin
+
+        with call_errors(self.flash):
+            keeper = FlashFile(self.flash) if self.flash is not None else None
+        image = keeper.image if keeper is not None else None
+        with call_errors(self.scenario):
+            twin = Twin(
+                self.machine,
+                self.controller,
+                self.plant,
+                self.seed,
+                flash=image,
+                scenario=self.scenario,
+                line_speed=self.line_speed,
+                overrides=self.overrides,
+            )
+        if keeper is not None:
+            if twin.outputs.get("flash_fault") and not (image or b"").startswith(_IMAGE):
+                raise CallError(f"{self.flash}: is no flash image of {self.controller}; remove it or name another file")
+            with call_errors(self.flash):
+                keeper.attach(twin)
+        return twin

@@ -1,0 +1,87 @@
+"""The command `isel-twin`.
+
+    serve        a twin behind a serial port that host programs connect to
+    run          a file of commands in virtual time
+    machines, describe, controllers, motor      what there is, and its numbers
+
+One file a command, each with one function that returns the exit code; what they share:
+
+    options.py   parameters that several commands have, and checks of their values
+    outputs.py   where results go: table, JSON, recorder
+
+Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
+with one line on stderr that says why. Everything heavy is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+
+from cyclopts import App, CycloptsError, Parameter
+
+from isel_twin.call import CallError, one_line
+from isel_twin.cli import controllers, describe, machines, motor, run, serve
+from isel_twin.cli.options import STANDARD_INPUT
+from isel_twin.version import VERSION
+
+__all__ = ["app", "main"]
+
+app = App(
+    name="isel-twin",
+    help="Digital twin of a 3-axis isel gantry: controller, motors, mechanics and switches on one virtual clock.",
+    version=VERSION,
+    version_flags=["--version"],
+    default_parameter=Parameter(negative=()),
+)
+for command in (
+    serve.serve,
+    run.run,
+    machines.machines,
+    controllers.controllers,
+    describe.describe,
+    motor.motor,
+):
+    app.command(command)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the command line, then exit."""
+    tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
+    try:
+        code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except (CallError, CycloptsError) as error:
+        dashes = "--" if isinstance(error, CallError) and error.option else ""
+        code = _say(2, f"{dashes}{error}")
+    except KeyboardInterrupt:
+        code = 130
+    except BrokenPipeError:  # nobody reads our output any more, for example `| head`
+        sys.stderr.close()
+        code = 1
+    except OSError as error:  # standard output cannot be written, for example a full disk
+        code = _say(1, str(error.strerror or error))
+        sys.stdout = None  # or the interpreter tries to flush it once more
+    sys.exit(code)
+
+
+def _say(code: int, text: str) -> int:
+    print(f"isel-twin: {one_line(text)}", file=sys.stderr)
+    return code
+
+
+def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
+    """Give a `--pty` that stands alone an empty value, and standard input (`-`) its name."""
+    pending = False
+    for token in tokens:
+        if pending:
+            yield "--pty=" if token.startswith("-") else f"--pty={token}"
+            pending = False
+            if not token.startswith("-"):
+                continue
+        if token == "--pty":
+            pending = True
+        else:
+            yield STANDARD_INPUT if token == "-" else token
+    if pending:
+        yield "--pty="

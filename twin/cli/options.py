@@ -1,0 +1,51 @@
+"""Parameters that several commands have, and checks of their values before anything is begun."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError
+
+MachineName = Annotated[str, Parameter(help="Name of a machine (see `machines`) or path of a machine folder.")]
+ControllerName = Annotated[str, Parameter(help="Name of a controller (see `controllers`).")]
+PlantName = Annotated[str, Parameter(help="mujoco: physics. kinematic: the carriage follows the counter.")]
+Seed = Annotated[int, Parameter(help="Seed of power-on positions, switch scatter and bounce.")]
+ScenarioFile = Annotated[Path | None, Parameter(help="Timed events (TOML): hood, E-stop, faults, forces.")]
+FlashPath = Annotated[Path | None, Parameter(help="The controller's flash memory; created if missing.")]
+Interval = Annotated[float, Parameter(help="Time between two samples of a trace, in virtual seconds.")]
+
+STANDARD_INPUT = "/dev/stdin"
+"""What `-` stands for."""
+
+LONGEST_S = 1e9
+"""Longest time a call may name, in virtual seconds, as for the times of a scenario."""
+
+
+def check_seconds(option: str, value: float, low: float) -> None:
+    """Raise CallError unless the value of an option is a time from `low` to LONGEST_S seconds."""
+    if not low <= value <= LONGEST_S:  # false for nan, too
+        raise CallError(f"{option} {value:g}: must be a time from {low:g} to {LONGEST_S:g} s", option=True)
+
+
+def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> None:
+    """Find out before a long job that its results have nowhere to go, or would replace a file it needs (`kept`).
+
+    Raises CallError.
+    """
+    import os
+
+    taken = {path.resolve() for path in kept if path is not None}
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise CallError(f"{path}: is a folder, not a file")
+        if not os.access(path.parent, os.W_OK):
+            raise CallError(f"{path}: cannot write in folder {path.parent}; choose another place")
+        if path.resolve() in taken and not path.is_char_device():
+            raise CallError(f"{path}: is named twice in this call; choose another name for what is written")
+        taken.add(path.resolve())

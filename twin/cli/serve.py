@@ -1,0 +1,114 @@
+"""`isel-twin serve`: a twin behind a serial port."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.options import (
+    ControllerName,
+    FlashPath,
+    Interval,
+    MachineName,
+    PlantName,
+    ScenarioFile,
+    Seed,
+    check_seconds,
+    check_writable,
+)
+
+if TYPE_CHECKING:
+    from isel_twin.bridge.server import Endpoint
+
+
+def serve(
+    *,
+    machine: MachineName = TwinCall.machine,
+    controller: ControllerName = TwinCall.controller,
+    plant: PlantName = TwinCall.plant,
+    seed: Seed = TwinCall.seed,
+    pty: Annotated[
+        str | None, Parameter(help="A pseudo terminal, and a link to it if a name is given. The default.")
+    ] = None,
+    tcp: Annotated[str | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one.")] = None,
+    rfc2217: Annotated[str | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings).")] = None,
+    panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
+    speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
+    flash: FlashPath = None,
+    scenario: ScenarioFile = None,
+    record: Annotated[
+        Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
+    ] = None,
+    interval: Interval = 0.01,
+) -> int:
+    """Put a twin behind a serial port and let host programs drive it until it is told to stop (Ctrl-C).
+
+    Prints one line of JSON with the addresses once everything listens. Logs go to stderr.
+    """
+    if panel is not None:
+        raise CallError(
+            "panel: there is no operator panel yet; use --scenario to operate hood, key and E-stop", option=True
+        )
+    import json
+    import logging
+
+    from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.server import Server, on_signals
+    from isel_twin.cli import outputs
+    from isel_twin.trace.write import trace_kind, write_trace
+
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="isel-twin: %(message)s")
+    check_seconds("interval", interval, 1e-9)
+    with call_errors():
+        factor = parse_speed(speed)
+    if record is not None:
+        try:
+            trace_kind(record)
+        except ValueError as error:
+            raise CallError(f"record {error}", option=True) from None
+    check_writable(record, kept=(flash, scenario))
+    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
+    with ExitStack() as stack:
+        stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
+        endpoints = _endpoints(pty, tcp, rfc2217, stack)
+        twin = call.build()
+        recorder = outputs.record(twin, interval, stack) if record is not None else None
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints)
+        stack.enter_context(on_signals(server.stop))
+        where = {endpoint.kind: endpoint.address for endpoint in endpoints}
+        if pty:
+            where = {**where, "pty": pty, "device": where["pty"]}
+        print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
+        server.run()
+        if record is not None:
+            with call_errors():
+                write_trace(record, twin, recorder)
+    return 0
+
+
+def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: ExitStack) -> list[Endpoint]:
+    """Listen everywhere, so that a taken port is found before anything else."""
+    endpoints: list[Endpoint] = []
+    with call_errors():
+        if pty is not None or (tcp is None and rfc2217 is None):
+            from isel_twin.bridge.pty import PtyEndpoint
+
+            endpoints.append(PtyEndpoint(pty or None))
+            stack.callback(endpoints[-1].close)
+        if tcp is not None:
+            from isel_twin.bridge.tcp import TcpEndpoint
+
+            endpoints.append(TcpEndpoint(tcp))
+            stack.callback(endpoints[-1].close)
+        if rfc2217 is not None:
+            from isel_twin.bridge.rfc2217 import Rfc2217Codec
+            from isel_twin.bridge.tcp import TcpEndpoint
+
+            endpoints.append(TcpEndpoint(rfc2217, "rfc2217", Rfc2217Codec))
+            stack.callback(endpoints[-1].close)
+    return endpoints

@@ -1,0 +1,69 @@
+"""What there is to see of a twin at one instant: for recordings, tables and panels. All positions are in mm, in the zero and direction of the counters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Snapshot", "Visible", "snapshot"]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A twin at one instant. Arrays and mappings are copies: they stay as they are."""
+
+    time_ns: int
+    counts: NDArray[np.int64]
+    """int64 [axes], the controller's step counters."""
+    position_mm: NDArray[np.float64]
+    """float64 [3], true carriage positions X, Y, Z."""
+    position_error_mm: NDArray[np.float64]
+    """float64 [3], true carriage positions minus where the counters say they are."""
+    lost_steps: NDArray[np.float64]
+    """float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle."""
+    inputs: Mapping[str, str]
+    """State of every switch, element and contact, as `Twin.inputs`."""
+    outputs: Mapping[str, int]
+    """Controller outputs and the relays they act on, as `Twin.outputs`."""
+    levels: Mapping[str, bool]
+    """Electrical level (True: high) of every wired input terminal of the controller."""
+
+
+class Visible(Protocol):
+    """What a snapshot needs of a twin; see `Twin` for each."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def counts(self) -> NDArray[np.int64]: ...
+    @property
+    def position_mm(self) -> NDArray[np.float64]: ...
+    @property
+    def position_error_mm(self) -> NDArray[np.float64]: ...
+    @property
+    def lost_steps(self) -> NDArray[np.float64]: ...
+    @property
+    def inputs(self) -> Mapping[str, str]: ...
+    @property
+    def outputs(self) -> Mapping[str, int]: ...
+    @property
+    def levels(self) -> Mapping[str, bool]: ...
+
+
+def snapshot(twin: Visible) -> Snapshot:
+    """The twin as it is now."""
+    return Snapshot(
+        time_ns=twin.time_ns,
+        counts=twin.counts,
+        position_mm=twin.position_mm,
+        position_error_mm=twin.position_error_mm,
+        lost_steps=twin.lost_steps,
+        inputs=twin.inputs,
+        outputs=twin.outputs,
+        levels=twin.levels,
+    )

@@ -1,0 +1,70 @@
+"""One way to write a trace: the suffix of the file says which.
+
+    .npz        the step stream, exactly                    npz.py
+    .vcd        a value change dump for waveform viewers    vcd.py
+    .parquet    the samples of a recorder as a table        parquet.py
+
+Each kind is imported when it is written: who wants none pays for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from isel_twin.trace.recorder import Recorder
+    from isel_twin.twin import Twin
+
+__all__ = ["KINDS", "trace_kind", "write_trace"]
+
+
+def trace_kind(path: Path) -> str:
+    """The kind of trace that a file name ends in, one of KINDS. Raises ValueError."""
+    if path.suffix not in KINDS:
+        *others, last = KINDS
+        raise ValueError(f"{path}: the name must end in {', '.join(others)} or {last}")
+    return path.suffix
+
+
+def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | None = None) -> None:
+    """Write what has happened to the twin so far.
+
+    kind: one of KINDS; without it, the one that the file name ends in.
+    recorder: has watched the twin; an .npz can do without. Raises ValueError for a name that says nothing and for a
+    recorder that is missing, OSError if the file cannot be written.
+    """
+    KINDS[kind or trace_kind(path)](path, twin, recorder)
+
+
+def _write_npz(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+    from isel_twin.trace.npz import write_npz
+
+    write_npz(path, twin.steps)
+
+
+def _write_vcd(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+    from isel_twin.trace.vcd import write_vcd
+
+    write_vcd(path, twin.steps, _needed(recorder, path))
+
+
+def _write_parquet(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+    from isel_twin.trace.parquet import write_parquet
+
+    write_parquet(path, _needed(recorder, path))
+
+
+def _needed(recorder: Recorder | None, path: Path) -> Recorder:
+    if recorder is None:
+        raise ValueError(f"{path}: this kind of trace needs a recorder that has watched the twin")
+    return recorder
+
+
+KINDS: Mapping[str, Callable[[Path, Twin, Recorder | None], None]] = {
+    ".npz": _write_npz,
+    ".vcd": _write_vcd,
+    ".parquet": _write_parquet,
+}
+"""Kinds of traces by the suffix of their files, and who writes them."""

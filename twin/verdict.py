@@ -1,0 +1,125 @@
+"""The verdict on a job: was every command accepted, and is the machine where the controller believes it to be?
+
+A motor holds its load up to half a period of its torque and then slips by whole periods, four full steps each. So at
+rest
+
+    steps are lost  <=>  |counter - rotor| >= slip / 2
+
+and anything less is load angle. What was lost and then forgotten, as a reference run set the counter anew, counts too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isel_twin.snapshot import snapshot
+from isel_twin.wiring.contacts import FAULTS
+
+if TYPE_CHECKING:
+    from isel_twin.job import Result
+    from isel_twin.twin import Twin
+
+__all__ = ["SETTLE_S", "Verdict", "judge", "lost"]
+
+SETTLE_S = 0.5
+"""Virtual time for the machine to come to rest after the last command, before it is asked what it has lost."""
+
+
+def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
+    """bool [axes], whether an axis has lost steps.
+
+    steps [axes]: counter minus rotor position at rest, or its change from one rest to another. slip_steps [axes]: steps
+    in one slip of each motor. What is not a number counts as lost.
+    """
+    return ~(np.abs(steps) < np.asarray(slip_steps) / 2.0)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a job. Tuples have one entry an axis, those of positions one a carriage."""
+
+    commands: int
+    refused: int
+    lost_steps: tuple[float, ...]
+    """Counter minus rotor position in steps at rest, since each counter was set."""
+    forgotten_steps: tuple[float, ...]
+    """Steps lost before that, since power-on."""
+    slip_steps: tuple[float, ...]
+    """Steps in one slip of each motor."""
+    controller_fault: bool
+    """The controller shows an error that no reply has told."""
+    faults: Mapping[str, str]
+    """Contacts that are broken or stuck, and how. No blame for the job: it may be about them."""
+    ticks: int
+    """Ticks of the step stream since power-on."""
+    counts: tuple[int, ...]
+    position_mm: tuple[float, ...]
+    position_error_mm: tuple[float, ...]
+    began_ns: int
+    """When the first command was sent."""
+    ended_ns: int
+    """When the last one was over."""
+    time_ns: int
+    """When the verdict was given, the machine at rest."""
+    machine: str
+
+    @property
+    def accepted(self) -> int:
+        """Commands that were not refused."""
+        return self.commands - self.refused
+
+    @property
+    def lost(self) -> tuple[bool, ...]:
+        """Whether steps of each axis are lost, or were before its counter was set anew."""
+        now = lost(self.lost_steps, self.slip_steps)
+        return tuple((now | (np.array(self.forgotten_steps) != 0.0)).tolist())
+
+    @property
+    def ok(self) -> bool:
+        """Every command accepted, no step lost, no error left in the controller."""
+        return self.refused == 0 and not any(self.lost) and not self.controller_fault
+
+    def summary(self) -> dict[str, Any]:
+        """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables."""
+        return {
+            "ok": self.ok,
+            "commands": self.commands,
+            "refused": self.refused,
+            "lost_steps": [round(steps, 3) for steps in self.lost_steps],
+            "lost_before_reference": [int(steps) for steps in self.forgotten_steps],
+            "controller_fault": self.controller_fault,
+            "steps": self.ticks,
+            "counts": list(self.counts),
+            "position_mm": [round(position, 6) for position in self.position_mm],
+            "time_ns": self.time_ns,
+            "machine": self.machine,
+        }
+
+
+def judge(twin: Twin, results: Sequence[Result]) -> Verdict:
+    """The verdict on the job that had these results on this twin, after SETTLE_S in which it comes to rest."""
+    start_ns = twin.time_ns
+    twin.run(SETTLE_S)
+    seen = snapshot(twin)
+    return Verdict(
+        commands=len(results),
+        refused=sum(not result.ok for result in results),
+        lost_steps=tuple(seen.lost_steps.tolist()),
+        forgotten_steps=tuple(twin.forgotten_steps.tolist()),
+        slip_steps=tuple(twin.slip_steps.tolist()),
+        controller_fault=twin.fault,
+        faults={name: state for name, state in seen.inputs.items() if state in FAULTS and state != "ok"},
+        ticks=len(twin.steps),
+        counts=tuple(seen.counts.tolist()),
+        position_mm=tuple(seen.position_mm.tolist()),
+        position_error_mm=tuple(seen.position_error_mm.tolist()),
+        began_ns=results[0].time_ns if results else start_ns,
+        ended_ns=results[-1].end_ns if results else start_ns,
+        time_ns=seen.time_ns,
+        machine=twin.machine.name,
+    )
