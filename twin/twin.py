@@ -111,7 +111,7 @@ class Twin:
         self._trip_random = trips
         self._plant = self._build_plant(plant, _power_on_mm(self.machine, start, start_mm))
         self._zero_mm = self._plant.position_mm
-        self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in self.machine.axes])
+        self._step_mm = np.array([axis.step_mm for axis in self.machine.axes])
         self._period = self._plant.slip_steps
         axes = len(self._controller.counts)
         self._slip = np.zeros(axes)

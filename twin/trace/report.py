@@ -50,7 +50,7 @@ def write_report(
 ) -> None:
     """Write the page. Raises OSError."""
     samples = _thinned(recorder)
-    step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in twin.machine.axes])
+    step_mm = np.array([axis.step_mm for axis in twin.machine.axes])
     parts = [
         "<!DOCTYPE html>",
         f"<html lang='en'><head><meta charset='utf-8'><title>{html.escape(title)}</title>",
