@@ -231,4 +231,4 @@ def _loaded(setup: Setup) -> dict[str, float]:
     """Overrides that add the extra load to what drags at each shaft, from whatever it is in this machine."""
     machine = setup.machine if isinstance(setup.machine, Machine) else load_machine(setup.machine)
     axes = with_overrides(machine, setup.overrides).axes
-    return {f"axes.{axis.name}.shaft_coulomb": axis.coulomb_nm + setup.load_nm for axis in axes}
+    return {f"axes.{axis.name}.shaft_coulomb": axis.screw.coulomb_nm + setup.load_nm for axis in axes}

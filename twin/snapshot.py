@@ -1,4 +1,6 @@
-"""What there is to see of a twin at one instant: for recordings, tables and panels. All positions are in mm, in the zero and direction of the counters.
+"""What there is to see of a twin at one instant: for recordings, tables and panels.
+
+All positions are in mm, in the zero and direction of the counters.
 """
 
 from __future__ import annotations

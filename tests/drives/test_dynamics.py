@@ -122,7 +122,7 @@ def test_within_the_backlash_there_is_no_force() -> None:
 
 def test_a_nut_with_play_never_pulls() -> None:
     """The damper acts on contact only: the force has the sign of the overlap."""
-    rig = Rig(dataclasses.replace(PLAY_FREE, backlash_mm=0.02, damping_n_s_per_m=5e4))
+    rig = Rig(dataclasses.replace(PLAY_FREE, backlash_mm=0.02, damping_n_s_per_m=2e4))
     rig.v_m_s = 0.02
     ride = rig.run(0.5, phases=BOTH)
     overlap = ride.x_m - ride.theta_rad * RADIUS_M
@@ -211,7 +211,7 @@ def test_a_broken_phase_carries_no_current(phases: int, lives: str, dead: str) -
 def test_current_rises_as_the_supply_and_the_inductance_allow() -> None:
     """(V/R)(1 - exp(-R t/L)) on a locked shaft, up to the set current and no further."""
     stage = Stage(supply_v=36, current_a=4.2, microsteps=8)
-    parameters = axis_parameters(NEMA23, stage, Screw(coulomb_nm=10.0), DT)
+    parameters = axis_parameters(NEMA23, stage, Screw(coulomb_nm=5.0), DT)
     states = axis_states(1)
     resistance, voltage = 0.65 + stage.extra_resistance_ohm, 36 * stage.supply_factor
     for k in range(1, 60):
@@ -230,7 +230,7 @@ def test_current_rises_as_the_supply_and_the_inductance_allow() -> None:
     ],
 )
 def test_current_wave_of_the_stage(microsteps: int, wave: list[tuple[float, float]]) -> None:
-    parameters = axis_parameters(NEMA23, Stage(48, 4.2, microsteps), Screw(coulomb_nm=10.0), DT)
+    parameters = axis_parameters(NEMA23, Stage(48, 4.2, microsteps), Screw(coulomb_nm=5.0), DT)
     states = axis_states(1)
     for turn in (0, 3, -2):
         for k, (a, b) in enumerate(wave):
@@ -332,6 +332,6 @@ def test_same_arguments_same_bits() -> None:
 
 def test_a_sub_step_too_long_for_the_spring_is_refused() -> None:
     with pytest.raises(ValueError, match="too long"):
-        axis_parameters(NEMA23, Stage(48, 4.2), Screw(lead_mm=20, stiffness_n_per_m=1e11), DT)
+        axis_parameters(NEMA23, Stage(48, 4.2), Screw(lead_mm=40, stiffness_n_per_m=2e8), 4 * DT)
     with pytest.raises(ValueError, match="sub-step"):
         axis_parameters(NEMA23, Stage(48, 4.2), Screw(), 0.0)

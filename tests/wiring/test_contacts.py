@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
-from isel_twin.controller import UnknownNameError
 from isel_twin.machine import Contact
 from isel_twin.wiring import Contacts
 
 BOUNCE_MS = 1.0
 
 
-def switch(name: str, terminal: str, type_: str = "opener", *, inverted: bool = False, bounce: float = 0.0) -> Contact:
+TERMINALS = {"p": ("s",)}
+
+
+def switch(name: str, type_: str = "opener", *, inverted: bool = False, bounce: float = 0.0) -> Contact:
     return Contact(
         name=name,
         kind="switch",
-        terminal=terminal,
         type=type_,
         inverted=inverted,
         axis="x",
@@ -25,8 +28,8 @@ def switch(name: str, terminal: str, type_: str = "opener", *, inverted: bool = 
     )
 
 
-def contacts(*listed: Contact, wiring: dict[str, tuple[str, ...]] | None = None) -> Contacts:
-    return Contacts(listed, wiring, np.random.default_rng(1))
+def contacts(*listed: Contact, terminals: Mapping[str, tuple[str, ...]] = TERMINALS, seed: int = 1) -> Contacts:
+    return Contacts(listed, terminals, np.random.default_rng(seed))
 
 
 def settle(box: Contacts) -> None:
@@ -44,16 +47,16 @@ def settle(box: Contacts) -> None:
     ],
 )
 def test_level_follows_type_and_wiring(type_: str, inverted: bool, free: bool, struck: bool) -> None:
-    box = contacts(switch("s", "p3.0", type_, inverted=inverted))
-    assert box.levels() == {"p3.0": free}
+    box = contacts(switch("s", type_, inverted=inverted))
+    assert box.levels() == {"p": free}
     box.strike("s", True, 0)
-    assert box.levels() == {"p3.0": struck}
+    assert box.levels() == {"p": struck}
     box.strike("s", False, 10)
-    assert box.levels() == {"p3.0": free}
+    assert box.levels() == {"p": free}
 
 
 def test_contacts_in_series_read_high_only_while_all_are_closed() -> None:
-    box = contacts(switch("a", ""), switch("b", ""), wiring={"pin": ("a", "b")})
+    box = contacts(switch("a"), switch("b"), terminals={"pin": ("a", "b")})
     assert box.levels() == {"pin": True}
     box.strike("b", True, 0)
     assert box.levels() == {"pin": False}
@@ -64,7 +67,7 @@ def test_contacts_in_series_read_high_only_while_all_are_closed() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_bounce_changes_at_once_ends_within_its_time_and_ends_in_the_new_state(seed: int) -> None:
-    box = Contacts([switch("s", "p", bounce=BOUNCE_MS)], None, np.random.default_rng(seed))
+    box = contacts(switch("s", bounce=BOUNCE_MS), seed=seed)
     box.strike("s", True, 5_000)
     assert box.levels() == {"p": False}
     changes = 0
@@ -77,7 +80,7 @@ def test_bounce_changes_at_once_ends_within_its_time_and_ends_in_the_new_state(s
 
 def test_bounces_occur_and_are_seeded() -> None:
     def history(seed: int) -> list[int]:
-        box = Contacts([switch("s", "p", bounce=BOUNCE_MS)], None, np.random.default_rng(seed))
+        box = contacts(switch("s", bounce=BOUNCE_MS), seed=seed)
         times = []
         for n in range(5):
             box.strike("s", n % 2 == 0, n * 10_000_000)
@@ -92,7 +95,7 @@ def test_bounces_occur_and_are_seeded() -> None:
 
 
 def test_faults_hold_a_contact_until_healed() -> None:
-    box = contacts(switch("s", "p"))
+    box = contacts(switch("s"))
     box.set_fault("s", "broken")
     assert box.levels() == {"p": False}
     box.set_fault("s", "stuck_closed")
@@ -103,6 +106,7 @@ def test_faults_hold_a_contact_until_healed() -> None:
     assert box.levels() == {"p": False}
 
 
-def test_wiring_to_a_contact_that_does_not_exist_is_named() -> None:
-    with pytest.raises(UnknownNameError, match=r"terminal 'pin' is wired to 'nothing'"):
-        contacts(switch("a", ""), wiring={"pin": ("nothing",)})
+def test_what_the_machine_lacks_is_left_out() -> None:
+    box = contacts(switch("a"), terminals={"both": ("a", "nothing"), "none": ("nothing",)})
+    assert box.levels() == {"both": True}
+    assert box.names == ("a",)

@@ -119,9 +119,8 @@ def pull_out_torque(
 
     def holds(torque_nm: float) -> bool:
         brake = 0.0 if constant_load else torque_nm / omega
-        screw = Screw(inertia_kgm2=inertia, viscous_nm_s_per_rad=brake)
         load = torque_nm * rise if constant_load else np.zeros_like(rise)
-        return _in_step(motor, stage, screw, command, load, start_omega, dt_s)
+        return _in_step(motor, stage, Screw(inertia_kgm2=inertia), command, load, start_omega, dt_s, brake)
 
     return _largest(holds, peak_nm)
 
@@ -215,11 +214,16 @@ def _in_step(
     load_torque_nm: NDArray[np.float64],
     omega_rad_s: float,
     dt_s: float,
+    brake_nm_s_per_rad: float = 0.0,
 ) -> bool:
-    """True if the motor follows the whole command without ever being four full steps off."""
+    """True if the motor follows the whole command without ever being four full steps off.
+
+    brake_nm_s_per_rad: what the bench adds to the drag; a strong one at low speed, more than any screw has.
+    """
     states = axis_states(1)
     states["omega_rad_s"] = omega_rad_s
     parameters = axis_parameters(motor, stage, screw, dt_s)
+    parameters["drag_nm_s_per_rad"] += brake_nm_s_per_rad
     return follow(parameters, states, command, load_torque_nm, 4.0 * stage.microsteps) == len(command)
 
 

@@ -19,6 +19,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from isel_twin.parameters import check, number
+
 IRON_LOSS_PER_INDUCTANCE = 15000.0
 """Iron-loss resistance over phase inductance, ohm/H (estimate; see decision D2)."""
 
@@ -33,39 +35,30 @@ class Motor:
     Raises ValueError for a value that no motor can have.
     """
 
-    resistance_ohm: float
+    resistance_ohm: float = number("ohm", 1e-3, 1e3)
     """Phase resistance."""
-    inductance_h: float
+    inductance_h: float = number("H", 1e-6, 10.0)
     """Phase inductance."""
-    torque_constant_nm_per_a: float
+    torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3)
     """Km: peak torque of one phase per ampere, and back-EMF in V s/rad."""
-    rotor_inertia_kgm2: float
+    rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0)
     """Rotor inertia."""
-    detent_torque_nm: float = math.nan
+    detent_torque_nm: float = number("N m", 0.0, 1e3, default=math.nan)
     """Peak detent torque; nan: by rule from Km and R."""
-    iron_loss_ohm: float = math.nan
+    iron_loss_ohm: float = number("ohm", 1e-3, math.inf, default=math.nan)
     """Resistance that stands for the iron loss, math.inf for none; nan: by rule from L."""
-    pole_pairs: int = 50
+    pole_pairs: int = number("1", 1, 1000, whole=True, default=50)
     """Rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step."""
-    rated_current_a: float = math.nan
+    rated_current_a: float = number("A", 1e-3, 1e3, default=math.nan)
     """Phase current the maker allows with both phases on; nan: unknown."""
 
     def __post_init__(self) -> None:
+        check(self)
         if math.isnan(self.detent_torque_nm):
-            rule = DETENT_PER_MOTOR_CONSTANT * self.torque_constant_nm_per_a / math.sqrt(max(self.resistance_ohm, 1e-9))
+            rule = DETENT_PER_MOTOR_CONSTANT * self.torque_constant_nm_per_a / math.sqrt(self.resistance_ohm)
             object.__setattr__(self, "detent_torque_nm", rule)
         if math.isnan(self.iron_loss_ohm):
             object.__setattr__(self, "iron_loss_ohm", IRON_LOSS_PER_INDUCTANCE * self.inductance_h)
-        for name in ("resistance_ohm", "inductance_h", "torque_constant_nm_per_a", "rotor_inertia_kgm2"):
-            value = getattr(self, name)
-            if not (0.0 < value < math.inf):
-                raise ValueError(f"motor: {name} must be a finite number above 0, not {value!r}")
-        if not self.iron_loss_ohm > 0.0:
-            raise ValueError(f"motor: iron_loss_ohm must be above 0 (math.inf: no loss), not {self.iron_loss_ohm!r}")
-        if not (0.0 <= self.detent_torque_nm < math.inf):
-            raise ValueError(f"motor: detent_torque_nm must be 0 or more, not {self.detent_torque_nm!r}")
-        if self.pole_pairs < 1:
-            raise ValueError(f"motor: pole_pairs must be 1 or more, not {self.pole_pairs!r}")
 
     @property
     def full_steps_per_rev(self) -> int:

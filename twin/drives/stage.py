@@ -12,59 +12,42 @@ wants to get rid of flows back against supply_v.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+
+from isel_twin.parameters import check, number
 
 
 @dataclass(frozen=True)
 class Stage:
     """A two-phase power stage. Raises ValueError for a setting that no stage can have."""
 
-    supply_v: float
+    supply_v: float = number("V", 5.0, 200.0, key="supply")
     """Supply voltage."""
-    current_a: float
+    current_a: float = number("A", 0.1, 20.0, key="current")
     """Peak phase current in motion."""
-    microsteps: int = 8
+    microsteps: int = number("1", 1, 256, whole=True, default=8)
     """Microsteps a full step: 1 full step (both phases on), 2 half step, 8 for 1600 a revolution at 1.8 degrees."""
-    idle_current_fraction: float = 0.5
-    """Current at rest over current in motion, when the controller lowers it."""
-    idle_delay_s: float = 0.2
-    """Rest before the current is lowered."""
-    supply_factor: float = 0.8
+    idle_current_fraction: float = number("1", 0.0, 1.0, key="idle_current", default=0.5)
+    """Current at rest over current in motion, while the controller asks for current lowering."""
+    idle_delay_s: float = number("ms", 0.0, 10_000.0, key="idle_delay", scale=1e-3, default=0.2)
+    """Rest after the last pulse of the axis before the current is lowered."""
+    supply_factor: float = number("1", 0.1, 1.0, default=0.8)
     """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision D1); 1: all of it."""
-    extra_resistance_ohm: float = 0.2
+    extra_resistance_ohm: float = number("ohm", 0.0, 100.0, default=0.2)
     """Switches, sense resistor and cable in each phase (estimate); 0: none."""
-    quiescent_w: float = 2.0
+    quiescent_w: float = number("W", 0.0, 1000.0, default=2.0)
     """Losses while switched on, beside those of the current (estimate)."""
-    thermal_resistance_k_per_w: float = 8.0
+    thermal_resistance_k_per_w: float = number("K/W", 0.0, 1000.0, key="thermal_resistance", optional=True, default=8.0)
     """From the switches through the heat sink to the air (estimate)."""
-    thermal_time_constant_s: float = 300.0
+    thermal_time_constant_s: float = number("s", 1.0, 1e6, key="thermal_time_constant", optional=True, default=300.0)
     """Of stage and heat sink (estimate)."""
-    ambient_c: float = 25.0
+    ambient_c: float = number("C", -50.0, 150.0, key="ambient", optional=True, default=25.0)
     """Temperature of the air in the cabinet."""
-    thermal_limit_c: float = 85.0
+    thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     """Where the over-temperature contact opens (estimate)."""
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("supply_v", 1.0, 1000.0),
-            ("current_a", 0.01, 100.0),
-            ("microsteps", 1, 256),
-            ("idle_current_fraction", 0.0, 1.0),
-            ("idle_delay_s", 0.0, math.inf),
-            ("supply_factor", 0.1, 1.0),
-            ("extra_resistance_ohm", 0.0, 100.0),
-            ("quiescent_w", 0.0, 1000.0),
-            ("thermal_resistance_k_per_w", 0.0, 1000.0),
-            ("thermal_time_constant_s", 1.0, 1e6),
-            ("ambient_c", -50.0, 150.0),
-            ("thermal_limit_c", -50.0, 300.0),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ValueError(f"stage: {name} must lie in {low:g} .. {high:g}, not {value!r}")
-        if self.microsteps != int(self.microsteps):
-            raise ValueError(f"stage: microsteps must be a whole number, not {self.microsteps!r}")
+        check(self)
 
     @property
     def drive_v(self) -> float:

@@ -69,7 +69,7 @@ class KinematicPlant:
         """Place the carriages at start_mm [3] in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
         self._start_mm = np.array(start_mm, dtype=np.float64)
-        self._step_mm = np.array([axis.lead_mm / axis.steps_per_rev for axis in machine.axes])
+        self._step_mm = np.array([axis.step_mm for axis in machine.axes])
         self._switches = tuple(switches)
         self._axis = np.array([switch.axis for switch in switches], dtype=np.int64)
         self._sense = np.array([switch.sense for switch in switches], dtype=np.int64)

@@ -1,16 +1,9 @@
 """The MuJoCo plant: a machine's model and drives, put together for the compiled loop of kernel.py.
 
-Goal: turn a `Machine` into the arrays the kernel works on, and say where the carriages are. The MJCF file brings the
-tree of bodies; what machine.toml says about it (masses, travel, guide friction, structural modes) is set when the model
-is loaded, so that an override changes the physics and not the file:
-
-    structure   k = (2 pi f)^2 m,  c = 2 zeta (2 pi f) m       m: what the mode's joint carries, without payload
-    screw       J = fill * pi/32 rho d^4 l + coupling
+Goal: turn a `Machine` into the arrays the kernel works on, and say where the carriages are, as a gauge at the tool
+would show them (model.py). The rotor, not the carriage, is where lost steps are counted.
 
 Nut and carriage start in balance: an axis that gravity pulls hangs on the flank of its backlash from the beginning.
-
-Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
-squareness (decision P4). The rotor, not the carriage, is where lost steps are counted.
 """
 
 from __future__ import annotations
@@ -26,14 +19,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
-from isel_twin.drives.motor import MOTORS, Motor
-from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
-from isel_twin.machine import AXIS_NAMES, Axis, Machine, MachineError
+from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import Switch, kernel
+from isel_twin.plant.model import load_model, tool_motion
 
-STEEL_KG_M3 = 7850.0
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
 LARGEST_STEP_RATIO = 1.7
@@ -55,129 +47,6 @@ def _mj_step_address() -> int:
     return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
 
 
-def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
-    """The machine's MuJoCo model with what machine.toml says about it.
-
-    visual: keep the geoms that only look; without them a step takes a quarter less time.
-    Raises MachineError if the model or the fixture cannot be read, if a joint or body the machine names is missing,
-    or if a joint is not described by one number.
-    """
-    try:
-        spec = mujoco.MjSpec.from_file(str(machine.model_file))
-    except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
-    _need(machine, spec, [axis.name for axis in machine.axes], "joint")
-    _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
-    _need(machine, spec, machine.masses_kg, "body")
-    if not machine.imperfections.structure:
-        for mode in machine.structure:
-            spec.delete(spec.joint(mode.joint))
-    if machine.fixture_file is not None:
-        try:
-            fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
-            spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
-        except ValueError as error:
-            raise MachineError(f"{machine.fixture_file}: {_one_line(error)}") from None
-    if not visual:
-        for geom in list(spec.geoms):
-            if geom.contype == 0 and geom.conaffinity == 0:
-                spec.delete(geom)
-    for name, mass_kg in machine.masses_kg.items():
-        body = spec.body(name)
-        body.inertia = body.inertia * (mass_kg / body.mass)
-        body.mass = mass_kg
-    spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    for axis in machine.axes:
-        joint = spec.joint(axis.name)
-        joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
-        joint.frictionloss = axis.guide_friction_n
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
-    if model.nq != model.nv:
-        raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
-    if machine.imperfections.structure:
-        for mode in machine.structure:
-            joint = model.joint(mode.joint)
-            mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-            omega = 2.0 * math.pi * mode.frequency_hz
-            model.jnt_stiffness[joint.id] = omega**2 * mass_kg
-            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * omega * mass_kg
-    if machine.payload_kg > 0.0:
-        _add_payload(model, machine.payload_kg)
-    return model
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
-    """A point of mass at the table's centre of gravity (the table does not turn, so where it sits is no matter)."""
-    body = model.body("table").id
-    model.body_mass[body] += mass_kg
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
-def _need(machine: Machine, spec: mujoco.MjSpec, names: Any, kind: str) -> None:
-    known = [item.name for item in (spec.joints if kind == "joint" else spec.bodies)]
-    for name in names:
-        if name not in known:
-            raise MachineError(f"{machine.model_file}: no {kind} {name!r}; allowed: {', '.join(known)}")
-
-
-def axis_motor(machine: Machine, axis: Axis) -> Motor:
-    """The motor of an axis: one of the machine's own or of the public table. Raises MachineError."""
-    if axis.motor in machine.motors:
-        return Motor(**machine.motors[axis.motor])  # type: ignore[arg-type]
-    if axis.motor not in MOTORS:
-        names = ", ".join([*machine.motors, *MOTORS])
-        raise MachineError(f"{machine.file}: axes.{axis.name}.motor: {axis.motor!r}; allowed: {names}")
-    return MOTORS[axis.motor]
-
-
-def axis_stage(machine: Machine, axis: Axis, motor: Motor) -> Stage:
-    """The power stage of an axis. Raises MachineError for steps that are no whole part of the motor's full step."""
-    microsteps, rest = divmod(axis.steps_per_rev, motor.full_steps_per_rev)
-    if rest or not microsteps:
-        raise MachineError(
-            f"{machine.file}: axes.{axis.name}.steps_per_rev: {axis.steps_per_rev}; "
-            f"allowed with the motor {axis.motor}: whole multiples of {motor.full_steps_per_rev}"
-        )
-    return Stage(
-        supply_v=axis.stage.supply_v,
-        current_a=axis.stage.current_a,
-        microsteps=microsteps,
-        idle_current_fraction=axis.stage.idle_fraction,
-        idle_delay_s=axis.stage.idle_delay_s,
-        thermal_resistance_k_per_w=axis.stage.thermal_resistance_k_per_w,
-        thermal_time_constant_s=axis.stage.thermal_time_constant_s,
-        ambient_c=axis.stage.ambient_c,
-        thermal_limit_c=axis.stage.thermal_limit_c,
-    )
-
-
-def axis_screw(machine: Machine, axis: Axis) -> Screw:
-    """The shaft of an axis, with those imperfections that are on."""
-    on = machine.imperfections
-    rod_kgm2 = math.pi / 32.0 * STEEL_KG_M3 * (1e-3 * axis.screw_diameter_mm) ** 4 * 1e-3 * axis.screw_length_mm
-    return Screw(
-        inertia_kgm2=axis.screw_fill * rod_kgm2 + axis.coupling_inertia_kgm2,
-        coulomb_nm=axis.coulomb_nm,
-        breakaway_ratio=axis.breakaway,
-        stribeck_rad_s=axis.stribeck_mm_s / axis.lead_mm * 2.0 * math.pi,
-        viscous_nm_s_per_rad=axis.viscous_nm_s,
-        lead_mm=axis.lead_mm,
-        lead_error=axis.lead_error if on.lead_error else 0.0,
-        efficiency=axis.efficiency,
-        backlash_mm=axis.backlash_mm if on.backlash else 0.0,
-        stiffness_n_per_m=axis.stiffness_n_per_m,
-        damping_n_s_per_m=axis.damping_n_s_per_m,
-    )
-
-
 class MujocoPlant:
     """Implements `isel_twin.plant.Plant` with motors, screws and MuJoCo."""
 
@@ -195,8 +64,8 @@ class MujocoPlant:
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
         model, data = self.model, self.data
-        self._dof = np.array([model.joint(name).dofadr[0] for name in AXIS_NAMES])
-        self._shape = _tool_motion(machine, model)
+        self._dof = np.array([model.joint(name).dofadr[0] for name in CARRIAGES])
+        self._shape = tool_motion(machine, model)
 
         substep_s = machine.timing.substep_ns * 1e-9
         self._drives = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
@@ -217,7 +86,7 @@ class MujocoPlant:
         self._axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
         self._axes["phases"] = OPEN
         self._axes["fraction"] = 1.0
-        self._axes["idle_fraction"] = [axis.stage.idle_fraction for axis in machine.axes]
+        self._axes["idle_fraction"] = [axis.stage.idle_current_fraction for axis in machine.axes]
         self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
@@ -299,7 +168,7 @@ class MujocoPlant:
     def apply_force(self, axis: int, force_n: float) -> None:
         """See Plant.apply_force. Raises ValueError for a force that is not a finite number."""
         if not math.isfinite(force_n):
-            raise ValueError(f"force on axis {AXIS_NAMES[axis]}: {force_n!r} N is not a finite number")
+            raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
         kernel.wake(self._plant, self._axes)
         self._axes["push_n"][axis] = force_n
 
@@ -350,7 +219,7 @@ class MujocoPlant:
     @property
     def stages(self) -> tuple[Stage, ...]:
         """See Plant.stages."""
-        return tuple(axis_stage(self.machine, a, axis_motor(self.machine, a)) for a in self.machine.axes)
+        return tuple(axis.stage for axis in self.machine.axes)
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
@@ -360,8 +229,7 @@ class MujocoPlant:
     @property
     def slip_steps(self) -> NDArray[np.float64]:
         """See Plant.slip_steps; one step on an axis that has no motor here."""
-        motors = [axis_motor(self.machine, axis) for axis in self.machine.axes]
-        periods = [axis.steps_per_rev / m.pole_pairs for axis, m in zip(self.machine.axes, motors, strict=True)]
+        periods = [axis.steps_per_rev / axis.motor.pole_pairs for axis in self.machine.axes]
         return np.array([*periods, *[1.0] * self._count])[: self._count]
 
     @property
@@ -402,7 +270,7 @@ class MujocoPlant:
     def _check_steps(self) -> None:
         """Refuse a MuJoCo step in which the lightest carriage would swing too far on its nut."""
         for axis, mobility in zip(self.machine.axes, self._axes["mobility_per_kg"], strict=True):
-            longest_s = LARGEST_STEP_RATIO / math.sqrt(axis.stiffness_n_per_m * mobility)
+            longest_s = LARGEST_STEP_RATIO / math.sqrt(axis.screw.stiffness_n_per_m * mobility)
             step_s = self.machine.timing.mujoco_step_ns * 1e-9
             if step_s > longest_s:
                 raise MachineError(
@@ -413,23 +281,7 @@ class MujocoPlant:
 
 def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
     """One record of AXIS_PARAMETERS, shape [1]. Raises MachineError."""
-    motor = axis_motor(machine, axis)
-    stage = axis_stage(machine, axis, motor)
     try:
-        return axis_parameters(motor, stage, axis_screw(machine, axis), substep_s)
+        return axis_parameters(axis.motor, axis.stage, axis.screw, substep_s)
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
-
-
-def _tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
-    """float64 [3, nv]: what each joint contributes to X, Y and Z between tool and table."""
-    shape = np.zeros((len(AXIS_NAMES), model.nv))
-    for number, name in enumerate(AXIS_NAMES):
-        shape[number, model.joint(name).dofadr[0]] = 1.0
-    if machine.imperfections.structure:
-        for mode in machine.structure:
-            shape[AXIS_NAMES.index(mode.axis), model.joint(mode.joint).dofadr[0]] = 1.0
-    if machine.imperfections.squareness:
-        error = machine.squareness
-        shape = np.array([[1.0, error.xy, error.xz], [0.0, 1.0, error.yz], [0.0, 0.0, 1.0]]) @ shape
-    return shape

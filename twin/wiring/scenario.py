@@ -26,19 +26,23 @@ One file serves the command line, tests and environments. Everything is checked 
 
 from __future__ import annotations
 
-import difflib
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-_AXES = {"x": 0, "y": 1, "z": 2}
+from isel_twin.axes import CARRIAGES
+from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, read_toml, table, text
+from isel_twin.units import SECOND_NS
+
 _KEYS = ("at", "set", "force_n", "phase_lost", "noise")
-_PHASES = ("", "a", "b", "ab")
+_PHASES = ("a", "b", "ab", "")
+_AT_S = Limits("s", 0.0, 1e9)
+_FORCE_N = Limits("N", -1e5, 1e5)
+_NOISE = Limits("", 0.0, 1.0)
 
 
-class ScenarioError(ValueError):
+class ScenarioError(FileError):
     """A scenario file is wrong; the message is one line that names file, event, key and remedy."""
 
 
@@ -60,70 +64,47 @@ def load_scenario(path: str | Path, settable: Mapping[str, tuple[str, ...]]) -> 
 
     Raises ScenarioError for anything wrong in it, OSError if it cannot be read.
     """
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: not a TOML file: {error}") from None
-    unknown = set(document) - {"event"}
-    if unknown:
-        raise ScenarioError(f"{path}: unknown key {sorted(unknown)[0]!r}; a scenario is a list of [[event]] tables")
+    place = Place(path, ScenarioError)
+    document = read_toml(place)
+    for key in document:
+        if key != "event":
+            raise place.at(key).wrong("unknown key; a scenario is a list of [[event]] tables")
     tables = document.get("event", [])
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise ScenarioError(f"{path}: `event` must be written as [[event]] tables")
-    events = [_event(table, f"{path}: event {number}", settable) for number, table in enumerate(tables, 1)]
+    if not isinstance(tables, list) or not all(isinstance(entry, dict) for entry in tables):
+        raise place.at("event").wrong(f"{tables!r}; it must be written as [[event]] tables")
+    events = [_event(entry, place.at(f"event {number}"), settable) for number, entry in enumerate(tables, 1)]
     return tuple(sorted(events, key=lambda event: event.at_ns))
 
 
-def _event(table: dict[str, Any], where: str, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
-    for key in table:
-        if key not in _KEYS:
-            near = difflib.get_close_matches(key, _KEYS, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"keys are {', '.join(_KEYS)}"
-            raise ScenarioError(f"{where}: unknown key {key!r}; {hint}")
-    at_s = _number(table.get("at"), f"{where}: `at`", 0.0, 1e9)
-    if len(table) < 2:
-        raise ScenarioError(f"{where}: nothing happens; say what: {', '.join(_KEYS[1:])}")
-    inputs = _table(table, "set", where)
+def _event(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
+    known(content, _KEYS, place)
+    if "at" not in content:
+        raise place.at("at").wrong(f"missing; allowed: {_AT_S}")
+    at_s = plain(content["at"], _AT_S, place.at("at"))
+    if len(content) < 2:
+        raise place.wrong(f"nothing happens; say what: {', '.join(_KEYS[1:])}")
+    inputs = table(content.get("set", {}), place.at("set"))
     for name, state in inputs.items():
-        check_input(name, state, settable, where)
-    forces = {
-        _axis(axis, f"{where}: `force_n`"): _number(value, f"{where}: `force_n.{axis}`", -1e5, 1e5)
-        for axis, value in _table(table, "force_n", where).items()
-    }
-    phases = {}
-    for axis, phase in _table(table, "phase_lost", where).items():
-        if phase not in _PHASES:
-            raise ScenarioError(f'{where}: `phase_lost.{axis}` is {phase!r}; write "a", "b", "ab" or ""')
-        phases[_axis(axis, f"{where}: `phase_lost`")] = phase
-    noise = _number(table["noise"], f"{where}: `noise`", 0.0, 1.0) if "noise" in table else None
-    return ScenarioEvent(round(at_s * 1e9), inputs, forces, phases, noise)
+        check_input(name, state, settable, str(place))
+    forces = {axis: plain(value, _FORCE_N, where) for axis, value, where in _of_axes(content, "force_n", place)}
+    phases = {axis: text(value, where, _PHASES) for axis, value, where in _of_axes(content, "phase_lost", place)}
+    noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
+    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise)
+
+
+def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[int, Any, Place]]:
+    """Number of the axis, value and place for each entry of a table by axis."""
+    place = place.at(key)
+    values = table(content.get(key, {}), place)
+    known(values, CARRIAGES, place)
+    for name, value in values.items():
+        yield CARRIAGES.index(name), value, place.at(name)
 
 
 def check_input(name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str) -> None:
     """Raise ScenarioError unless `name` is something that can be set to `state`."""
     states = settable.get(name, ())
     if not states:
-        near = difflib.get_close_matches(name, settable, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(settable)}"
-        raise ScenarioError(f"{where}: unknown input {name!r}; {hint}")
+        raise ScenarioError(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
     if state not in states:
         raise ScenarioError(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")
-
-
-def _table(table: dict[str, Any], key: str, where: str) -> dict[str, Any]:
-    value = table.get(key, {})
-    if not isinstance(value, dict):
-        raise ScenarioError(f"{where}: `{key}` must be a table such as {{ name = value }}")
-    return value
-
-
-def _axis(name: str, where: str) -> int:
-    if name not in _AXES:
-        raise ScenarioError(f"{where}: unknown axis {name!r}; axes are {', '.join(_AXES)}")
-    return _AXES[name]
-
-
-def _number(value: Any, where: str, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise ScenarioError(f"{where} is {value!r}; it must be a number from {low:g} to {high:g}")
-    return float(value)

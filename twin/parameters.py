@@ -1,0 +1,345 @@
+"""Numbers in files: TOML in which a number says its unit, its grade and its source, and a limit stands once.
+
+Goal: whoever gives a wrong value, in a file, in an override or in Python, reads one line that names the place, the
+value and what is allowed; and the allowed range is written down in one place, at the field that holds the number:
+
+    file        backlash = { value = 0.02, unit = "mm", grade = "estimate", source = "0.01 to 0.02 mm remain" }
+                    | section, read: the key, the unit, the range
+    field       backlash_mm: float = number("mm", 0.0, 1.0, key="backlash")
+                    | check, in __post_init__: the same range
+    Python      Screw(backlash_mm=0.02)
+
+    file: axes.x.backlash: 2; allowed: 0 .. 1 mm           a `Place`, what is wrong there, and the remedy
+
+A tree is what a TOML file becomes, dictionaries in dictionaries. Trees are combined before they are read: `merge` lays
+one over another, `spread` lets a table `all` hold for several names, `override` changes one value, `rows` lists them
+all. Words and switches are plain values in the file. Files without units (events, plans) use `table`, `known`, `plain`
+and `text` alone.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import difflib
+import math
+import tomllib
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+GRADES = ("measured", "datasheet", "estimate", "setting")
+"""How far a number can be trusted; a setting is what people choose."""
+
+T = TypeVar("T")
+
+
+class FileError(ValueError):
+    """A file is wrong; one line that names the file, the key, the value and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in a file a value stands, and the error that says what is wrong with it."""
+
+    file: Path | str
+    error: type[FileError] = FileError
+    key: str = ""
+    """Keys from the top of the file, with dots; "" is the file as a whole."""
+
+    def at(self, key: str) -> Place:
+        """The place of a key of the table that stands here."""
+        return dataclasses.replace(self, key=f"{self.key}.{key}" if self.key else key)
+
+    def wrong(self, what: str) -> FileError:
+        """The error to raise for a value that stands here."""
+        return self.error(f"{self}: {what}")
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.key}" if self.key else str(self.file)
+
+
+# Fields --------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a number may be: in `unit` within [low, high], as files have it; the field for it holds value * scale."""
+
+    unit: str
+    low: float
+    high: float
+    scale: float = 1.0
+    whole: bool = False
+    """The field is an integer."""
+
+    def __str__(self) -> str:
+        return f"{self.low:g} .. {self.high:g} {self.unit}".rstrip()
+
+
+def number(
+    unit: str,
+    low: float,
+    high: float,
+    *,
+    key: str = "",
+    scale: float = 1.0,
+    whole: bool = False,
+    optional: bool = False,
+    default: Any = MISSING,
+) -> Any:
+    """A field within [low, high]. Files have it under `key` ("": in no file) in `unit`; the field holds value * scale.
+
+    default: for Python, and always allowed: it may stand for "none" or "unknown". A file has to give the number all the
+    same, unless it is optional.
+    """
+    limits = Limits(unit, low, high, scale, whole)
+    return field(default=default, metadata={"key": key, "rule": limits, "optional": optional})
+
+
+def word(*choices: str, default: Any = MISSING) -> Any:
+    """A field that is one of `choices` (none: any string). Files have it under its own name."""
+    return field(default=default, metadata={"rule": choices})
+
+
+def flag(default: Any = MISSING) -> Any:
+    """A field that is true or false. Files have it under its own name."""
+    return field(default=default, metadata={"rule": bool})
+
+
+def check(instance: Any) -> None:
+    """Raise ValueError unless all numbers and words of a dataclass are what their fields allow."""
+    what = type(instance).__name__.lower()
+    for item in dataclasses.fields(instance):
+        rule, value = item.metadata.get("rule"), getattr(instance, item.name)
+        if isinstance(rule, tuple) and rule and value not in rule:
+            raise ValueError(f"{what}: {item.name} must be one of {_listed(rule)}, not {value!r}")
+        if isinstance(rule, Limits) and not _same(value, item.default):
+            low, high = rule.low * rule.scale, rule.high * rule.scale
+            if not low <= value <= high:
+                raise ValueError(f"{what}: {item.name} must lie in {low:g} .. {high:g}, not {value!r}")
+            if rule.whole and value != int(value):
+                raise ValueError(f"{what}: {item.name} must be a whole number, not {value!r}")
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Equal, or both not a number."""
+    return bool(value == default or (value != value and default != default))
+
+
+# Sections: dataclasses from tables -----------------------------------------------------------------------------------
+
+
+def keys(cls: type[Any]) -> tuple[str, ...]:
+    """Keys under which files have the fields of a dataclass."""
+    return tuple(key for key, _ in _fields(cls))
+
+
+def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
+    """An instance of the dataclass from its table; `given`: fields that files do not have."""
+    content = table(value, place)
+    known(content, keys(cls), place)
+    values = read(cls, content, place)
+    try:
+        return cls(**values, **given)
+    except ValueError as error:
+        raise place.wrong(str(error)) from None
+
+
+def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """Values by name of the field, for those fields of the dataclass that files have; other keys are left alone."""
+    values: dict[str, Any] = {}
+    for key, item in _fields(cls):
+        where, rule = place.at(key), item.metadata["rule"]
+        if key not in content:
+            if not item.metadata.get("optional", item.default is not MISSING):
+                raise where.wrong("missing")
+        elif isinstance(rule, Limits):
+            values[item.name] = quantity(content[key], rule, where)
+        elif rule is bool:
+            values[item.name] = _boolean(content[key], where)
+        else:
+            values[item.name] = text(content[key], where, rule)
+    return values
+
+
+def _fields(cls: type[Any]) -> Iterator[tuple[str, dataclasses.Field[Any]]]:
+    for item in dataclasses.fields(cls):
+        key = item.metadata.get("key", item.name)
+        if "rule" in item.metadata and key:
+            yield key, item
+
+
+# Values --------------------------------------------------------------------------------------------------------------
+
+
+def read_toml(place: Place) -> dict[str, Any]:
+    """The tree of a whole file. Raises OSError if it cannot be opened."""
+    try:
+        return tomllib.loads(Path(place.file).read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise place.wrong(f"not a TOML file: {error}") from None
+
+
+def table(value: Any, place: Place) -> dict[str, Any]:
+    """The value, which must be a table."""
+    if not isinstance(value, dict):
+        raise place.wrong(f"{value!r}; allowed: a table such as {{ name = value }}")
+    return value
+
+
+def known(content: Iterable[str], allowed: Collection[str], place: Place) -> None:
+    """Refuse keys that nobody reads."""
+    for key in content:
+        if key not in allowed:
+            raise place.at(key).wrong(f"unknown key; {hint(key, allowed)}")
+
+
+def hint(name: str, allowed: Collection[str], otherwise: str = "allowed") -> str:
+    """What somebody may have meant by a name that does not exist, or all that there are."""
+    match = difflib.get_close_matches(name, allowed, 1, 0.5)
+    return f"did you mean {match[0]!r}?" if match else f"{otherwise}: {', '.join(dict.fromkeys(allowed))}"
+
+
+def text(value: Any, place: Place, choices: Sequence[str] = ()) -> str:
+    """The value, which must be one of `choices` (none: any string)."""
+    if not isinstance(value, str) or (choices and value not in choices):
+        raise place.wrong(f"{value!r}; allowed: {_listed(choices) or 'text'}")
+    return value
+
+
+def plain(value: Any, limits: Limits, place: Place) -> float:
+    """The value, which must be a number within `limits`, not yet scaled."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise place.wrong(f"{value!r}; allowed: {limits}")
+    if not limits.low <= value <= limits.high:
+        raise place.wrong(f"{value}; allowed: {limits}")
+    return float(value)
+
+
+def quantity(value: Any, limits: Limits, place: Place) -> float:
+    """The number in a table of value, unit, grade and source: value * scale, an int if whole."""
+    if not isinstance(value, Mapping):
+        example = f'{{ value = {limits.low:g}, unit = "{limits.unit}", grade = "estimate", source = "..." }}'
+        raise place.wrong(f"{value!r}; allowed: a table such as {example}, {limits}")
+    parts = ("value", "unit", "grade", "source")
+    known(value, parts, place)
+    for part in parts:
+        if part not in value:
+            raise place.at(part).wrong("missing")
+    if value["unit"] != limits.unit:
+        raise place.wrong(f"unit {value['unit']!r}; allowed: {limits.unit!r}")
+    given = plain(value["value"], limits, place)
+    if not math.isfinite(given):
+        raise place.wrong(f"{given}; allowed: {limits}")
+    text(value["grade"], place.at("grade"), GRADES)
+    text(value["source"], place.at("source"))
+    held = float(given * limits.scale)
+    if not limits.whole:
+        return held
+    if abs(held - round(held)) > 1e-6:
+        raise place.wrong(f"{given}; allowed: whole numbers")
+    return round(held)
+
+
+def free(value: Any, place: Place) -> Any:
+    """A value whose meaning belongs to somebody else: a plain one, or a number with any unit."""
+    if not isinstance(value, Mapping):
+        return value
+    held = quantity(value, Limits(value.get("unit", ""), -math.inf, math.inf), place)
+    return int(held) if isinstance(value["value"], int) else held
+
+
+def _boolean(value: Any, place: Place) -> bool:
+    if not isinstance(value, bool):
+        raise place.wrong(f"{value!r}; allowed: true, false")
+    return value
+
+
+def _listed(choices: Sequence[str]) -> str:
+    return ", ".join(choice or '""' for choice in choices)
+
+
+# Trees ---------------------------------------------------------------------------------------------------------------
+
+
+def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """`change` laid over `base`; numbers (tables with a value) are replaced as a whole."""
+    result = dict(base)
+    for key, value in change.items():
+        old = result.get(key)
+        deep = isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value
+        result[key] = merge(old, value) if deep and isinstance(old, Mapping) else value
+    return result
+
+
+def spread(tree: dict[str, Any], name: str, members: Sequence[str], place: Place) -> None:
+    """Copy tree[name]["all"] under every member, below what the member itself says."""
+    content = table(tree.get(name, {}), place.at(name))
+    shared = table(content.pop("all", {}), place.at(name).at("all"))
+    known(content, members, place.at(name))
+    for member in members:
+        own = table(content.get(member, {}), place.at(name).at(member))
+        content[member] = merge(copy.deepcopy(shared), own)
+    tree[name] = content
+
+
+def override(tree: dict[str, Any], key: str, value: Any, place: Place) -> None:
+    """Change one value of the tree, in the file's unit; `key` is that of its row. Raises for a key that has no row."""
+    *path, last = key.split(".")
+    content: Any = tree
+    for name in path:
+        content = content.get(name) if isinstance(content, dict) else None
+    if not isinstance(content, dict) or last not in content:
+        raise place.at(key).wrong(f"unknown key; {hint(key, [row.parameter for row in rows(tree)])}")
+    if isinstance(content[last], dict):
+        if "value" not in content[last]:
+            allowed = ", ".join(content[last])
+            raise place.at(key).wrong(f"is a section; allowed: one of its keys: {allowed}")
+        content[last] = {**content[last], "value": value, "grade": "setting", "source": "override"}
+    else:
+        content[last] = value
+
+
+@dataclass(frozen=True)
+class Row:
+    """One value of a tree, for people."""
+
+    parameter: str
+    """Its keys from the top of the file, with dots."""
+    value: Any
+    unit: str
+    source: str
+    grade: str
+
+
+def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
+    """All values of a tree in its order."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and "value" in value:
+            yield Row(prefix + key, value["value"], value["unit"], value["source"], value["grade"])
+        elif isinstance(value, Mapping):
+            yield from rows(value, f"{prefix}{key}.")
+        else:
+            yield Row(prefix + key, value, "", "", "setting")
+
+
+def gather(listed: Iterable[Row], name: str, members: Sequence[str]) -> list[Row]:
+    """The opposite of `spread`: rows of tree[name] that are the same for every member become one row "name.all..."."""
+    lines = list(listed)
+    by_key = {row.parameter: row for row in lines}
+    result = []
+    for row in lines:
+        section_name, _, rest = row.parameter.partition(".")
+        member, _, key = rest.partition(".")
+        if section_name != name or not key:
+            result.append(row)
+            continue
+        common = dataclasses.replace(row, parameter=f"{name}.all.{key}")
+        others = (by_key.get(f"{name}.{other}.{key}") for other in members)
+        if not all(other and dataclasses.replace(other, parameter=common.parameter) == common for other in others):
+            result.append(row)
+        elif member == members[0]:
+            result.append(common)
+    return result

@@ -1,0 +1,109 @@
+"""The machine's MuJoCo model: its MJCF file with what machine.toml says about it.
+
+Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
+friction, payload, fixture and structural modes are set when the model is loaded:
+
+    structure   k = (2 pi f)^2 m,  c = 2 zeta (2 pi f) m       m: what the mode's joint carries, without payload
+
+Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
+squareness (decision P4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.machine import Machine, MachineError
+
+
+def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
+    """The machine's MuJoCo model with what machine.toml says about it.
+
+    visual: keep the geoms that only look; without them a step takes a quarter less time.
+    Raises MachineError if the model or the fixture cannot be read, if a joint or body the machine names is missing,
+    or if a joint is not described by one number.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(machine.model_file))
+    except ValueError as error:
+        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+    _need(machine, spec, [axis.name for axis in machine.axes], "joint")
+    _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
+    _need(machine, spec, machine.masses_kg, "body")
+    if not machine.imperfections.structure:
+        for mode in machine.structure:
+            spec.delete(spec.joint(mode.joint))
+    if machine.fixture_file is not None:
+        try:
+            fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
+            spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
+        except ValueError as error:
+            raise MachineError(f"{machine.fixture_file}: {_one_line(error)}") from None
+    if not visual:
+        for geom in list(spec.geoms):
+            if geom.contype == 0 and geom.conaffinity == 0:
+                spec.delete(geom)
+    for name, mass_kg in machine.masses_kg.items():
+        body = spec.body(name)
+        body.inertia = body.inertia * (mass_kg / body.mass)
+        body.mass = mass_kg
+    spec.option.timestep = machine.timing.mujoco_step_ns * 1e-9
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    for axis in machine.axes:
+        joint = spec.joint(axis.name)
+        joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
+        joint.frictionloss = axis.guide_friction_n
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+    if model.nq != model.nv:
+        raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
+    if machine.imperfections.structure:
+        for mode in machine.structure:
+            joint = model.joint(mode.joint)
+            mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
+            omega = 2.0 * math.pi * mode.frequency_hz
+            model.jnt_stiffness[joint.id] = omega**2 * mass_kg
+            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * omega * mass_kg
+    if machine.payload_kg > 0.0:
+        _add_payload(model, machine.payload_kg)
+    return model
+
+
+def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
+    """float64 [3, nv]: what each joint contributes to X, Y and Z between tool and table."""
+    shape = np.zeros((len(CARRIAGES), model.nv))
+    for number, name in enumerate(CARRIAGES):
+        shape[number, model.joint(name).dofadr[0]] = 1.0
+    if machine.imperfections.structure:
+        for mode in machine.structure:
+            shape[CARRIAGES.index(mode.axis), model.joint(mode.joint).dofadr[0]] = 1.0
+    if machine.imperfections.squareness:
+        error = machine.squareness
+        shape = np.array([[1.0, error.xy, error.xz], [0.0, 1.0, error.yz], [0.0, 0.0, 1.0]]) @ shape
+    return shape
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
+    """A point of mass at the table's centre of gravity (the table does not turn, so where it sits is no matter)."""
+    body = model.body("table").id
+    model.body_mass[body] += mass_kg
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _need(machine: Machine, spec: mujoco.MjSpec, names: Iterable[str], kind: str) -> None:
+    known = [item.name for item in (spec.joints if kind == "joint" else spec.bodies)]
+    for name in names:
+        if name not in known:
+            raise MachineError(f"{machine.model_file}: no {kind} {name!r}; allowed: {', '.join(known)}")
