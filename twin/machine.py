@@ -236,8 +236,6 @@ class Machine:
         return tuple(contact for contact in self.contacts if contact.kind == "switch")
 
 
-
-
 def load_machine(name_or_path: str | Path) -> Machine:
     """Read a machine by its name, or by the path of a folder with a machine.toml (or of that file).
 

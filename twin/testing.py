@@ -248,8 +248,9 @@ class Desk:
     def set(self, name: str, state: str | bool) -> None:
         """Set something by hand, now.
 
-        An element of the cabinet (hood, estop, key, start, stop, user_0 ...) to one of its states; a contact ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2",
-        by its level True or False, or "free").
+        An element of the cabinet (hood, estop, key, start, stop, user_0 ...) to one of its states; a contact
+        ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2", by its level True or
+        False, or "free").
         """
         elements = self.cabinet.elements
         if name in elements:

@@ -110,7 +110,8 @@ def test_its_drives_report(environment: dict[str, str]) -> None:
 def test_it_runs_jobs(environment: dict[str, str], tmp_path: Path) -> None:
     job = tmp_path / "job.txt"
     job.write_text("zero\nmove 640 0 0 0 0 640 8000  # 2 mm\n<2><1><1><80><84> # where, byte by byte\n")
-    outputs = ["--steps", str(tmp_path / "s.npz"), "--vcd", str(tmp_path / "s.vcd"), "--trace", str(tmp_path / "s.parquet")]
+    files = {"--steps": "s.npz", "--vcd": "s.vcd", "--trace": "s.parquet"}
+    outputs = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
     command = [sys.executable, "-m", "isel_twin.cli", "run", str(job), *OPTIONS, *outputs, "--json"]
     call = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=240)
     *results, summary = map(json.loads, call.stdout.splitlines())
@@ -140,8 +141,8 @@ def test_it_is_a_serial_port(environment: dict[str, str]) -> None:
 
 SERVED = """
 import json, socket, subprocess, sys
-serve = [sys.executable, "-m", "isel_twin.cli", "serve", "--controller", "card6", "--plant", "kinematic", "--tcp", "127.0.0.1:0"]
-server = subprocess.Popen([*serve, "--speed", "max"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+call = "-m isel_twin.cli serve --controller card6 --plant kinematic --tcp 127.0.0.1:0 --speed max"
+server = subprocess.Popen([sys.executable, *call.split()], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 try:
     host, port = json.loads(server.stdout.readline())["tcp"].split(":")
     with socket.create_connection((host, int(port)), timeout=60) as line, line.makefile("rb") as replies:
