@@ -53,8 +53,8 @@ def frame(address: int, content: bytes) -> bytes:
 class Plan:
     """A straight line of `steps`; its leading axis (N increments) rises at a to v and falls again, or stops before.
 
-    With T = v / a and D = N / v: s(t) = a t^2 / 2, v (t - T / 2), N - a (T + D - t)^2 / 2. A plan stopped at tick k goes
-    on from s and v there: s + v u - a u^2 / 2, u up to v / a. Set point k of axis i is n_i s(k period) / N, rounded.
+    With T = v / a and D = N / v: s(t) = a t^2 / 2, v (t - T / 2), N - a (T + D - t)^2 / 2. A plan stopped at tick k
+    goes on from s and v there: s + v u - a u^2 / 2, u up to v / a. Set point k of axis i is n_i s(k period) / N, rounded.
     """
 
     steps: Displacement
@@ -237,7 +237,8 @@ STATUS = {75: "done", 70: "stopped", 76: "limit switch", 78: "damaged frame", 63
 
 
 class Card6Language:
-    """Implements isel_twin.language.Language: `move X Y Z A B C speed`, `zero`, `where`, `encoders`, `stop`, `lamps`."""
+    """Implements isel_twin.language.Language: `move X Y Z A B C speed`, `zero`, `where`, `encoders`, `stop`,
+    `lamps`."""
 
     ranges: Mapping[str, tuple[int, int]] = {
         "speed_hz": (1, 100_000),
