@@ -23,7 +23,7 @@ FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
 RANDOM = {"kinematic": 200, "mujoco": 12}
 """Random sessions of every controller on each plant."""
-CHUNK = 20
+CHUNK = {"kinematic": 20, "mujoco": 10}
 """Sessions in one test."""
 FIRST_TICKS = 20
 
@@ -50,10 +50,11 @@ def chunks() -> dict[str, list[str]]:
     kinds: dict[str, list[str]] = {}
     for name in names():
         kinds.setdefault(name.rsplit("/", 1)[0], []).append(name)
+    size = {kind: CHUNK[kind.rsplit("/", 1)[1]] for kind in kinds}
     return {
-        f"{kind}/{first:03}": members[first : first + CHUNK]
+        f"{kind}/{first:03}": members[first : first + size[kind]]
         for kind, members in kinds.items()
-        for first in range(0, len(members), CHUNK)
+        for first in range(0, len(members), size[kind])
     }
 
 
