@@ -2,7 +2,9 @@
 
 python -m tests.golden.sessions NAME ...     print sessions: actions, replies, first ticks, where everything ended
 
-`sessions.txt` keeps their digests, made on the code as it was when behaviour was last changed on purpose.
+`sessions.txt` keeps their digests, made on the code as it was when behaviour was last changed on purpose (make golden).
+Those with physics contain the last bits of MuJoCo's arithmetic: another version of it, or of NumPy or Numba, may change
+all of them at once, while the kinematic ones stay.
 """
 
 from __future__ import annotations
