@@ -69,6 +69,72 @@ PROGRAM = """
 > @0S
 > @0P
 """
+LOOPS = "".join(
+    f"> {line}\n"
+    for line in (
+        "@07",
+        "@0N7",
+        "@0k",
+        "@0i",
+        "02,900,1,900,0,900,0,900",
+        *(f"3 2,-{n}" for n in range(1, 8)),
+        "9",
+        "@0S",
+    )
+)
+CHATTER = HOMED + "".join(
+    f"""
+> @0A6400,9000,0,30,0,30,0,30
+set limit_x1 broken
+run 0.1
+set limit_x1 ok
+> @07
+> @0N7
+>> @0A640,900,0,30,0,30,0,30
+run {wait_s}
+set limit_x1 broken
+run 0.0001
+set limit_x1 ok
+run 2.0
+"""
+    for wait_s in (0.001, 0.0049, 0.005, 0.005000001, 0.0051, 0.0061)
+)
+WATCHED = """
+> @07
+> @0N7
+> @0IA0,1,0
+> @0IH0,2,0
+> @0IN0,4,0
+> @0k
+> @0i
+> 016000,4000,0,900,0,900,0,900
+> 0-16000,4000,0,900,0,900,0,900
+> 3 0,-2
+> 9
+>> @0S
+run 1.2345678
+set user_0 high
+run 1.0
+set user_0 low
+>> @0S
+run 3.0004
+set user_1 high
+run 1.0
+set user_1 low
+>> @0S
+run 2.0
+set start down
+run 0.1
+set start up
+run 0.7
+set user_2 high
+run 1.0
+set user_2 low
+> @07
+> @0N7
+>> @0S
+run 1.0
+"""
 ARCS = """
 > @07
 > @0R7
@@ -137,6 +203,9 @@ SCRIPTS: dict[str, tuple[dict[str, Any], str]] = {
     "imc-s8 arcs": ({}, ARCS),
     "imc-s8 program": ({}, PROGRAM),
     "c142 program": ({}, PROGRAM),
+    "imc-s8 loops": ({}, LOOPS),
+    "imc-s8 chatter": ({}, CHATTER),
+    "imc-s8 watched program": ({}, WATCHED),
     "imc-s8 square": ({}, SQUARE),
     "imc-s8 square seed 7": ({"seed": 7}, SQUARE),
     "imc-s8 zero repeats": ({}, HOMED + 3 * "> @0A3200,5000,3200,5000,3200,5000,0,30\n> @0R7\nrun 0.5\n"),

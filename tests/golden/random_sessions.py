@@ -178,6 +178,8 @@ IMC_FIELDS: dict[str, Callable[[Draw], Any]] = {
     "arc": _arc,
     "wild": _wild,
     "bit": lambda draw: int(draw.integers(2)),
+    "few": lambda draw: pick(draw, (0, 1, 2, 2, 3, 5)),
+    "watch": lambda draw: pick(draw, (0, 1, 1, 1, 2)),
     "mask": lambda draw: int(draw.integers(16)),
     "axes": lambda draw: pick(draw, (7, 7, 7, 1, 2, 4, 3, 5, 6, 8, 15)),
     "port": lambda draw: int(draw.integers(4)),
@@ -222,6 +224,21 @@ w{arc},{s}
 j{startstop} J{ramp} n{axes} N7 o{port},{mask},{bit},{back} o0,128,{byte},{back} p0,{bit},{bit} T{bit} z{bit}
 """)
 
+IMC_PROGRAMS = (
+    "N7|0{s},{v},0,900,0,900,0,900|3 {few},-1|0{s},{v},{s},{v},0,900,0,900|3 {few},-2|3 2,-4|5 1",
+    "N7|020,900,0,900,0,900,0,900|" + "|".join(f"3 1,-{depth}" for depth in range(1, 8)),
+    "N7|z1|0{s},{v},{s},{v},{s},{v},0,900|o0,{bit},1,2|0{s},{v},0,900,0,900,0,900|3 0,-2|5 2|m0,{v},0,{v},0,{v},0,900",
+    "N7|233,2|0{s},{v},0,900,0,900,0,900|165|266,-1|3 {few},-3",
+    "N7|60,{bit},1|08000,{v},{s},{v},0,900,0,900|60,128,{byte}|0-4000,{v},0,{v},0,900,0,900|5 3|3 {few},-4",
+    "N7|p0,{mask},1|J{ramp}|03000,{v},-300,{v},0,900,0,900|j{startstop}|p0,128,0|0-3000,{v},300,{v},0,900,0,900|3 0,-3",
+    "N7|f-1|y{arc}|f0|w{arc},{s}|e1|y{arc}|3 {few},-1",
+    "71|0{s},{v},0,900,0,900,0,900|5 5|3 {few},-2|72|n7|m{s},{v},{s},{v},0,900,0,900",
+)
+"""Programs that do something, with a bar between lines: loops, branches on ports, conditions, arcs, reference runs."""
+IMC_WATCHES = ("@0IA0,{watch},0", "@0IH0,{watch},0", "@0IN0,{watch},0", "@0IA0,1,1", "@0Ia0,{byte},{byte}")
+"""Ports that end or stop programs (4.2.11 to 4.2.14)."""
+DURING_PROGRAMS = ("user_0", "user_0", "user_1", "user_2", "start", "stop", "hood")
+
 IMC_RARE = ("@0k", "@0i", "9", "@0IO1", "@0IO0", "@1P", "@0G1", "@0G0", "@0x", "hello", "", "@", "0", "\xe9")
 
 
@@ -234,10 +251,24 @@ def imc_line(draw: Draw) -> str:
 
 def imc_program(draw: Draw) -> list[str]:
     """Lines that erase, store and start a small program."""
-    lines = [fill(draw, pick(draw, IMC_STORABLE), IMC_FIELDS) for _ in range(int(draw.integers(1, 7)))]
+    if chance(draw, 0.6):
+        lines = fill(draw, pick(draw, IMC_PROGRAMS), IMC_FIELDS).split("|")
+    else:
+        lines = ["N7", *(fill(draw, pick(draw, IMC_STORABLE), IMC_FIELDS) for _ in range(int(draw.integers(1, 7))))]
     if chance(draw, 0.1):
         lines.append(spoil(draw, lines[-1]))
-    return ["@0k", "@0i", "N7", *lines, "9", "@0S"]
+    watches = [fill(draw, pick(draw, IMC_WATCHES), IMC_FIELDS)] if chance(draw, 0.4) else []
+    return [*watches, "@0k", "@0i", *lines, "9", "@0S"]
+
+
+def imc_program_runs(draw: Draw) -> list[Action]:
+    """What an operator and a host do while a program runs."""
+    actions: list[Action] = []
+    for _ in range(int(draw.integers(1, 6))):
+        doing = operation(draw, DURING_PROGRAMS)
+        actions.append(("write", pick(draw, (b"!", b"A", b"B", b"\xfd"))) if chance(draw, 0.4) else doing)
+        actions.append(("run", round(float(draw.uniform(0.001, 0.6)), 7), 3))
+    return actions
 
 
 def imc_actions(draw: Draw, length: int, physics: bool) -> list[Action]:
@@ -259,7 +290,7 @@ def imc_actions(draw: Draw, length: int, physics: bool) -> list[Action]:
         match int(draw.integers(24)):
             case 0 | 1:
                 data = "".join(f"{line}\r" for line in imc_program(draw)).encode("latin-1")
-                actions += [*pieces(draw, data), ("run", 2.2, 1), pause(draw, False)]
+                actions += [*pieces(draw, data), ("run", 2.2, 1), pause(draw, False), *imc_program_runs(draw)]
             case 2 | 3:
                 actions += [("write", bytes([pick(draw, (253, 253, 253, 255, 254))])), pause(draw, False)]
             case 4 | 5 | 6:

@@ -105,8 +105,11 @@ def _build(session: Session) -> Twin:
 
 
 def digest_of(session: Session) -> str:
-    """Play a session and digest what it did."""
-    played = play(session)
+    """Play a session and digest what it did; if the twin raises an exception, say which."""
+    try:
+        played = play(session)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
     physics = session.options["plant"] == "mujoco"
     positions = None if session.coarse and physics else played.position_mm
     return digest(played.replies, played.steps, played.counts, positions, session.coarse)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from golden.digest import REMEDY, load, save
+from golden.digest import LENGTH, REMEDY, load, save
 from golden.sessions import FILE, chunks, digest_of, names, session
 
 from isel_twin.controller import controller_names
@@ -16,6 +16,8 @@ SEEN: dict[str, str] = {}
 @pytest.mark.parametrize("chunk", CHUNKS)
 def test_sessions_are_those_on_file(chunk: str, update_golden: bool) -> None:
     seen = {name: digest_of(session(name)) for name in CHUNKS[chunk]}
+    raised = {name: value for name, value in seen.items() if len(value) != LENGTH}
+    assert not raised, raised
     if update_golden:
         SEEN.update(seen)
         save(FILE, {name: value for name, value in {**load(FILE), **SEEN}.items() if name in names()})
