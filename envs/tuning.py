@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -23,11 +21,12 @@ from isel_twin.envs.moves import JOB, RANGES, Job, Move, Settings, Setup, make_m
 from isel_twin.machine import Machine
 from isel_twin.twin import Twin
 
+if TYPE_CHECKING:
+    from isel_twin.plant.picture import Picture
+
 __all__ = ["JobTuning", "to_action", "to_settings"]
 
 _SIZE = 15
-_FRAME = (480, 640)
-"""Height and width of a picture in pixels."""
 
 
 def to_settings(action: NDArray[np.floating[Any]]) -> Settings:
@@ -202,7 +201,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._made = 0
         self._time_s = 0.0
         self._over = True
-        self._scene: _Scene | None = None
+        self._picture: Picture | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -256,15 +255,17 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             return None
         if self.twin is None:
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset() before render()")
-        if self._scene is None:
-            self._scene = _Scene(self.twin.machine)
-        return self._scene.picture(self.twin.machine_position_mm)
+        if self._picture is None:
+            from isel_twin.plant.picture import Picture
+
+            self._picture = Picture(self.twin.machine)
+        return self._picture.draw(self.twin.machine_position_mm)
 
     def close(self) -> None:
         """Free the renderer."""
-        if self._scene is not None:
-            self._scene.close()
-            self._scene = None
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
 
     @property
     def _steps_per_mm(self) -> NDArray[np.float64]:
@@ -294,55 +295,3 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         here_mm = self.twin.counts[:3] / self._steps_per_mm
         way_mm = np.array(self._setup.job[self._made]) - here_mm if to_make else np.zeros(3)
         return np.concatenate([way_mm, error_mm, lost_steps, vibration_mm, [time_s, settling_s, float(to_make)]])
-
-
-class _Scene:
-    """The machine's scene.xml and a renderer for it."""
-
-    def __init__(self, machine: Machine) -> None:
-        import mujoco
-
-        from isel_twin.plant.mujoco import load_model
-
-        self._model = load_model(machine)
-        self._data = mujoco.MjData(self._model)
-        cameras = [self._model.camera(number).name for number in range(self._model.ncam)]
-        self._camera = "front" if "front" in cameras else -1
-        self._names = [axis.name for axis in machine.axes]
-        try:
-            self._renderer = _renderer(self._model)
-        except Exception as error:  # each backend fails in its own way
-            reason = " ".join(str(error).split())
-            raise RuntimeError(f"no picture without OpenGL: {reason}; install EGL, or set MUJOCO_GL") from None
-
-    def picture(self, position_mm: NDArray[np.float64]) -> NDArray[np.uint8]:
-        import mujoco
-
-        for name, mm in zip(self._names, position_mm, strict=True):
-            self._data.joint(name).qpos[0] = mm * 1e-3
-        mujoco.mj_forward(self._model, self._data)
-        self._renderer.update_scene(self._data, camera=self._camera)
-        return self._renderer.render()
-
-    def close(self) -> None:
-        self._renderer.close()
-
-
-def _renderer(model: Any) -> Any:
-    """A mujoco.Renderer; on a Linux machine without a screen, unless MUJOCO_GL says otherwise, one that needs none.
-
-    MuJoCo chooses its OpenGL backend once and for all when it is imported, and then one that needs a screen.
-    """
-    import mujoco
-    from mujoco.rendering.classic import gl_context
-
-    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if screen or os.environ.get("MUJOCO_GL") or sys.platform != "linux":
-        return mujoco.Renderer(model, *_FRAME)
-    from mujoco import egl
-
-    chosen, gl_context.GLContext = gl_context.GLContext, egl.GLContext
-    try:
-        return mujoco.Renderer(model, *_FRAME)
-    finally:
-        gl_context.GLContext = chosen

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.motion import line, trapezoid
 from isel_twin.plant import Switch, kernel
-from isel_twin.plant.mujoco import MujocoPlant, load_model
+from isel_twin.plant.model import load_model
+from isel_twin.plant.mujoco import MujocoPlant
 
 START_MM = np.array([100.0, 100.0, 30.0])
 STEPS = 20_000

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 import pytest
 
+from isel_twin.drives import MOTORS, Motor, Stage
 from isel_twin.machine import (
     LEVELS,
     MachineError,
@@ -22,11 +24,16 @@ def test_the_default_machine_is_the_one_of_the_data_sheets():
     machine = load_machine("4030")
     assert [axis.travel_mm for axis in machine.axes] == [395.0, 300.0, 140.0]
     assert {axis.steps_per_mm for axis in machine.axes} == {320.0}
-    assert {(axis.motor, axis.stage.supply_v, axis.stage.current_a) for axis in machine.axes} == {
-        ("23HS32-4004S", 48.0, 4.2)
+    assert {axis.motor for axis in machine.axes} == {MOTORS["23HS32-4004S"]}
+    assert {axis.stage for axis in machine.axes} == {
+        Stage(supply_v=48.0, current_a=4.2, microsteps=8, idle_current_fraction=0.5, idle_delay_s=0.2)
     }
-    assert {(axis.stage.idle_fraction, axis.stage.idle_delay_s) for axis in machine.axes} == {(0.5, 0.2)}
-    assert {axis.stiffness_n_per_m for axis in machine.axes} == {30e6}
+    assert {axis.screw.stiffness_n_per_m for axis in machine.axes} == {30e6}
+    assert machine.axes[0].screw.inertia_kgm2 == pytest.approx(
+        0.85 * math.pi / 32 * 7850 * 0.016**4 * 0.6 + 5e-6, rel=1e-12
+    )
+    assert machine.axes[0].screw.stribeck_rad_s == pytest.approx(2.0 / 5.0 * 2 * math.pi)
+    assert machine.cabinet == "safety-relay"
     assert [(mode.frequency_hz, mode.damping_ratio) for mode in machine.structure] == [(40.0, 0.03)] * 2
     assert not machine.imperfections.lead_error
     assert machine.imperfections.backlash
@@ -35,13 +42,13 @@ def test_the_default_machine_is_the_one_of_the_data_sheets():
 
 def test_switches_stand_at_the_ends_of_the_travel():
     switches = {switch.name: switch for switch in load_machine("4030").switches}
-    assert {name: (s.axis, s.end, s.position_mm, s.terminal) for name, s in switches.items()} == {
-        "limit_x1": ("x", "motor", 0.0, "p3.0"),
-        "limit_x2": ("x", "far", 395.0, "p3.1"),
-        "limit_y1": ("y", "motor", 0.0, "p3.2"),
-        "limit_y2": ("y", "far", 300.0, "p3.3"),
-        "limit_z1": ("z", "motor", 0.0, "p3.4"),
-        "limit_z2": ("z", "far", 140.0, "p3.5"),
+    assert {name: (s.axis, s.end, s.position_mm) for name, s in switches.items()} == {
+        "limit_x1": ("x", "motor", 0.0),
+        "limit_x2": ("x", "far", 395.0),
+        "limit_y1": ("y", "motor", 0.0),
+        "limit_y2": ("y", "far", 300.0),
+        "limit_z1": ("z", "motor", 0.0),
+        "limit_z2": ("z", "far", 140.0),
     }
     assert {(s.type, s.hysteresis_mm, s.repeatability_mm, s.bounce_ms) for s in switches.values()} == {
         ("opener", 0.2, 0.01, 1.0)
@@ -68,6 +75,9 @@ def test_description_has_a_row_with_source_and_grade_for_every_number(name):
     values = {row.parameter: (row.value, row.unit, row.grade) for row in rows}
     assert values["axes.all.lead"] == (5.0, "mm", "setting")
     assert values["axes.all.stage.supply"] == (48.0, "V", "estimate")
+    assert values["axes.all.motor"] == ("23HS32-4004S", "", "setting")
+    assert values["cabinet"] == ("safety-relay", "", "setting")
+    assert values["contacts.start.type"] == ("closer", "", "setting")
 
 
 def test_overrides_are_in_the_units_of_the_file():
@@ -76,7 +86,9 @@ def test_overrides_are_in_the_units_of_the_file():
         {"axes.all.steps_per_rev": 400, "axes.x.stiffness": 20, "axes.y.stage.idle_delay": 100, "payload.mass": 5},
     )
     assert [axis.steps_per_mm for axis in machine.axes] == [80.0, 80.0, 80.0]
-    assert [axis.stiffness_n_per_m for axis in machine.axes] == [20e6, 30e6, 30e6]
+    assert [axis.step_mm for axis in machine.axes] == [0.0125, 0.0125, 0.0125]
+    assert [(axis.steps_per_rev, axis.stage.microsteps) for axis in machine.axes] == [(400, 2)] * 3
+    assert [axis.screw.stiffness_n_per_m for axis in machine.axes] == [20e6, 30e6, 30e6]
     assert [axis.stage.idle_delay_s for axis in machine.axes] == [0.2, 0.1, 0.2]
     assert machine.payload_kg == 5.0
     assert {r.parameter: r.source for r in describe(machine)}["payload.mass"] == "override"
@@ -90,6 +102,10 @@ def test_imperfection_levels():
     ideal = with_overrides(machine, {"imperfections": "ideal", "imperfections.backlash": True})
     assert ideal.imperfections.backlash
     assert {(s.repeatability_mm, s.bounce_ms) for s in ideal.switches} == {(0.0, 0.0)}
+    assert {(axis.screw.lead_error, axis.screw.backlash_mm) for axis in ideal.axes} == {(0.0, 0.02)}
+    static = with_overrides(machine, {"imperfections": "static", "imperfections.backlash": False})
+    assert {(axis.screw.lead_error, axis.screw.backlash_mm) for axis in static.axes} == {(0.00046, 0.0)}
+    assert {row.parameter: row.value for row in describe(static)}["axes.all.backlash"] == 0.02, "off, not forgotten"
 
 
 def test_a_machine_of_ones_own_says_what_differs(tmp_path):
@@ -116,6 +132,39 @@ def test_a_machine_based_on_ones_own_finds_its_files(tmp_path):
     assert load_machine(second).model_file == models_folder() / "4030" / "scene.xml"
 
 
+def test_the_cabinet_is_inherited_and_has_a_default(tmp_path):
+    (tmp_path / "machine.toml").write_text('based_on = "4030"\nname = "mine"\n')
+    assert load_machine(tmp_path).cabinet == "safety-relay"
+
+    folder = models_folder() / "4030"
+    text = (folder / "machine.toml").read_text().replace('"scene.xml"', f'"{folder / "scene.xml"}"')
+    (tmp_path / "machine.toml").write_text(text.replace('cabinet = "safety-relay"\n', ""))
+    silent = load_machine(tmp_path)
+    assert silent.cabinet == "safety-relay"
+    assert "cabinet" in {row.parameter for row in describe(silent)}
+
+    (tmp_path / "machine.toml").write_text(text.replace('"safety-relay"', '"cupboard"'))
+    heir = tmp_path / "heir"
+    heir.mkdir()
+    (heir / "machine.toml").write_text(f'based_on = "{tmp_path}"\n')
+    with pytest.raises(MachineError, match=r"heir/machine\.toml: cabinet: 'cupboard'; allowed: safety-relay"):
+        load_machine(heir)
+
+
+def test_a_motor_of_the_machines_own_goes_before_that_of_the_table(tmp_path):
+    (tmp_path / "machine.toml").write_text(
+        'based_on = "4030"\n[axes.x]\nmotor = "mine"\n'
+        "[motors.mine]\nresistance_ohm = 0.5\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\npole_pairs = 25\n"
+        'rotor_inertia_kgm2 = { value = 5e-5, unit = "kg m2", grade = "measured", source = "run-down" }\n'
+        "[motors.23HS32-4004S]\nresistance_ohm = 0.7\ninductance_h = 3e-3\ntorque_constant_nm_per_a = 0.4\n"
+        "rotor_inertia_kgm2 = 5e-5\n"
+    )
+    x, y, _ = load_machine(tmp_path).axes
+    assert x.motor == Motor(0.5, 1e-3, 0.4, 5e-5, pole_pairs=25)
+    assert (x.steps_per_rev, x.stage.microsteps) == (1600, 16)
+    assert y.motor.resistance_ohm == 0.7
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -134,17 +183,32 @@ def test_a_machine_based_on_ones_own_finds_its_files(tmp_path):
         ),
         ('travel = { value = 9, unit = "mm", grade = "estimate" }', r"axes\.x\.travel\.source: missing"),
         ("travl = { value = 9, %s }", r"axes\.x\.travl: unknown key; did you mean 'travel'\?"),
-        ("steps_per_rev = { value = 450, %s }", r"axes\.x\.steps_per_rev: 450; allowed: whole multiples of 200"),
+        (
+            "steps_per_rev = { value = 450, %s }",
+            r"axes\.x\.steps_per_rev: 450; allowed with the motor 23HS32-4004S: whole multiples of 200",
+        ),
+        ("steps_per_rev = { value = 51400, %s }", r"axes\.x\.steps_per_rev: 51400; allowed: 200 \.\. 51200 1"),
+        (
+            'stribeck_speed = { value = 0, unit = "mm/s", grade = "estimate", source = "" }',
+            r"stribeck_speed: 0; allowed: 0\.01 \.\. 100 mm/s",
+        ),
         ("steps_per_rev = { value = 450.5, %s }", r"axes\.x\.steps_per_rev: 450\.5; allowed: whole numbers"),
         ("power_on_high = { value = 900.0, %s }", r"power_on_low: 20\.0 \.\. 900\.0 mm; allowed: a range within"),
-        ("motor = 3", r"axes\.x\.motor: 3; allowed: text"),
+        ("motor = 3", r"axes\.x\.motor: 3; allowed: 23HS32-4004S, "),
+        ('motor = "steam"', r"axes\.x\.motor: 'steam'; allowed: 23HS32-4004S, .*57STH56-2804MAC"),
         ("stage = 3", r"axes\.x\.stage: 3; allowed: a table"),
+        ("[axes]\ny = 3", r"axes\.y: 3; allowed: a table"),
         ("[imperfections]\nbacklash = 1", r"imperfections\.backlash: 1; allowed: true, false"),
         (
             '[contacts]\nlimit_x1 = { kind = "gate" }',
             r"contacts\.limit_x1\.kind: 'gate'; allowed: switch, signal, bridge",
         ),
-        ('[contacts]\nnew = { kind = "switch", terminal = "p3.7" }', r"contacts\.new: a switch needs axis \(x, y, z\)"),
+        ('[contacts]\nnew = { kind = "switch" }', r"contacts\.new: a switch needs axis \(x, y, z\)"),
+        (
+            '[contacts]\nstart = { kind = "signal", terminal = "p1.3" }',
+            r"contacts\.start\.terminal: terminals belong to the controller; remove the key$",
+        ),
+        ('[contacts]\nlimit_x1 = { end = "left" }', r"contacts\.limit_x1\.end: 'left'; allowed: \"\", motor, far"),
         (
             "[timing]\nmujoco_step = { value = 0.51, %s }",
             r"mujoco_step: 0\.51 ms; allowed: whole multiples of motor_sub",
@@ -163,7 +227,7 @@ def test_a_machine_based_on_ones_own_finds_its_files(tmp_path):
         ),
         ("[tming]\n", r"tming: unknown key; did you mean 'timing'\?"),
         ("[axes.w]\n", r"axes\.w: unknown key"),
-        ("travel = ", r"cannot be read: Invalid value"),
+        ("travel = ", r"not a TOML file: Invalid value"),
     ],
 )
 def test_a_wrong_value_is_named_with_file_key_and_what_is_allowed(tmp_path, line, message):

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from isel_twin.machine import MachineError, load_machine, machine_names, models_folder, with_overrides
-from isel_twin.plant.mujoco import MujocoPlant, load_model
+from isel_twin.plant.model import load_model
+from isel_twin.plant.mujoco import MujocoPlant
 
 MACHINES = machine_names()
 
@@ -144,7 +145,11 @@ def test_a_motor_of_0_9_degrees_travels_as_far():
     machine = with_overrides(load_machine("4030"), {"axes.x.motor": "57STH56-2804MAC", "axes.x.stage.current": 2.8})
     plant = MujocoPlant(machine, [], np.array([100.0, 100.0, 50.0]))
     plant.set_power(stages=True, brake_released=True, lowering=True)
-    plant.advance(2_500_000_000, np.arange(1, 1601, dtype=np.int64) * 500_000, np.full(1600, 1, dtype=np.uint8))
+    plant.advance(
+        2_500_000_000,
+        np.arange(1, 1601, dtype=np.int64) * 500_000,
+        np.tile(np.array([1, 0, 0, 0], dtype=np.int8), (1600, 1)),
+    )
     assert plant.position_mm[0] == pytest.approx(105.0, abs=0.03)
 
 
@@ -158,7 +163,7 @@ def test_every_machine_moves_and_can_be_looked_at(name):
     plant = MujocoPlant(load_machine(name), [], np.array([100.0, 100.0, 50.0]))
     plant.set_power(stages=True, brake_released=True, lowering=True)
     t_ns = np.arange(1, 1601, dtype=np.int64) * 500_000
-    plant.advance(2_500_000_000, t_ns, np.full(1600, 0b010101, dtype=np.uint8))
+    plant.advance(2_500_000_000, t_ns, np.tile(np.array([1, 1, 1, 0], dtype=np.int8), (1600, 1)))
     np.testing.assert_allclose(plant.position_mm, (105.0, 105.0, 55.0), atol=0.03)
     model, data = plant.scene()
     assert model.ngeom > plant.model.ngeom

@@ -2,6 +2,8 @@
 
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first switch edge
 mujoco.py      the MuJoCo plant around it (default)
+model.py       the MuJoCo model of a machine
+picture.py     what it looks like
 kinematic.py   the carriage follows the counter exactly; switches still work
 """
 
