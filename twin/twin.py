@@ -37,7 +37,7 @@ from isel_twin.controller import (
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import Plant, Switch
+from isel_twin.plant import Plant, Threshold
 from isel_twin.units import SECOND_NS
 from isel_twin.wiring import ELEMENTS, FAULTS, Cabinet, Contacts, SerialLine, check_input, load_scenario
 
@@ -324,7 +324,8 @@ class Twin:
         t_ns, delta = self._stream.until(until_ns)
         if len(t_ns) and self._stream.more_after(len(t_ns)):
             until_ns = int(t_ns[-1])
-        reached = self._plant.advance(until_ns, t_ns, _in_motor_sense(delta, self._controller.direction))
+        delta = _in_motor_sense(delta, self._controller.direction)
+        reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
         self._stream.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
 
@@ -448,17 +449,19 @@ class Twin:
     # Building
 
     def _build_plant(self, plant: str, start_mm: NDArray[np.float64]) -> Plant:
-        switches = [
-            Switch(CARRIAGES.index(c.axis), c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm)
+        thresholds = [
+            Threshold(
+                CARRIAGES.index(c.axis), "position", c.position_mm, -1 if c.end == "motor" else 1, c.hysteresis_mm
+            )
             for c in self._switches
         ]
         if plant == "kinematic":
             from isel_twin.plant.kinematic import KinematicPlant
 
-            return KinematicPlant(self.machine, switches, start_mm, len(self._controller.counts))
+            return KinematicPlant(self.machine, thresholds, start_mm, len(self._controller.counts))
         from isel_twin.plant.mujoco import MujocoPlant
 
-        return MujocoPlant(self.machine, switches, start_mm, len(self._controller.counts))
+        return MujocoPlant(self.machine, thresholds, start_mm, len(self._controller.counts))
 
     def _draw_trip_point(self, number: int) -> None:
         """A switch trips a little elsewhere each time: draw where it will the next time."""
