@@ -54,7 +54,8 @@ class Plan:
     """A straight line of `steps`; its leading axis (N increments) rises at a to v and falls again, or stops before.
 
     With T = v / a and D = N / v: s(t) = a t^2 / 2, v (t - T / 2), N - a (T + D - t)^2 / 2. A plan stopped at tick k
-    goes on from s and v there: s + v u - a u^2 / 2, u up to v / a. Set point k of axis i is n_i s(k period) / N, rounded.
+    goes on from s and v there: s + v u - a u^2 / 2, u up to v / a. Set point k of axis i is n_i s(k period) / N,
+    rounded.
     """
 
     steps: Displacement

@@ -304,16 +304,16 @@ def stored_energy_j(p, s, nut_position_m):
     )
 
 
-def drop_stale_code(function: Any) -> None:
-    """Throw away what numba has kept of a function in another file, if it was compiled with another `step_axis`.
+def drop_stale_code(function: Any, *files: str) -> None:
+    """Throw away what numba has kept of a function that contains code of other files, if those have changed since.
 
-    numba asks only whether the function's own file has changed, but its code contains that of this file. So the digest
-    of this file is kept beside the code. Call it once, right after the function is defined.
+    numba asks only whether the function's own file has changed. So the digest of the others is kept beside the code.
+    files: the others, this one (`step_axis`) if none is named. Call it once, right after the function is defined.
     """
     cache = function._cache
     folder = Path(cache.cache_path)
     stamp = folder / f"{function.__module__}.drives"
-    digest = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files or (__file__,))).hexdigest()
     with contextlib.suppress(OSError):
         if stamp.is_file() and stamp.read_text() == digest:
             return

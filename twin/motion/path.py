@@ -71,9 +71,12 @@ class Line:
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
-        delta = np.zeros((last - first, self.axes), dtype=np.int8)
+        leading = np.array([(n == self.ticks) - (n == -self.ticks) for n in self.steps], dtype=np.int8)
+        rows = np.frombuffer(leading.tobytes() * (last - first), dtype=np.int8)  # the fastest way to equal rows
+        delta = rows.reshape(last - first, self.axes).copy()
         for axis, n in enumerate(self.steps):
-            fill_even(delta[:, axis], first, n, self.ticks)
+            if abs(n) != self.ticks:
+                fill_even(delta[:, axis], first, n, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
@@ -95,19 +98,24 @@ def even(k: int, n: int, ticks: int) -> int:
 
 
 def fill_even(column: NDArray[Any], first: int, n: int, ticks: int) -> None:
-    """Set column[i] to the step of this axis at tick first + 1 + i, by the rule of `even`; |n| <= ticks."""
-    step = 1 if n > 0 else -1
-    if abs(n) == ticks:  # the leading axis
-        column[:] = step
-    elif n:
-        _fill_even(column, (2 * first * abs(n) + ticks) % (2 * ticks), 2 * abs(n), 2 * ticks, step)
+    """Add to a column of zeros the steps of this axis: column[i] is that at tick first + 1 + i; |n| <= ticks.
+
+    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j, that is at ceil((2 j - 1) N / 2 |n|).
+    """
+    if n:
+        two_n = 2 * abs(n)
+        done = (first * two_n + ticks) // (2 * ticks)
+        tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
+        _fill_even(column, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
 @njit(cache=True, nogil=True)
-def _fill_even(column, rest, add, modulus, step):  # type: ignore[no-untyped-def]
-    """A step falls where the running sum rest + add + add + ... passes a multiple of the modulus."""
-    for i in range(column.size):
-        rest += add
+def _fill_even(column, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
+    """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
+    while i < column.size:
+        column[i] = step
+        i += whole
+        rest += part
         if rest >= modulus:
             rest -= modulus
-            column[i] = step
+            i += 1

@@ -1,71 +1,112 @@
 """Torque to motion: the plants, and what every plant offers to the twin.
 
-kernel.py      the compiled loop: drives and MuJoCo together, up to the first switch edge
+lead.py        the command of an axis between two set points, led evenly from one to the next
+kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
 mujoco.py      the MuJoCo plant around it (default)
 model.py       the MuJoCo model of a machine
 picture.py     what it looks like
-kinematic.py   the carriage follows the counter exactly; switches still work
+kinematic.py   the carriage follows its command exactly; thresholds still work
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import Stage
 
-__all__ = ["Plant", "Switch"]
+__all__ = ["Plant", "Quantity", "Threshold"]
+
+Quantity = Literal["position", "lag", "fault"]
+"""What a threshold watches."""
 
 
 @dataclass(frozen=True)
-class Switch:
-    """A position switch as the plant sees it: struck while sense * (position - trip_mm) > 0, with hysteresis.
+class Threshold:
+    """A quantity of one axis that somebody waits for; the plant stops where it is passed.
 
-    Released again when the carriage is hysteresis_mm back from the trip point.
+        position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
+        lag        following error: passed while |command as led by now - rotor| > limit, in microsteps of the command
+        fault      passed while the drive of the axis is faulty; limit, sense and hysteresis mean nothing
+
+    Once passed, it is so until the quantity is back by more than, or exactly, the hysteresis. Raises ValueError for a
+    quantity that does not exist, an axis that cannot have it, a sense that is no sign, and numbers that are none.
     """
 
     axis: int
-    """0 X, 1 Y, 2 Z."""
-    trip_mm: float
-    """Trip point in machine coordinates."""
-    sense: int
-    """-1: motor end, struck below the trip point; +1: far end, struck above it."""
-    hysteresis_mm: float
+    """0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position."""
+    quantity: Quantity
+    limit: float = 0.0
+    sense: int = 1
+    """Of a position: -1 motor end, struck below the limit; +1 far end, struck above it."""
+    hysteresis: float = 0.0
+    """In the unit of the limit."""
+
+    def __post_init__(self) -> None:
+        if self.quantity not in get_args(Quantity):
+            raise ValueError(f"threshold: quantity {self.quantity!r}; there are: {', '.join(get_args(Quantity))}")
+        names = CARRIAGES if self.quantity == "position" else AXIS_NAMES
+        if self.axis not in range(len(names)):
+            raise ValueError(f"threshold: axis {self.axis!r} has no {self.quantity}; allowed: 0 to {len(names) - 1}")
+        if self.sense not in (-1, 1):
+            raise ValueError(f"threshold: sense {self.sense!r}; allowed: -1, 1")
+        if not math.isfinite(self.limit) or not 0.0 <= self.hysteresis < math.inf:
+            raise ValueError(f"threshold: limit {self.limit!r}, hysteresis {self.hysteresis!r}; give finite numbers")
 
 
 class Plant(Protocol):
     """A plant advances the machine and reports where it is.
 
     Coordinates: machine coordinates in mm, 0 at the motor-end switch's nominal trip point of each axis, increasing away
-    from the motor; the rotor in microsteps of the stage, same sense. Steps handed to `advance` are in the sense of the
-    motor (the twin has applied the controller's direction setting).
+    from the motor; commands and rotors in microsteps of the stage, same sense. Changes handed to `advance` are in the
+    sense of the motor (the twin has applied the controller's direction setting).
 
-    Time: the plant runs on a fixed grid of sub-steps counted from power-on, so how a stretch of time is cut into calls
-    never changes a bit of the result. Pulses after the last whole sub-step are kept for the next call.
+    Commands: a tick changes the command of an axis by a whole number, at once (lead 0: steps) or led evenly over a time
+    that begins with the tick (set points). With `commanded` the sum of all ticks, the command as led by t is
+
+        command(t) = commanded - pending max(0, (end - t) / lead)          a tick at t: pending' = rest at t + change,
+                                                                           end' = t + lead
+
+    so a tick that comes before the lead of the one before is over takes the rest of it along, and nothing jumps; a tick
+    without a change of the axis leaves its lead alone. A step in that time is made at once, and the lead goes on beside
+    it until it is over. When a motion is cut, the leads of the ticks that were made are finished all the same.
+
+    Axes beyond the carriages have no mechanics: what they are told, they do.
+
+    Time: how a stretch of time is cut into calls never changes a bit of the result. A plant with drives runs on a fixed
+    grid of sub-steps counted from power-on; ticks after the last whole sub-step are kept, with their lead, for the next
+    call. One without them knows no grid.
     """
 
     time_ns: int
-    """Time reached: a multiple of the sub-step."""
+    """Time reached: a multiple of the sub-step, if there are sub-steps."""
 
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
-        """Advance to until_ns or to the end of the first sub-step in which a switch changed; return the time reached.
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without
+        sub-steps: to the first nanosecond at which one is); return the time reached.
 
-        t_ns [n], delta [n, axes]: all pulses in (last until_ns or time reached, until_ns].
-        When it returns early (at time t), the pulses after t have not been made and must be handed in again if they
-        still happen. Returns until_ns otherwise.
+        t_ns [n], never decreasing, delta [n, axes]: all ticks in (last until_ns or time reached, until_ns]; lead_ns:
+        the time over which each of them is led, 0 if they are steps.
+        When it returns early (at time t), the ticks after t have not been made and must be handed in again if they
+        still happen; those at or before t have. Returns until_ns otherwise.
         """
 
     def trips(self) -> NDArray[np.bool_]:
-        """bool [m], which of the position switches given to the plant are struck now, in the order given."""
+        """bool [m], which of the thresholds given to the plant are passed now, in the order given."""
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         """Stages on or off (open phases: motors go limp), holding brake, current lowered at rest or not."""
 
-    def set_trip_point(self, switch: int, position_mm: float) -> None:
-        """Move the trip point of one position switch (its repeatability, drawn by the wiring for each approach)."""
+    def set_trip_point(self, threshold: int, position_mm: float) -> None:
+        """Move one threshold of a position (the repeatability of a switch, drawn by the wiring for each approach).
+
+        ValueError if it is not one. A carriage that the point has passed meets it when next something moves.
+        """
 
     def apply_force(self, axis: int, force_n: float) -> None:
         """Push one carriage (0 X .. 2 Z) along its axis from outside, in N, until told otherwise: a hand, a cut."""
@@ -83,11 +124,28 @@ class Plant(Protocol):
 
     @property
     def commanded(self) -> NDArray[np.int64]:
-        """int64 [axes], sum of the pulses received since power-on, in microsteps."""
+        """int64 [axes], sum of the changes received since power-on, in microsteps."""
+
+    @property
+    def command(self) -> NDArray[np.float64]:
+        """float64 [axes], the command as led by now, in microsteps; equal to `commanded` while nothing is led."""
 
     @property
     def rotor(self) -> NDArray[np.float64]:
-        """float64 [axes], rotor positions in microsteps; equal to `commanded` for unloaded motors that lost nothing."""
+        """float64 [axes], measured rotor positions in microsteps; equal to `command` for unloaded motors that lost
+        nothing and stand, and for axes beyond the carriages."""
+
+    @property
+    def lag(self) -> NDArray[np.float64]:
+        """float64 [axes], following error in microsteps: command - rotor."""
+
+    @property
+    def powered(self) -> NDArray[np.bool_]:
+        """bool [axes], which drives have current."""
+
+    @property
+    def fault(self) -> NDArray[np.bool_]:
+        """bool [axes], which drives have switched themselves off; the stage of a stepper motor never does."""
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -103,4 +161,4 @@ class Plant(Protocol):
 
     @property
     def at_rest(self) -> bool:
-        """True when nothing moves and nothing will before the next pulse or setting: time may be skipped."""
+        """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""

@@ -1,4 +1,4 @@
-"""The compiled loop: three drives and MuJoCo together, up to the first switch edge.
+"""The compiled loop: three drives and MuJoCo together, up to the first threshold passed.
 
 Goal: advance the whole plant at little more than the cost of MuJoCo alone, so that how time is cut into calls never
 changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-steps, a window, MuJoCo makes one step:
@@ -16,11 +16,14 @@ and contacts, says what the velocity really is. The position is corrected by wha
 
 which is MuJoCo's own rule (x' = x + h v') for all it alone knows, and the sub-steps' for the nut force and the moment
 at which friction stops a carriage: both are resolved at dt, not at h (decision P3). MuJoCo's dry friction yields a
-little (below 1 um/s); a carriage that the sub-steps saw stick does not. Position switches are looked at after every
-sub-step.
+little (below 1 um/s); a carriage that the sub-steps saw stick does not. Thresholds (position switches, following
+errors, drive faults) are looked at after every sub-step.
 
-Rest: when drives and joints have stood still for `rest_windows` windows, the plant is frozen. A frozen sub-step changes
-nothing, so any number of them is skipped up to the next pulse or change of current.
+A drive is told the time mean of its command over the sub-step, exactly: the sum of the ticks, each by the part of the
+sub-step that follows it, less the mean of what is still to come of led ticks (lead.py).
+
+Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen. A
+frozen sub-step changes nothing, so any number of them is skipped up to the next tick or change of current.
 
 MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached.
 """
@@ -36,6 +39,8 @@ from numba.extending import intrinsic
 
 from isel_twin.drives import dynamics
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.plant import lead
+from isel_twin.plant.lead import begin, behind, mean_behind
 
 AXES = 3
 """Axes with mechanics."""
@@ -58,7 +63,8 @@ PLANT = np.dtype(
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
-        ("edge", "i8"),  # 1: the last call ended because a switch changed
+        ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
+        ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
     ],
     align=True,
@@ -81,19 +87,31 @@ AXIS = np.dtype(
         ("phases", "i8"),  # as `step_axis` takes it
         ("fraction", "f8"),  # current fraction
         ("idle_fraction", "f8"),
-        ("idle_delay", "i8"),  # sub-steps from the last pulse to the lowered current
+        ("idle_delay", "i8"),  # sub-steps from the last change of the command to the lowered current
         ("lowering", "i8"),  # 1: the controller asks for lowered current at rest
-        ("still_since", "i8"),  # sub-step after the one with the last pulse, or in which the stage came on
+        ("still_since", "i8"),  # sub-step after the last one with a change, or in which the stage came on
+        ("steps_per_rad", "f8"),  # microsteps of the command in a radian of the rotor
+        ("fault", "i8"),  # 1: the drive has switched itself off; for drives that can
     ],
     align=True,
 )
 """State of an axis beside its drive."""
 
-SWITCH = np.dtype(
-    [("axis", "i8"), ("sense", "f8"), ("trip_m", "f8"), ("hysteresis_m", "f8"), ("struck", "i8")],
+POSITION, LAG, FAULT = 0, 1, 2
+"""Quantities of thresholds."""
+
+THRESHOLD = np.dtype(
+    [
+        ("quantity", "i8"),
+        ("axis", "i8"),
+        ("sense", "f8"),
+        ("limit", "f8"),  # m, microsteps
+        ("hysteresis", "f8"),
+        ("passed", "i8"),
+    ],
     align=True,
 )
-"""A position switch: struck when sense * (x - trip) > 0, free again hysteresis below that."""
+"""Passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that."""
 
 
 @intrinsic
@@ -156,7 +174,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untype
 @njit(cache=True, nogil=True, error_model="numpy")
 def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
-    quiet = True
+    quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for i in range(AXES):
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
@@ -186,29 +204,41 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _strike(switches, axes):  # type: ignore[no-untyped-def]
-    """Let the carriages work the switches; True if one changed."""
+def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no-untyped-def]
+    """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
-    for k in range(switches.shape[0]):
-        switch = switches[k]
-        beyond = switch.sense * (axes[switch.axis].x_m - switch.trip_m)
-        struck = beyond > -switch.hysteresis_m if switch.struck else beyond > 0.0
-        if struck != (switch.struck != 0):
-            switch.struck = 1 if struck else 0
+    for k in range(thresholds.shape[0]):
+        threshold = thresholds[k]
+        i = threshold.axis
+        if threshold.quantity == POSITION:
+            beyond = threshold.sense * (axes[i].x_m - threshold.limit)
+        elif i >= AXES:
+            continue  # no mechanics: no lag, no fault
+        elif threshold.quantity == LAG:
+            command = commanded[i] - behind(leads[i], plant.now * plant.substep_ns)
+            beyond = abs(command - states[i].theta_rad * axes[i].steps_per_rad) - threshold.limit
+        else:
+            beyond = 1.0 if axes[i].fault else -1.0
+        passed = beyond > -threshold.hysteresis if threshold.passed else beyond > 0.0
+        if passed != (threshold.passed != 0):
+            threshold.passed = 1 if passed else 0
             changed = True
     return changed
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
-    plants, axes, drives, states, switches, commanded, qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta
-):
-    """Advance to sub-step `until`, or to the end of the first one in which a switch changed; return the pulses made.
+    plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
+    until, t_ns, delta, early_lead_ns, lead_ns,
+):  # fmt: skip
+    """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
+    ticks made.
 
-    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, switches [m] SWITCH,
-    commanded int64 [m] microsteps, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago;
-    t_ns [n], delta [n, m] pulses in time order.
-    A pulse at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
+    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
+    commanded int64 [m] microsteps and leads [m] LEAD, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window
+    ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
+    lead_ns that of the others.
+    A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
     plant.edge = 0
@@ -231,17 +261,30 @@ def advance(  # type: ignore[no-untyped-def]
             if plant.now >= _lower_at(axes[i]):
                 axes[i].fraction = axes[i].idle_fraction
             mean[i] = commanded[i]
-        while made < t_ns.shape[0] and t_ns[made] <= end_ns:
-            remaining = (end_ns - t_ns[made]) / dt_ns
-            for i in range(delta.shape[1]):
-                step = delta[made, i]
-                if step == 0:
-                    continue
-                commanded[i] += step
-                if i < AXES:
-                    mean[i] += step * remaining
+        if plant.led_until_ns > end_ns - dt_ns:
+            for i in range(AXES):
+                if leads[i].end_ns > end_ns - dt_ns:
+                    mean[i] -= mean_behind(leads[i], end_ns - dt_ns, end_ns, dt_ns)
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
+        while made < t_ns.shape[0] and t_ns[made] <= end_ns:
+            remaining = (end_ns - t_ns[made]) / dt_ns
+            tick_lead_ns = early_lead_ns[made] if made < early_lead_ns.shape[0] else lead_ns
+            for i in range(delta.shape[1]):
+                change = delta[made, i]
+                if change == 0:
+                    continue
+                commanded[i] += change
+                if i < AXES:
+                    mean[i] += change * remaining
+                    axes[i].fraction = 1.0
+                    axes[i].still_since = plant.now + 1
+                if tick_lead_ns > 0:
+                    before_it = mean_behind(leads[i], t_ns[made], end_ns, dt_ns)
+                    begin(leads[i], t_ns[made], change, tick_lead_ns)
+                    plant.led_until_ns = max(plant.led_until_ns, leads[i].end_ns)
+                    if i < AXES:
+                        mean[i] -= mean_behind(leads[i], t_ns[made], end_ns, dt_ns) - before_it
             made += 1
 
         for i in range(AXES):
@@ -262,10 +305,10 @@ def advance(  # type: ignore[no-untyped-def]
             _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_dof >= 0:
                 break
-        if _strike(switches, axes):
+        if _pass(thresholds, plant, axes, states, commanded, leads):
             plant.edge = 1
             break
     return made
 
 
-dynamics.drop_stale_code(advance)
+dynamics.drop_stale_code(advance, dynamics.__file__, lead.__file__)

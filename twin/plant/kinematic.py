@@ -1,9 +1,10 @@
-"""The kinematic plant: the carriage follows the counter exactly, switches still work.
+"""The kinematic plant: the carriage follows its command exactly, thresholds still work.
 
-    position = start + commanded * lead / steps_per_rev
+    position = start + command * lead of the screw / steps_per_rev
 
-For host tests that want only protocol and timing. No time passes between a pulse and the motion it makes, so a switch
-changes at the very pulse that strikes it:
+For host tests that want only protocol and timing. No time passes between a command and the motion it makes, so nothing
+lags, and a switch changes at the very tick that strikes it or, where the command is led (lead.py), at the first whole
+nanosecond at which the carriage is beyond its trip point:
 
     motor end:  struck while position <  trip, free again from trip + hysteresis on
     far end:    struck while position >  trip, free again from trip - hysteresis on
@@ -11,6 +12,7 @@ changes at the very pulse that strikes it:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,82 +21,205 @@ from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
+from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
-from isel_twin.plant import Switch
+from isel_twin.plant import Threshold, lead
+from isel_twin.plant.lead import all_behind, begin, behind, no_leads
+from isel_twin.units import SECOND_NS
+
+FAR = 1 << 62
+"""Microsteps that no axis makes."""
 
 
 @njit(cache=True)
-def _follow(delta, commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
-    """Make ticks until a switch changes; commanded and struck change in place. Return the number of ticks made."""
-    low, high = (
-        np.full(commanded.shape[0], -np.inf),
-        np.full(commanded.shape[0], np.inf),
-    )  # between them, no switch of the axis changes
+def _bounds(axes, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Counts between which, both left out, no switch of an axis changes while nothing is led: int64 [axes], twice."""
+    low, high = np.full(axes, -FAR), np.full(axes, FAR)
     for s in range(axis.shape[0]):
-        edge = sense[s] * (release[s] if struck[s] else strike[s])
-        if (sense[s] > 0) == struck[s]:
-            low[axis[s]] = max(low[axis[s]], edge)
+        a = axis[s]
+        if sense[s] > 0 and struck[s]:
+            low[a] = max(low[a], math.floor(release[s]))
+        elif sense[s] > 0:
+            high[a] = min(high[a], math.floor(strike[s]) + 1)
+        elif struck[s]:
+            high[a] = min(high[a], math.ceil(-release[s]))
         else:
-            high[axis[s]] = min(high[axis[s]], edge)
-    for k in range(delta.shape[0]):
-        outside = False
-        for i in range(delta.shape[1]):
-            if delta[k, i]:
-                commanded[i] += delta[k, i]
-                outside |= not low[i] < commanded[i] < high[i]
-        if outside and _switch(commanded, axis, sense, strike, release, struck):
-            return k + 1
-    return delta.shape[0]
+            low[a] = max(low[a], math.ceil(-strike[s]) - 1)
+    return low, high
 
 
 @njit(cache=True)
-def _switch(commanded, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
-    """Set the switches for these positions; say whether one has changed."""
+def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Whether switch s is in another state at t_ns."""
+    beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
+    return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
+
+
+@njit(cache=True)
+def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Let the carriages work the switches; say whether one has changed."""
     changed = False
     for s in range(axis.shape[0]):
-        beyond = sense[s] * commanded[axis[s]]
-        now = beyond > (release[s] if struck[s] else strike[s])
-        changed |= now != struck[s]
-        struck[s] = now
+        if _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
+            struck[s] = not struck[s]
+            changed = True
     return changed
 
 
+@njit(cache=True)
+def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, struck):  # type: ignore[no-untyped-def]
+    """Make steps until a switch changes; commanded and struck change in place. Return (ticks made, whether one has).
+
+    Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search.
+    """
+    low, high = _bounds(commanded.shape[0], axis, sense, strike, release, struck)
+    made = 0
+    reached = commanded.copy()
+    while True:
+        ahead = delta[made:]  # a view from 0 on: the compiler then knows that no index is negative
+        ticks, axes = ahead.shape
+        last, outside = ticks, False
+        for i in range(axes):
+            now, lowest, highest = commanded[i], low[i], high[i]
+            for k in range(last):
+                now += ahead[k, i]
+                if now <= lowest or now >= highest:
+                    last, outside = k + 1, True
+                    break
+            reached[i] = now
+        if not outside:
+            commanded[:] = reached
+            return delta.shape[0], False
+        while last < ticks and t_ns[made + last] == t_ns[made + last - 1]:
+            last += 1
+        for k in range(last):
+            for i in range(axes):
+                commanded[i] += ahead[k, i]
+        made += last
+        if _switch(t_ns[made - 1], commanded, leads, axis, sense, strike, release, struck):
+            return made, True
+
+
+@njit(cache=True)
+def _first_change(  # type: ignore[no-untyped-def]
+    start_ns, until_ns, commanded, leads, axis, sense, strike, release, struck
+):
+    """First time after start_ns at which a switch changes, until_ns + 1 if none does by then; no tick in between.
+
+    Each axis goes one way in that time, so whether a switch changes does too: halving the time finds the nanosecond.
+    """
+    led_ns = min(until_ns, leads["end_ns"].max())
+    first_ns = until_ns + 1
+    if led_ns <= start_ns:
+        return first_ns
+    for s in range(axis.shape[0]):
+        low_ns, high_ns = start_ns + 1, min(led_ns, first_ns)
+        if _changes(s, low_ns, commanded, leads, axis, sense, strike, release, struck):
+            return low_ns
+        if not _changes(s, high_ns, commanded, leads, axis, sense, strike, release, struck):
+            continue
+        while high_ns - low_ns > 1:
+            middle_ns = (low_ns + high_ns) // 2
+            if _changes(s, middle_ns, commanded, leads, axis, sense, strike, release, struck):
+                high_ns = middle_ns
+            else:
+                low_ns = middle_ns
+        first_ns = high_ns
+    return first_ns
+
+
+@njit(cache=True)
+def _lead(  # type: ignore[no-untyped-def]
+    start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sense, strike, release, struck
+):
+    """Go on from start_ns with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
+    made = 0
+    ticks = t_ns.shape[0]
+    now_ns = start_ns
+    while True:
+        goal_ns = until_ns if made == ticks else t_ns[made] - 1
+        edge_ns = _first_change(now_ns, goal_ns, commanded, leads, axis, sense, strike, release, struck)
+        if edge_ns <= goal_ns:
+            _switch(edge_ns, commanded, leads, axis, sense, strike, release, struck)
+            return made, edge_ns
+        if made == ticks:
+            return made, until_ns
+        now_ns = t_ns[made]
+        while made < ticks and t_ns[made] == now_ns:
+            for i in range(delta.shape[1]):
+                change = delta[made, i]
+                commanded[i] += change
+                if lead_ns > 0 and change != 0:
+                    begin(leads[i], now_ns, change, lead_ns)
+            made += 1
+        if _switch(now_ns, commanded, leads, axis, sense, strike, release, struck):
+            return made, now_ns
+
+
+drop_stale_code(_lead, lead.__file__)
+
+
 class KinematicPlant:
-    """Implements `isel_twin.plant.Plant` without physics; forces, power and brake have no effect."""
+    """Implements `isel_twin.plant.Plant` without physics: forces, brake and phases have no effect, nothing lags."""
 
     def __init__(
-        self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64], axes: int = 4
+        self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
         self._start_mm = np.array(start_mm, dtype=np.float64)
         self._step_mm = np.array([axis.step_mm for axis in machine.axes])
-        self._switches = tuple(switches)
-        self._axis = np.array([switch.axis for switch in switches], dtype=np.int64)
-        self._sense = np.array([switch.sense for switch in switches], dtype=np.int64)
+        self._count = axes
+        self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
+        self._leads = no_leads(len(self._commanded))
+        self._led_until_ns = 0
+        self._stages_on = False
+
+        self._thresholds = tuple(thresholds)
+        self._passed = np.array([t.quantity == "lag" and t.limit < 0.0 for t in thresholds], dtype=np.bool_)
+        self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])
+        """int64 [s], place of each switch among the thresholds."""
+        switches = [self._thresholds[place] for place in self._places]
         self._strike = np.empty(len(switches))
         self._release = np.empty(len(switches))
-        self._axes = axes
-        self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
         self._struck = np.zeros(len(switches), dtype=np.bool_)
-        for number, switch in enumerate(switches):
-            self.set_trip_point(number, switch.trip_mm)
+        for number, place in enumerate(self._places):
+            self.set_trip_point(int(place), switches[number].limit)
             self._struck[number] = self._strike[number] < 0.0
+        self._state = (
+            self._commanded,
+            self._leads,
+            np.array([switch.axis for switch in switches], dtype=np.int64),
+            np.array([switch.sense for switch in switches], dtype=np.int64),
+            self._strike,
+            self._release,
+            self._struck,
+        )
+        """What the compiled functions work on."""
 
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """See Plant.advance."""
-        before = self._struck.copy()
-        made = _follow(delta, self._commanded, self._axis, self._sense, self._strike, self._release, self._struck)
-        self.time_ns = int(t_ns[made - 1]) if (before != self._struck).any() else until_ns
+        if lead_ns == 0 and self._led_until_ns <= self.time_ns:
+            made, changed = _make_steps(t_ns, delta, *self._state)
+            self.time_ns = int(t_ns[made - 1]) if changed else until_ns
+            return self.time_ns
+        wide = delta.astype(np.int32)  # whatever the ticks are, one compiled function
+        made, self.time_ns = _lead(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), wide, *self._state)
+        self._led_until_ns = int(self._leads["end_ns"].max())
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:
         """See Plant.trips."""
-        return self._struck.copy()
+        if len(self._places) == len(self._passed):
+            return self._struck.copy()
+        passed = self._passed.copy()
+        passed[self._places] = self._struck
+        return passed
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
-        """Without physics there is nothing to power."""
+        """See Plant.set_power; it only shows in `powered`."""
+        self._stages_on = stages
 
     def apply_force(self, axis: int, force_n: float) -> None:
         """Without physics there is nothing to push."""
@@ -102,32 +227,57 @@ class KinematicPlant:
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Without physics there are no phases."""
 
-    def set_trip_point(self, switch: int, position_mm: float) -> None:
+    def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point. Kept in steps from the start position, in the sense of the switch."""
-        geometry = self._switches[switch]
-        step_mm, start_mm = self._step_mm[geometry.axis], self._start_mm[geometry.axis]
-        self._strike[switch] = geometry.sense * (position_mm - start_mm) / step_mm
-        self._release[switch] = self._strike[switch] - geometry.hysteresis_mm / step_mm
+        switch = self._thresholds[threshold]
+        if switch.quantity != "position":
+            raise ValueError(f"threshold {threshold} is a {switch.quantity}, not a position")
+        number = int(np.searchsorted(self._places, threshold))
+        step_mm, start_mm = self._step_mm[switch.axis], self._start_mm[switch.axis]
+        self._strike[number] = switch.sense * (position_mm - start_mm) / step_mm
+        self._release[number] = self._strike[number] - switch.hysteresis / step_mm
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """See Plant.position_mm."""
-        return self._start_mm + self._commanded[:3] * self._step_mm
+        return self._start_mm + self._command()[:3] * self._step_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """Zero: a carriage that jumps from step to step has no velocity."""
-        return np.zeros(3)
+        """See Plant.velocity_mm_s; zero for a carriage that jumps from step to step."""
+        leads = self._leads[:3]
+        led = leads["end_ns"] > self.time_ns
+        return np.where(led, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0) * self._step_mm
 
     @property
     def commanded(self) -> NDArray[np.int64]:
         """See Plant.commanded."""
-        return self._commanded[: self._axes].copy()
+        return self._commanded[: self._count].copy()
+
+    @property
+    def command(self) -> NDArray[np.float64]:
+        """See Plant.command."""
+        return self._command()[: self._count]
 
     @property
     def rotor(self) -> NDArray[np.float64]:
         """The rotor is where it is told to be."""
-        return self.commanded.astype(np.float64)
+        return self.command
+
+    @property
+    def lag(self) -> NDArray[np.float64]:
+        """Zero."""
+        return np.zeros(self._count)
+
+    @property
+    def powered(self) -> NDArray[np.bool_]:
+        """What `set_power` has said."""
+        return np.full(self._count, self._stages_on)
+
+    @property
+    def fault(self) -> NDArray[np.bool_]:
+        """None."""
+        return np.zeros(self._count, dtype=np.bool_)
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -142,9 +292,14 @@ class KinematicPlant:
     @property
     def slip_steps(self) -> NDArray[np.float64]:
         """One step: there is no motor that could slip."""
-        return np.ones(self._axes)
+        return np.ones(self._count)
 
     @property
     def at_rest(self) -> bool:
-        """Nothing moves by itself."""
-        return True
+        """Nothing moves by itself, but what is led."""
+        return self._led_until_ns <= self.time_ns
+
+    def _command(self) -> NDArray[np.float64]:
+        if self.at_rest:
+            return self._commanded.astype(np.float64)
+        return self._commanded - all_behind(self._leads, self.time_ns)

@@ -23,7 +23,8 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import Switch, kernel
+from isel_twin.plant import Threshold, kernel
+from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.model import load_model, tool_motion
 
 REST_TIME_S = 0.025
@@ -33,6 +34,9 @@ LARGEST_STEP_RATIO = 1.7
 feed the nut spring (found with random machines, see decision P3)."""
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
+
+
+_QUANTITIES = {"position": kernel.POSITION, "lag": kernel.LAG, "fault": kernel.FAULT}
 
 
 class PlantError(RuntimeError):
@@ -51,11 +55,11 @@ class MujocoPlant:
     """Implements `isel_twin.plant.Plant` with motors, screws and MuJoCo."""
 
     def __init__(
-        self, machine: Machine, switches: Sequence[Switch], start_mm: NDArray[np.float64], axes: int = 4
+        self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
-        axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their counter.
+        axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
@@ -72,6 +76,7 @@ class MujocoPlant:
         self._states = axis_states(kernel.AXES)
         self._count = axes
         self._commanded = np.zeros(max(axes, kernel.AXES), dtype=np.int64)
+        self._leads = no_leads(len(self._commanded))
         self._coulomb_nm = self._drives["coulomb_nm"].copy()
         self._brake_nm = np.array([axis.brake_n for axis in machine.axes]) * self._drives["travel_m_per_rad"]
 
@@ -88,19 +93,21 @@ class MujocoPlant:
         self._axes["fraction"] = 1.0
         self._axes["idle_fraction"] = [axis.stage.idle_current_fraction for axis in machine.axes]
         self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
+        self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
         self._check_steps()
 
-        self._switches = np.zeros(len(switches), kernel.SWITCH)
-        for number, switch in enumerate(switches):
-            self._switches[number] = (switch.axis, switch.sense, switch.trip_mm * 1e-3, switch.hysteresis_mm * 1e-3, 0)
-        beyond = self._switches["sense"] * (data.qpos[self._dof[self._switches["axis"]]] - self._switches["trip_m"])
-        self._switches["struck"] = beyond > 0.0
+        self._thresholds = np.concatenate([np.zeros(0, kernel.THRESHOLD), *map(_threshold, thresholds)])
+        for number in np.flatnonzero(self._thresholds["quantity"] == kernel.POSITION):
+            switch = self._thresholds[number]
+            switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
-        self._late = (np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8))
+        self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
+        self._late = self._none
+        """Times, changes and leads of the ticks after the last whole sub-step."""
         self._plant = np.zeros(1, kernel.PLANT)
         self._plant["substep_ns"] = machine.timing.substep_ns
         self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
@@ -112,18 +119,24 @@ class MujocoPlant:
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
-
-    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> int:
-        """See Plant.advance. Raises PlantError if a joint runs away."""
-        plant, data = self._plant, self.data
-        substep_ns = self.machine.timing.substep_ns
-        if len(self._late[0]):
-            t_ns, delta = np.concatenate((self._late[0], t_ns)), np.concatenate((self._late[1], delta))
-        made = kernel.advance(
-            plant, self._axes, self._drives, self._states, self._switches, self._commanded,
+        self._state = (
+            self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
             data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
-            until_ns // substep_ns, t_ns, delta,
         )  # fmt: skip
+        """What the kernel works on; MuJoCo never moves its arrays."""
+
+    def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        """See Plant.advance. Raises PlantError if a joint runs away."""
+        plant = self._plant
+        substep_ns = self.machine.timing.substep_ns
+        early_ns, changes, early_lead_ns = self._late
+        if len(t_ns):  # whatever the ticks are, one compiled kernel
+            t_ns, changes = t_ns.astype(np.int64), delta.astype(np.int32)
+            if len(early_ns):
+                t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
+        else:
+            t_ns = early_ns
+        made = kernel.advance(*self._state, until_ns // substep_ns, t_ns, changes, early_lead_ns, lead_ns)
         self.time_ns = int(plant["now"][0]) * substep_ns
         if plant["lost_dof"][0] >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
@@ -132,14 +145,18 @@ class MujocoPlant:
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if plant["edge"][0]:
-            self._late = (t_ns[:0], delta[:0])
+            self._late = self._none
             return self.time_ns
-        self._late = (t_ns[made:], delta[made:])
+        if made == len(t_ns):
+            self._late = self._none
+        else:
+            leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
+            self._late = t_ns[made:], changes[made:], leads_ns[made:]
         return until_ns
 
     def trips(self) -> NDArray[np.bool_]:
         """See Plant.trips."""
-        return self._switches["struck"] != 0
+        return self._thresholds["passed"] != 0
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         """See Plant.set_power."""
@@ -172,9 +189,11 @@ class MujocoPlant:
         kernel.wake(self._plant, self._axes)
         self._axes["push_n"][axis] = force_n
 
-    def set_trip_point(self, switch: int, position_mm: float) -> None:
+    def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point."""
-        self._switches["trip_m"][switch] = position_mm * 1e-3
+        if self._thresholds["quantity"][threshold] != kernel.POSITION:
+            raise ValueError(f"threshold {threshold} is not a position")
+        self._thresholds["limit"][threshold] = position_mm * 1e-3
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
@@ -192,12 +211,35 @@ class MujocoPlant:
         return self._commanded[: self._count].copy()
 
     @property
+    def command(self) -> NDArray[np.float64]:
+        """See Plant.command."""
+        return (self._commanded - all_behind(self._leads, self.time_ns))[: self._count]
+
+    @property
     def rotor(self) -> NDArray[np.float64]:
-        """See Plant.rotor; an axis without mechanics follows its counter."""
-        steps_per_rad = np.array([axis.steps_per_rev for axis in self.machine.axes]) / (2.0 * math.pi)
-        rotor = self._commanded.astype(np.float64)
-        rotor[: kernel.AXES] = self._states["theta_rad"] * steps_per_rad
+        """See Plant.rotor."""
+        rotor = self._commanded - all_behind(self._leads, self.time_ns)
+        rotor[: kernel.AXES] = self._states["theta_rad"] * self._axes["steps_per_rad"]
         return rotor[: self._count]
+
+    @property
+    def lag(self) -> NDArray[np.float64]:
+        """See Plant.lag."""
+        return self.command - self.rotor
+
+    @property
+    def powered(self) -> NDArray[np.bool_]:
+        """See Plant.powered."""
+        powered = np.full(len(self._commanded), self._power[0])
+        powered[: kernel.AXES] = self._axes["phases"] != OPEN
+        return powered[: self._count]
+
+    @property
+    def fault(self) -> NDArray[np.bool_]:
+        """See Plant.fault."""
+        fault = np.zeros(len(self._commanded), dtype=np.bool_)
+        fault[: kernel.AXES] = self._axes["fault"] != 0
+        return fault[: self._count]
 
     @property
     def nut_force_n(self) -> NDArray[np.float64]:
@@ -237,7 +279,7 @@ class MujocoPlant:
         """See Plant.at_rest."""
         axes = self._axes
         full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
-        return bool(self._plant["frozen"][0]) and not full.any()
+        return bool(self._plant["frozen"][0]) and not full.any() and not len(self._late[0])
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
@@ -285,3 +327,16 @@ def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
         return axis_parameters(axis.motor, axis.stage, axis.screw, substep_s)
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
+
+
+def _threshold(threshold: Threshold) -> NDArray[np.void]:
+    """One record of kernel.THRESHOLD, shape [1]; a position has still to be compared with the carriage."""
+    record = np.zeros(1, kernel.THRESHOLD)
+    record["quantity"] = _QUANTITIES[threshold.quantity]
+    record["axis"] = threshold.axis
+    record["sense"] = threshold.sense
+    scale = 1e-3 if threshold.quantity == "position" else 1.0
+    record["limit"] = threshold.limit * scale
+    record["hysteresis"] = threshold.hysteresis * scale if threshold.quantity != "fault" else 0.0
+    record["passed"] = threshold.quantity == "lag" and threshold.limit < 0.0
+    return record

@@ -1,0 +1,75 @@
+"""The command of an axis between two set points: led evenly from one to the next.
+
+A tick at t0 changes the command by d, which is led evenly over the lead L > 0 that follows:
+
+    u(t) = commanded - behind(t),      behind(t) = pending max(0, (end - t) / L),      pending = d,  end = t0 + L
+
+    commanded  ..............________________          commanded: sum of all ticks
+                             |          _.-'''
+                      pending|      _.-'               u: what the drive is told
+                             |  _.-'
+    u  ______________________|-'
+                             t0              end
+
+A tick that comes before the end of the lead before takes along what is left: pending' = behind(t) + d, end' = t + L'.
+So u has no jump, and follows from the ticks alone, without knowing of the future.
+
+A drive that advances in sub-steps is told the mean of u over each. Over [a, b] behind(t) has the integral
+
+    pending (b' - a) (2 end - a - b') / (2 L),      b' = min(b, end)
+
+LEAD is a numpy structured dtype; in compiled code `leads[i]` is a reference with named fields.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+LEAD = np.dtype(
+    [
+        ("pending", "f8"),  # microsteps to come at the last tick
+        ("end_ns", "i8"),  # when they have come
+        ("lead_ns", "i8"),  # time of the last tick to then
+    ],
+    align=True,
+)
+"""Lead of one axis."""
+
+
+def no_leads(axes: int) -> NDArray[np.void]:
+    """LEAD [axes], nothing to come."""
+    leads = np.zeros(axes, LEAD)
+    leads["lead_ns"] = 1
+    return leads
+
+
+def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
+    """float64 [axes], `behind` of each."""
+    left_ns = np.maximum(leads["end_ns"] - t_ns, 0)
+    behind_steps: NDArray[np.float64] = leads["pending"] * left_ns / leads["lead_ns"]
+    return behind_steps
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def behind(lead, t_ns):  # type: ignore[no-untyped-def]
+    """Microsteps still to come at t_ns, not before the last tick. Exact wherever it is a number with 53 bits."""
+    return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mean_behind(lead, start_ns, end_ns, dt_ns):  # type: ignore[no-untyped-def]
+    """Integral of `behind` from start_ns to end_ns, over dt_ns."""
+    last_ns = min(end_ns, lead.end_ns)
+    if start_ns >= last_ns:
+        return 0.0
+    return lead.pending * (last_ns - start_ns) * (2 * lead.end_ns - start_ns - last_ns) / (2.0 * lead.lead_ns * dt_ns)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def begin(lead, t_ns, change, lead_ns):  # type: ignore[no-untyped-def]
+    """A tick at t_ns."""
+    lead.pending = behind(lead, t_ns) + change
+    lead.end_ns = t_ns + lead_ns
+    lead.lead_ns = lead_ns
