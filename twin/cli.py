@@ -303,13 +303,15 @@ def run(
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1.
     """
     from isel_twin.job import decode_job, parse_job, play
+    from isel_twin.language import create_language
 
     _seconds("--interval", interval, 1e-9)
     _seconds("--timeout", timeout, 0.0)
     with _bad_call(job):
+        language = create_language(controller)
         try:
             data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
-            lines = parse_job(decode_job(data))
+            lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
             raise BadCall(f"{job}: {error}") from None
         if report is not None:
