@@ -1,9 +1,7 @@
 """One job, one move: what the environment and the sweeps have in common.
 
-Goal: let a real controller make a move on a real twin, as a host program would ask for it, and measure what one
-would measure at the machine with a dial gauge and a stop watch:
-
-    @0j<start-stop>  @0J<acceleration>  @0M<x>,<v>,<y>,<v>,<z>,<v>,0,30
+Goal: let a real controller make a move on a real twin, as a host program would ask for it (`Language.move` of its
+controller), and measure what one would measure at the machine with a dial gauge and a stop watch:
 
     |<--------- time_s --------->|<-- settling_s -->|
     command                    reply    last time outside the tolerance        end of the dwell (settle_s)
@@ -18,7 +16,6 @@ from one rest to the next, steps were lost in between; anything less is load ang
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,11 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.language import Language, create_language, needed, readable
+from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.twin import Twin
 from isel_twin.verdict import lost
 
-__all__ = ["JOB", "RANGES", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin"]
+__all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin", "spoken"]
 
 Job = Sequence[tuple[float, float, float]]
 """Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
@@ -46,48 +45,15 @@ JOB: Job = (
 )
 """A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
-RANGES: Mapping[str, tuple[int, int]] = {
-    "speed_hz": (30, 40_000),
-    "acceleration_hz_per_ms": (1, 4000),
-    "start_stop_hz": (20, 4000),
-}
-"""What the iMC takes for each of the `Settings` (manual 2.2.15, 2.2.16; speeds: decision F7)."""
-
 _START_MM = (1.0, 3.0)
 """Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
-_REFERENCE = ("@07", "@0d5000,5000,5000", "@0R7", "@0z1")
-"""Initialise, reference speed, reference run, interpolate all axes together."""
-_REFERENCE_LIMIT_S = 60.0
-_BREAK = b"\xff"
-"""Ramp down and forget the rest: what a host sends that has no patience left."""
+_ANSWER_LIMIT_S = 60.0
+"""For a command of the reference run, and for settings."""
 _BREAK_LIMIT_S = 60.0
-"""The longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
+"""A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
 _MOVING_SAMPLE_S = 0.02
 """Four fifths of a period of the structure's 40 Hz: five samples in a row see five phases of it. Looking costs time."""
 _RESTING_SAMPLE_S = 0.002
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is tuned. Raises ValueError for anything that the controller would refuse."""
-
-    speed_hz: int = 10_000
-    """Step frequency of the leading axis."""
-    acceleration_hz_per_ms: int = 100
-    """Of the ramps (`@0J`); 100 is the controller's default."""
-    start_stop_hz: int = 300
-    """Frequency at which ramps begin and end (`@0j`); 300 is the controller's default."""
-
-    def __post_init__(self) -> None:
-        for name, (low, high) in RANGES.items():
-            given = getattr(self, name)
-            try:
-                value = operator.index(given)  # numpy's integers become plain ones
-            except TypeError:
-                value = -1
-            if not low <= value <= high:
-                raise ValueError(f"{name} is {given!r}; it must be a whole number from {low} to {high}")
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
@@ -97,7 +63,7 @@ class Setup:
     job: Job = JOB
     machine: str | Path | Machine = "4030"
     controller: str = "imc-s8"
-    """Any controller that speaks the iMC's language."""
+    """Any controller with a language, see `isel_twin.language`."""
     plant: str = "mujoco"
     seed: int = 0
     overrides: Mapping[str, Any] = field(default_factory=dict)
@@ -130,7 +96,9 @@ class Move:
     """What one move did. Arrays are float64 [3], X Y Z."""
 
     reply: str
-    """The controller's: "0" done, "2" limit switch, ...; "" if the move was given up at the time limit."""
+    """The controller's, in its own words; "" if the move was given up at the time limit."""
+    done: bool
+    """The controller says that it has made the move: the reply is no refusal, and it shows no fault."""
     time_s: float
     """From the command to the reply."""
     settling_s: float
@@ -148,13 +116,18 @@ class Move:
 
     def good(self, tolerance_mm: float) -> bool:
         """Done, no step lost, and the machine stands where it should."""
-        return self.reply == "0" and not self.slipped and float(np.abs(self.error_mm).max()) <= tolerance_mm
+        return self.done and not self.slipped and float(np.abs(self.error_mm).max()) <= tolerance_mm
+
+
+def spoken(setup: Setup) -> Language:
+    """The language of the setup's controller. Raises ValueError with one line if there is none."""
+    return needed(create_language(setup.controller), setup.controller)
 
 
 def referenced_twin(setup: Setup) -> Twin:
-    """A twin that has just been switched on and has made a physical reference run; all axes interpolate together.
+    """A twin that has just been switched on and has made a physical reference run.
 
-    Raises ValueError with one line for a job outside the machine, or a controller that does not answer as an iMC.
+    Raises ValueError with one line for a job outside the machine, a controller without language, or one that refuses.
     """
     start_mm = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
     twin = Twin(
@@ -170,21 +143,31 @@ def referenced_twin(setup: Setup) -> Twin:
         for axis, value in zip(twin.machine.axes, point, strict=True):
             if not 0.0 <= value < axis.travel_mm:
                 raise ValueError(f"job: target {number}: {axis.name} is {value:g} mm; allowed: 0 to {axis.travel_mm:g}")
-    for command in _REFERENCE:
-        try:
-            reply = twin.query(command, _REFERENCE_LIMIT_S)
-        except TimeoutError:
-            reply = ""
-        if reply != "0":
+    language = needed(twin.language, setup.controller)
+    for command in language.reference():
+        over, reply = _converse(twin, command, _ANSWER_LIMIT_S)
+        if not over or not language.accepted(command, reply) or twin.fault:
             raise ValueError(
-                f"no reference run: {setup.controller} answers {reply!r} to {command}; "
-                "take a controller that understands these commands, a scenario that begins later, a smaller load_nm"
+                f"no reference run: {setup.controller} answers {language.text(reply)!r} to {readable(command)} within "
+                f"{_ANSWER_LIMIT_S:g} s; take a scenario that begins later, or a smaller load_nm"
             )
     return twin
 
 
+def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
+    """Send and await: whether the controller is done after at most limit_s of virtual time, and what has come."""
+    twin.read()
+    twin.write(data)
+    over = twin.run_until_idle(limit_s)
+    return over, twin.read()
+
+
 def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup: Setup, limit_s: float) -> Move:
-    """Move to target_mm [3] and measure; the move is given up after limit_s seconds of virtual time."""
+    """Move to target_mm [3] and measure; the move is given up after limit_s seconds of virtual time.
+
+    Raises ValueError with one line for settings that the controller cannot be told.
+    """
+    language = needed(twin.language, setup.controller)
     axes = twin.machine.axes
     steps_per_mm = np.array([axis.steps_per_mm for axis in axes])
     target = [round(mm * scale) for mm, scale in zip(target_mm, steps_per_mm, strict=True)]
@@ -193,18 +176,19 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     def error_mm() -> NDArray[np.float64]:
         return twin.position_mm - twin.counts[:3] / steps_per_mm
 
-    for command in (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}"):
-        twin.query(command)
-    words = [word for count in target for word in (count, settings.speed_hz)]
+    *before, command = language.move(target, settings)
+    for data in before:
+        _converse(twin, data, _ANSWER_LIMIT_S)
     began_ns = twin.time_ns
     deviation_mm = 0.0
-    twin.write(f"@0M{','.join(map(str, words))},0,30\r".encode())
+    twin.write(command)
     while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
         deviation_mm = max(deviation_mm, float(np.abs(error_mm()).max()))
     time_s = (twin.time_ns - began_ns) * 1e-9
-    reply = twin.read().decode("latin-1")
-    if not reply:
-        twin.write(_BREAK)
+    over, reply = twin.idle, twin.read()
+    given_up = not (over and reply)
+    if given_up:
+        twin.write(language.break_off())
         twin.run_until_idle(_BREAK_LIMIT_S)
         twin.read()
 
@@ -216,7 +200,8 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     outside = np.flatnonzero(np.abs(dwell_mm).max(axis=1) > setup.tolerance_mm)
     lost_steps = twin.lost_steps[:3]
     return Move(
-        reply=reply,
+        reply="" if given_up else language.text(reply),
+        done=not given_up and language.accepted(command, reply) and not twin.fault,
         time_s=time_s,
         settling_s=float((outside[-1] + 1) * _RESTING_SAMPLE_S) if len(outside) else 0.0,
         slipped=bool(lost(lost_steps - lost_before, twin.slip_steps[:3]).any()),

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isel_twin.envs.moves import RANGES, Settings, Setup, make_move, referenced_twin
+from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, spoken
 
 __all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
 
@@ -49,7 +49,7 @@ class Row:
     vibration_mm: float
     """Largest, of any axis, after any move."""
     moves: int
-    """Moves begun; the job ends with the first that the controller does not answer with "0"."""
+    """Moves begun; the job ends with the first that the controller refuses or does not finish."""
     reply: str
     """The controller's last reply; "" if the time was up."""
     good: bool
@@ -84,7 +84,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
         move = make_move(twin, target, settings, setup, left_s)
         moves.append(move)
         left_s -= move.time_s
-        if move.reply != "0":
+        if not move.done:
             break
     return Row(
         **dataclasses.asdict(settings),
@@ -129,8 +129,9 @@ def fastest(
     Bisection believes that what is too fast stays too fast. A resonance may break that rule: a sweep over the
     neighbourhood of the answer shows it. Raises ValueError if even `low` is not good.
     """
-    if vary not in RANGES:
-        raise ValueError(f"vary is {vary!r}; it can be: {', '.join(RANGES)}")
+    ranges = spoken(setup).ranges
+    if vary not in ranges:
+        raise ValueError(f"vary is {vary!r}; it can be: {', '.join(ranges)}")
     if not resolution > 0.0:
         raise ValueError(f"resolution is {resolution!r}; it must be positive, such as 0.02")
     loaded = dataclasses.replace(setup, load_nm=setup.load_nm + margin_nm)
@@ -141,7 +142,7 @@ def fastest(
         return chosen, run_job(setup, chosen) if with_load.good else with_load, with_load
 
     good_value = getattr(settings, vary) if low is None else low
-    bad_value = RANGES[vary][1] if high is None else high
+    bad_value = ranges[vary][1] if high is None else high
     best = trial(good_value)
     if not (best[1].good and best[2].good):
         raise ValueError(f"{vary} = {good_value} is already too fast; begin lower, or slow down the other settings")

@@ -1,7 +1,7 @@
 """The Gymnasium environment: a job of moves, and before each move the choice of speed, ramp and start-stop frequency.
 
 reset   a new twin is switched on and makes its reference run
-step    action -> Settings -> @0j, @0J, @0M to the controller -> what came of it -> observation, reward
+step    action -> Settings -> what a host would send -> what came of it -> observation, reward
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from isel_twin.envs.moves import JOB, RANGES, Job, Move, Settings, Setup, make_move, referenced_twin
+from isel_twin.envs.moves import JOB, Job, Move, Settings, Setup, make_move, referenced_twin, spoken
+from isel_twin.language import SETTINGS_RANGES, Ranges
 from isel_twin.machine import Machine
 from isel_twin.twin import Twin
 
@@ -29,30 +30,31 @@ __all__ = ["JobTuning", "to_action", "to_settings"]
 _SIZE = 15
 
 
-def to_settings(action: NDArray[np.floating[Any]]) -> Settings:
+def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
     """Settings that an action [3] stands for; values outside -1 .. 1 count as the nearest of these.
 
+    ranges: what the controller takes (`JobTuning.ranges`).
     Raises ValueError for anything but three finite numbers.
     """
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
     speed, acceleration, start_stop = (np.clip(values, -1.0, 1.0) + 1.0) / 2.0
-    slowest, fastest = RANGES["speed_hz"]
+    slowest, fastest = ranges["speed_hz"]
     return Settings(
         speed_hz=round(slowest + speed * (fastest - slowest)),
-        acceleration_hz_per_ms=_geometric(acceleration, *RANGES["acceleration_hz_per_ms"]),
-        start_stop_hz=_geometric(start_stop, *RANGES["start_stop_hz"]),
+        acceleration_hz_per_ms=_geometric(acceleration, *ranges["acceleration_hz_per_ms"]),
+        start_stop_hz=_geometric(start_stop, *ranges["start_stop_hz"]),
     )
 
 
-def to_action(settings: Settings) -> NDArray[np.float32]:
-    """float32 [3], the action that stands for these settings."""
-    slowest, fastest = RANGES["speed_hz"]
+def to_action(settings: Settings, ranges: Ranges = SETTINGS_RANGES) -> NDArray[np.float32]:
+    """float32 [3], the action that stands for these settings with a controller that takes these ranges."""
+    slowest, fastest = ranges["speed_hz"]
     parts = (
         (settings.speed_hz - slowest) / (fastest - slowest),
-        _logarithmic(settings.acceleration_hz_per_ms, *RANGES["acceleration_hz_per_ms"]),
-        _logarithmic(settings.start_stop_hz, *RANGES["start_stop_hz"]),
+        _logarithmic(settings.acceleration_hz_per_ms, *ranges["acceleration_hz_per_ms"]),
+        _logarithmic(settings.start_stop_hz, *ranges["start_stop_hz"]),
     )
     return np.array([2.0 * part - 1.0 for part in parts], dtype=np.float32)
 
@@ -70,14 +72,15 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     ## Description
     A gantry with stepper motors has to make a job, a list of moves, as fast as it can without losing a step. Before
     each move the agent chooses speed, acceleration and start-stop frequency; they go to an emulated controller as the
-    commands a host program would send (`@0j`, `@0J`, `@0M`), and motors, screws and structure do what physics makes of
-    the step stream. All axes move together (`@0z1`), the speed is that of the axis with the most steps. After the move
-    the machine stands for `settle_s` and is measured. The controller has no feedback: it answers `0` also when the
-    motors have lost steps, and later moves then end in the wrong place, or in a limit switch.
+    commands a host program would send, and motors, screws and structure do what physics makes of the step stream. All
+    axes move together, the speed is that of the axis with the most steps. After the move the machine stands for
+    `settle_s` and is measured. The controller has no feedback: it is content also when the motors have lost steps, and
+    later moves then end in the wrong place, or in a limit switch.
 
     ## Action Space
     A `Box(-1, 1, (3,), float32)`. Speed is linear in the action because time goes with its inverse; the two others are
-    geometric, equal differences in the action being equal ratios. `to_settings` and `to_action` convert.
+    geometric, equal differences in the action being equal ratios. `to_settings` and `to_action` convert. The space
+    spans what the controller takes, `JobTuning.ranges`; the numbers are those of the default controller.
 
     | Num | Action                      | at -1 | at 0  | at +1 | Scale     | Unit  | Command |
     |-----|-----------------------------|-------|-------|-------|-----------|-------|---------|
@@ -106,8 +109,8 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
       (at most `settle_s`).
     - *reward_lost_steps*: minus `lost_steps_penalty` if a motor has slipped in this move.
     - *reward_tolerance*: minus `tolerance_penalty` if an axis is outside `tolerance_mm` at the end of the dwell.
-    - *reward_abort*: minus `abort_penalty` if the controller answered anything but `0` (limit switch, stop, fault,
-      speed refused) or the time limit cut the move off.
+    - *reward_abort*: minus `abort_penalty` if the controller refused the move or broke it off (limit switch, stop,
+      fault, speed refused) or the time limit did.
 
     `abort_penalty` should be more than a whole job may take, or breaking it off would pay.
 
@@ -121,9 +124,9 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Episode End
     ### Termination
-    1. The job is done: every move was answered with `0`.
-    2. The controller answered something else (`info["reply"]`): "2" limit switch, "F" stop, "9" fault, "H" hood, "D"
-       speed refused.
+    1. The job is done: the controller has made every move.
+    2. It refused a move or broke one off; `info["reply"]` says why, of the default controller: "2" limit switch, "F"
+       stop, "9" fault, "H" hood, "D" speed refused. One whose replies do not tell shows a fault (`twin.fault`).
 
     Lost steps do not end an episode: the controller does not know of them.
     ### Truncation
@@ -139,7 +142,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     |----------------------|-----------------|------------|--------------------------------------------------------|
     | `job`                | list of (x,y,z) | `JOB`      | targets in mm from the reference point                 |
     | `machine`            | str, path       | `"4030"`   | machine of the package or folder of a user's own       |
-    | `controller`         | str             | `"imc-s8"` | any controller that speaks the iMC's language          |
+    | `controller`         | str             | `"imc-s8"` | any controller with a language                         |
     | `plant`              | str             | `"mujoco"` | `"kinematic"`: nothing is ever lost, for trying out    |
     | `overrides`          | dict            | none       | machine parameters to change: payload, supply, ...     |
     | `scenario`           | path            | none       | timed events, see `isel_twin.wiring.scenario`          |
@@ -183,6 +186,8 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.twin: Twin | None = None
         """The twin of this episode, for whoever wants to look closer; None before the first reset."""
+        self.ranges: Ranges
+        """What the controller takes for each of the settings, and so what the action space spans."""
         self._setup = Setup(
             job=job,
             machine=machine,
@@ -195,6 +200,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             settle_s=settle_s,
             time_limit_s=time_limit_s,
         )
+        self.ranges = spoken(self._setup).ranges
         self._lost_steps_penalty = lost_steps_penalty
         self._tolerance_penalty = tolerance_penalty
         self._abort_penalty = abort_penalty
@@ -225,13 +231,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """Make the next move. Raises ResetNeeded if the episode is over, ValueError for an action that is none."""
         if self.twin is None or self._over:
             raise gymnasium.error.ResetNeeded("the job is over; call reset() before step()")
-        settings = to_settings(action)
+        settings = to_settings(action, self.ranges)
         left_s = self._setup.time_limit_s - self._time_s
         move = make_move(self.twin, self._setup.job[self._made], settings, self._setup, left_s)
         self._time_s += move.time_s
-        done = move.reply == "0"
-        self._made += done
-        terminated = self._made == len(self._setup.job) or move.reply not in ("0", "")
+        self._made += move.done
+        refused = not move.done and move.reply != ""
+        terminated = self._made == len(self._setup.job) or refused
         truncated = not terminated and self._time_s >= self._setup.time_limit_s
         self._over = terminated or truncated
         rewards = self._rewards(move)
@@ -246,7 +252,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         }
         return observation, math.fsum(rewards.values()), terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """uint8 [480, 640, 3], the machine as it stands now; None unless render_mode is "rgb_array".
 
         Raises RuntimeError with one line if there is no OpenGL to draw with.
@@ -279,7 +285,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             "reward_settling": -move.settling_s,
             "reward_lost_steps": -self._lost_steps_penalty * move.slipped,
             "reward_tolerance": -self._tolerance_penalty * outside,
-            "reward_abort": -self._abort_penalty * (move.reply != "0"),
+            "reward_abort": -self._abort_penalty * (not move.done),
         }
 
     def _observation(

@@ -1,15 +1,15 @@
 """Job files: commands for a controller, one a line, played in virtual time.
 
     # a comment: "#" at the start of a line or after a blank, not followed by a letter or digit (`#DX,...` is a command)
-    @07                                      the text and a carriage return are sent, then the reply is awaited
+    @07                                      text is sent as the controller's language frames it, its reply awaited
     @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
-    <254>                                    a line that ends in <...> gets no carriage return
+    <254>                                    text before a <...> is sent as it stands, only what follows is framed
 
 Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1.
 A line is over when the controller has answered and stands still; its reply is everything that came meanwhile.
 
-A reply is a refusal if it is a single printable character other than "0", or missing: every controller of the family
-says so with one character, and answers a query with several, or with a bare line end or control character.
+The controller's language (`isel_twin.language`) knows what a frame is and what a refusal. A controller without one can
+be sent bytes only, and nothing that it answers is known to be a refusal.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from isel_twin.language import Language, LanguageError, encoded, needed, readable
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -75,22 +77,28 @@ def decode_job(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def parse_job(text: str) -> list[Line]:
-    """Lines of a job, without empty lines and comments. Raises JobError."""
+def parse_job(text: str, language: Language | None, controller: str) -> list[Line]:
+    """Lines of a job for a controller and its language, without empty lines and comments. Raises JobError.
+
+    Only text that has to be framed needs the language.
+    """
     lines = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
         command = _COMMENT.sub("", raw).strip(_BLANKS)
         if command:
-            lines.append(Line(number, command, tuple(_actions(command, number))))
+            try:
+                lines.append(Line(number, command, tuple(_actions(command, language, controller))))
+            except (JobError, LanguageError) as error:
+                raise JobError(f"line {number}: {error}") from None
     return lines
 
 
-def _actions(command: str, number: int) -> Iterator[bytes | int]:
+def _actions(command: str, language: Language | None, controller: str) -> Iterator[bytes | int]:
     """Bytes and pauses in their order; neighbouring bytes are sent together."""
     together = b""
     *pieces, rest = _ITEM.split(command)  # text, item, text, item, ..., text
     for text, item in zip(pieces[::2], pieces[1::2], strict=True):
-        together += _encoded(text, number)
+        together += encoded(text)
         if (byte := _BYTE.fullmatch(item)) and int(byte[1]) < 256:
             together += bytes([int(byte[1])])
         elif pause := _PAUSE.fullmatch(item):
@@ -99,21 +107,14 @@ def _actions(command: str, number: int) -> Iterator[bytes | int]:
             together = b""
             seconds = float(pause[1])
             if seconds > LONGEST_PAUSE_S:
-                raise JobError(f"line {number}: a pause of more than {LONGEST_PAUSE_S:.0f} s; make it shorter")
+                raise JobError(f"a pause of more than {LONGEST_PAUSE_S:.0f} s; make it shorter")
             yield round(seconds * 1e9)
         else:
-            raise JobError(f"line {number}: <{item}> is neither a byte (<0> to <255>) nor a pause (<0.5s>)")
+            raise JobError(f"<{item}> is neither a byte (<0> to <255>) nor a pause (<0.5s>)")
     if rest:
-        together += _encoded(rest, number) + b"\r"
+        together += needed(language, controller).frame(rest)
     if together:
         yield together
-
-
-def _encoded(text: str, number: int) -> bytes:
-    try:
-        return text.encode("latin-1")
-    except UnicodeEncodeError as error:
-        raise JobError(f"line {number}: {text[error.start]!r} is not a character a serial line can carry") from None
 
 
 def play(twin: Twin, lines: Sequence[Line], timeout_s: float) -> Iterator[Result]:
@@ -121,14 +122,15 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float) -> Iterator[Result
 
     timeout_s: virtual seconds after which a line without complete reply counts as refused; the job goes on.
     """
+    language = twin.language
     for line in lines:
         time_ns = twin.time_ns
         reply = _converse(twin, line, timeout_s)
         yield Result(
             number=line.number,
             command=line.command,
-            reply=reply,
-            ok=twin.idle and _accepted(line, reply),
+            reply=readable(reply) if language is None else language.text(reply),
+            ok=twin.idle and (language is None or language.accepted(line.sent, reply)),
             time_ns=time_ns,
             end_ns=twin.time_ns,
             counts=tuple(int(count) for count in twin.counts),
@@ -136,18 +138,11 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float) -> Iterator[Result
         )
 
 
-def _converse(twin: Twin, line: Line, timeout_s: float) -> str:
+def _converse(twin: Twin, line: Line, timeout_s: float) -> bytes:
     for action in line.actions:
         if isinstance(action, bytes):
             twin.write(action)
         else:
             twin.run_until(twin.time_ns + action)
     twin.run_until_idle(timeout_s)
-    return twin.read().decode("latin-1")
-
-
-def _accepted(line: Line, reply: str) -> bool:
-    if not reply:
-        return not any(byte >= 32 and byte < 127 for byte in line.sent)
-    text = reply.strip("\r\n")
-    return len(text) != 1 or text == "0" or not text.isprintable()
+    return twin.read()

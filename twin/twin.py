@@ -34,7 +34,7 @@ from isel_twin.controller import (
     UsesDrives,
     create_controller,
 )
-from isel_twin.language import Language, create_language
+from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant, Threshold
@@ -106,7 +106,7 @@ class Twin:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
         self.controller_name = controller
         self.language: Language | None = create_language(controller)
-        """What the controller's bytes mean, None if nobody has said so."""
+        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
@@ -149,19 +149,18 @@ class Twin:
         return self._line.at_host(self.time_ns)
 
     def query(self, text: str, timeout_s: float = 3600.0) -> str:
-        """Send a line as a host would, run until the controller has answered and is idle, return the reply.
+        """Send a line of text, run until the controller has answered and is idle, return the reply.
 
-        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time, and
-        ValueError for a text that cannot be sent or a controller without a language.
+        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time,
+        LanguageError (ValueError) for a text that cannot be sent or a controller without language: use `write`.
         """
-        if self.language is None:
-            raise ValueError(f"controller {self.controller_name!r} has no language: use write and read with its bytes")
-        data = self.language.frame(text)
+        language = needed(self.language, self.controller_name)
+        data = language.frame(text)
         self.read()
         self.write(data)
         if not self.run_until_idle(timeout_s):
             raise TimeoutError(f"no complete reply to {text!r} within {timeout_s:g} s of virtual time")
-        return self.language.text(self.read())
+        return language.text(self.read())
 
     def run_until_idle(self, timeout_s: float = 3600.0) -> bool:
         """Let virtual time pass until the controller is idle and its replies have arrived, at most timeout_s.

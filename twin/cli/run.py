@@ -47,15 +47,15 @@ def run(
 ) -> int:
     """Run a file of controller commands in virtual time.
 
-    A line is sent with a carriage return and its reply awaited. "# " begins a comment. <253> is the byte 253, <0.5s>
-    lets time pass, and a line that ends in <...> gets no carriage return. So this starts a motion and stops it:
-    `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
+    A line is sent as the controller's language has it (an iMC's with a carriage return) and its reply awaited. "# "
+    begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So this
+    starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1.
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
-    lines = _lines(job)
+    lines = _lines(job, controller)
     if report is not None:
         _need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
@@ -90,14 +90,16 @@ def run(
     return 0 if verdict.ok else 1
 
 
-def _lines(job: Path) -> list[Line]:
-    """The lines of a job file, or of standard input. Raises CallError."""
+def _lines(job: Path, controller: str) -> list[Line]:
+    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
     from isel_twin.job import decode_job, parse_job
+    from isel_twin.language import create_language
 
     with call_errors(job):
+        language = create_language(controller)
         data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
         try:
-            return parse_job(decode_job(data))
+            return parse_job(decode_job(data), language, controller)
         except ValueError as error:
             raise CallError(f"{job}: {error}") from None
 

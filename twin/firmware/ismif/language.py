@@ -1,0 +1,201 @@
+"""The iSMIF's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
+
+    sent      a line ends with CR, or with 01h, which also starts the job
+    received  a line ends with CR; what it is shows by itself
+
+                #E1,1200 CR    L1,X4000,Y4000 01h                 @X CR
+                           CR                     CR  02h CR            @X000001 CR
+
+The interface refuses nothing (S1): what went wrong is the third character of the status, and `Controller.fault`.
+
+A ramp is set by its length here, not by an acceleration (S5). From the start speed f0 to the end speed V it takes
+
+    R = (V - f0) / a        in whole ms, rounded up: the ramp is never steeper than asked for
+
+and a motion of `move` uses the end speed at INDEX of the table, which no reference run uses unless told to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from isel_twin.firmware.ismif.commands import (
+    AXIS_LETTERS,
+    FORMS,
+    LINE_LIMIT,
+    SPEEDS_HZ,
+    Command,
+    CommandError,
+    Target,
+    parse,
+)
+from isel_twin.language import (
+    SETTINGS_RANGES,
+    LanguageError,
+    Message,
+    MoveSettings,
+    Pieces,
+    Ranges,
+    encoded,
+    integers,
+    readable,
+)
+
+CR, LF, START, READY, FULL = b"\r", b"\n", b"\x01", b"\x02", b"\x03"
+INDEX = 0
+"""Entry of the table of end speeds (6.9) that `move` sets."""
+
+ANSWERS: Mapping[bytes, str] = {
+    b"": "acknowledged",
+    READY: "the job is over, or the memory has room again",
+    FULL: "acknowledged; the memory is full, wait",
+}
+"""Answers without text, their CR left out (5.2), in words."""
+
+RANGES: Ranges = {
+    "speed_hz": (SPEEDS_HZ[0], SPEEDS_HZ[-1]),
+    "acceleration_hz_per_ms": SETTINGS_RANGES["acceleration_hz_per_ms"],
+    "start_stop_hz": (SPEEDS_HZ[0], min(SPEEDS_HZ[-1], SETTINGS_RANGES["start_stop_hz"][1])),
+}
+"""In half steps. There is no range of accelerations: the steepest ramp takes 1 ms."""
+
+STATUS = ("moving", "waiting time", "error", "not referenced", "reference run", "job in progress")
+"""What a 1 at each place of the status means (6.3)."""
+
+
+def create(name: str) -> IsmifLanguage:
+    """Entry point of `isel_twin.languages`."""
+    return IsmifLanguage()
+
+
+class IsmifLanguage:
+    """Implements `isel_twin.language.Language`."""
+
+    def __init__(self) -> None:
+        self.ranges = RANGES
+        self._sent, self._received = Pieces(ends=CR + START), Pieces(ends=CR)
+        self._begun = b""
+
+    # ---- what a host says -------------------------------------------------------------------------------------------
+
+    def frame(self, text: str) -> bytes:
+        """The text and CR; a text that ends in 01h starts the job, and the CR after it is an empty line."""
+        return encoded(text) + CR
+
+    def text(self, reply: bytes) -> str:
+        """One character a byte."""
+        return reply.decode("latin-1")
+
+    def accepted(self, sent: bytes, reply: bytes) -> bool:
+        """Any answer is an acceptance, and every answer ends with CR; text demands one."""
+        if not reply:
+            return not any(32 <= byte < 127 for byte in sent)
+        return reply.endswith(CR)
+
+    def reference(self) -> Sequence[bytes]:
+        """Z first, so that nothing is in the way of X and Y."""
+        return [b"$HZXY" + START]
+
+    def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
+        """`#S`, `#E`, `#R` are stored, `L` with 01h carries out all four; in half steps, the factory's setting."""
+        for name, (low, high) in self.ranges.items():
+            if not low <= getattr(settings, name) <= high:
+                raise LanguageError(f"{name} is {getattr(settings, name)}; the interface takes {low} to {high}")
+        end_hz, start_hz = settings.speed_hz, settings.start_stop_hz
+        ramp_ms = max(0, -(-(end_hz - start_hz) // settings.acceleration_hz_per_ms))
+        ways = (f"{letter}{steps}" for letter, steps in zip(AXIS_LETTERS, integers(target, 3), strict=True))
+        stored = (f"#S{start_hz}", f"#E{INDEX},{end_hz}", f"#R{ramp_ms}")
+        return [*(self.frame(line) for line in stored), encoded(f"L{INDEX},{','.join(ways)}") + START]
+
+    def break_off(self) -> bytes:
+        """`@B`: the vector is over; nothing else is stored when it comes from `move`."""
+        return self.frame("@B")
+
+    # ---- what goes over the line ------------------------------------------------------------------------------------
+
+    def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
+        """Lines both ways."""
+        pieces = (self._sent if sent else self._received).cut(data)
+        return iter([self._command(piece) if sent else _answer(piece) for piece in pieces])
+
+    def rest(self, sent: bool) -> bytes:
+        """The line begun."""
+        return (self._sent if sent else self._received).rest
+
+    def _command(self, piece: bytes) -> Message:
+        line = self._begun + piece.replace(LF, b"")
+        text = readable(piece.removesuffix(CR).strip(LF)) or readable(piece)
+        if not piece.endswith((CR, START)):
+            self._begun = line[:LINE_LIMIT]
+            return Message(piece, text, "beginning of a line that is too long", sent=True)
+        self._begun = b""
+        return Message(piece, text, _line_words(line[:-1], starts=piece.endswith(START)), sent=True)
+
+
+def _line_words(line: bytes, starts: bool) -> str:
+    """A line without its end in words; `starts`: it came with 01h."""
+    if not line.strip(b" "):
+        return "start the job" if starts else "an empty line, no command"
+    try:
+        if len(line) >= LINE_LIMIT:
+            raise CommandError(f"a line of {LINE_LIMIT} bytes or more")
+        words = _command_words(parse(line))
+    except CommandError as error:
+        words = f"no command: {readable(str(error).encode('latin-1'))}"
+    return f"{words}; start the job" if starts else words
+
+
+def _command_words(command: Command) -> str:
+    match command.code, command.arguments:
+        case "@L", (axis,):
+            return f"ask for the position of {AXIS_LETTERS[axis]}"
+        case "T", (on,):
+            return f"drive signals: {'clock and direction' if on else 'PBL'}"
+        case "F", (on,):
+            return f"{'full' if on else 'half'} steps"
+        case "Z", (mode,):
+            return f"Z axis: {'a motor' if mode == 1 else 'the relay of a plotter'}"
+        case "#S", (speed_hz,):
+            return f"start speed: {speed_hz} Hz"
+        case "#E", (index, speed_hz):
+            return f"end speed {index}: {speed_hz} Hz"
+        case "#R", (ms,):
+            return f"ramp length: {ms} ms"
+        case "#D", (axis, positive, search, free, offset):
+            way = "plus" if positive else "minus"
+            return f"reference run of {AXIS_LETTERS[axis]}: towards {way}, end speeds {search}, {free}, {offset}"
+        case "#O", (axis, steps):
+            return f"offset of {AXIS_LETTERS[axis]} after the reference run: {steps} steps"
+        case "$H", (axes,):
+            return f"reference run of {', '.join(AXIS_LETTERS[axis] for axis in axes)}"
+        case "L", (index, *targets):
+            return f"move {', '.join(map(_target, targets))} at end speed {index}"
+        case "A", (on,):
+            return f"pin 12: {'on' if on else 'off'}"
+        case "W", (ms,):
+            return f"wait {ms} ms"
+    return FORMS[command.code].meaning
+
+
+def _target(target: Target) -> str:
+    return f"{AXIS_LETTERS[target.axis]} {'by' if target.relative else 'to'} {target.steps}"
+
+
+def _answer(piece: bytes) -> Message:
+    line = piece.removesuffix(CR)
+    return Message(piece, readable(line) or readable(piece), _answer_words(line), sent=False)
+
+
+def _answer_words(line: bytes) -> str:
+    """An answer without its CR in words."""
+    if line in ANSWERS:
+        return f"reply: {ANSWERS[line]}"
+    code, text = line[:2], readable(line[2:])
+    if code == b"@X" and len(text) == len(STATUS) and set(text) <= {"0", "1"}:
+        words = [words for words, bit in zip(STATUS, text, strict=True) if bit == "1"]
+        return f"status: {', '.join(words) or 'ready'}"
+    if code == b"@L" and text:
+        return f"position {text[0]} {text[1:]}"
+    if code == b"@V":
+        return f"version: {text.strip()}"
+    return "no answer of this interface"

@@ -1,0 +1,219 @@
+"""What the bytes of a controller mean: the second border of a controller, for people and tools.
+
+A controller (`isel_twin.controller`) takes bytes and gives bytes. Whoever writes a job file, reads a log or wants a
+move made needs to know what they mean, and only the controller's `Language` does:
+
+    "@07"  --- frame --->  bytes  --->  controller  --->  bytes  --- accepted --->  was that a refusal?
+                             |                              |
+                             '--------- messages -----------'---->  @07    set the axes X Y Z, initialise
+                                                                    0      reply: done
+    reference, move, break_off  --->  what a host would send for it
+
+It is optional. A controller without one runs like any other, and its job files give every byte as a number; nothing
+here guesses how a line might end. A language has no clock and never sees a controller: it knows the bytes of both
+directions, in the order in which they went over the line.
+
+Third parties add a language by an entry point in the group `isel_twin.languages`, under the name of the controller; see
+docs/controllers.md.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from isel_twin.controller import UnknownNameError, controller_names
+
+Ranges = Mapping[str, tuple[int, int]]
+"""Lowest and highest value of each of the `MoveSettings`, by its name."""
+
+SETTINGS_RANGES: Ranges = {
+    "speed_hz": (30, 40_000),
+    "acceleration_hz_per_ms": (1, 4000),
+    "start_stop_hz": (20, 4000),
+}
+"""What `MoveSettings` can be, the widest of all controllers; `Language.ranges` is what one of them takes."""
+
+
+class LanguageError(ValueError):
+    """A language cannot say this, or there is none; the message is one line that names the remedy."""
+
+
+@dataclass(frozen=True)
+class MoveSettings:
+    """How fast a move is made. Raises ValueError for what no controller takes, see SETTINGS_RANGES."""
+
+    speed_hz: int = 10_000
+    """Step frequency of the leading axis, the one with the most steps."""
+    acceleration_hz_per_ms: int = 100
+    """Of the ramps."""
+    start_stop_hz: int = 300
+    """Frequency at which ramps begin and end."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in SETTINGS_RANGES.items():
+            given = getattr(self, name)
+            try:
+                value = operator.index(given)  # numpy's integers become plain ones
+            except TypeError:
+                value = -1
+            if not low <= value <= high:
+                raise ValueError(f"{name} is {given!r}; it must be a whole number from {low} to {high}")
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message on the line: a command, a control byte, a reply."""
+
+    data: bytes
+    """As it went over the line, its end included."""
+    text: str
+    """Readable: as in a job file, without the end that `Language.frame` adds."""
+    explanation: str
+    """A few plain words."""
+    sent: bool
+    """By the host (True) or by the controller."""
+
+
+class Language(Protocol):
+    """The language of a controller. Only `messages` and `rest` keep something from call to call.
+
+    So whoever decodes a line takes an instance of its own (`create_language`); for the rest one will do for everybody.
+    """
+
+    @property
+    def ranges(self) -> Ranges:
+        """What the controller takes for each of the `MoveSettings`."""
+
+    def frame(self, text: str) -> bytes:
+        """A line of a job file as it is sent. Raises LanguageError for text that cannot be."""
+
+    def text(self, reply: bytes) -> str:
+        """A reply as `Twin.query` and results of jobs give it; nothing is left out."""
+
+    def accepted(self, sent: bytes, reply: bytes) -> bool:
+        """Whether `reply`, all bytes that came for `sent`, refuses nothing.
+
+        An empty reply is accepted only if nothing that was sent demanded one.
+        """
+
+    def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
+        """Messages that are complete with these bytes of one direction; a message begun is kept until its end comes.
+
+        Never raises, whatever the bytes are: the `data` of all messages of a direction, and its `rest`, are the bytes
+        of that direction. All of `data` is taken in by the call itself, whether the messages are looked at or not.
+        """
+
+    def rest(self, sent: bool) -> bytes:
+        """The message of one direction that has been begun and not ended."""
+
+    def reference(self) -> Sequence[bytes]:
+        """What a host sends to initialise and reference all axes, so that `move` can follow; each reply is awaited."""
+
+    def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
+        """What a host sends to put the settings in force and move straight to counter values, X Y Z.
+
+        Each reply is awaited; the last one is that of the move. Raises LanguageError for a target or settings that
+        cannot be said; the controller's own refusals are its replies.
+        """
+
+    def break_off(self) -> bytes:
+        """What a host sends to end a motion with its stop ramp and forget the rest of it."""
+
+
+LanguageFactory = Callable[[str], Language]
+"""factory(name) -> a fresh Language, `name` being the entry point's and the controller's."""
+
+_GROUP = "isel_twin.languages"
+
+
+def language_names() -> list[str]:
+    """Names of all controllers whose language is installed, sorted."""
+    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
+
+
+def create_language(controller: str) -> Language | None:
+    """A fresh language of the controller with this name, None if it has none.
+
+    Raises UnknownNameError if no installed controller has that name either.
+    """
+    for entry in importlib.metadata.entry_points(group=_GROUP):
+        if entry.name == controller:
+            factory: LanguageFactory = entry.load()
+            return factory(controller)
+    if controller not in (names := controller_names()):
+        raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
+    return None
+
+
+def needed(language: Language | None, controller: str) -> Language:
+    """The language, for whoever cannot do without. Raises LanguageError if there is none."""
+    if language is None:
+        raise LanguageError(f"controller {controller!r} has no language: send its bytes as <13> or by write()")
+    return language
+
+
+# ---- for languages of text -------------------------------------------------------------------------------------------
+
+
+def encoded(text: str) -> bytes:
+    """One byte a character (Latin-1). Raises LanguageError for a character that has none."""
+    try:
+        return text.encode("latin-1")
+    except UnicodeEncodeError as error:
+        raise LanguageError(f"{text[error.start]!r} is not a character a serial line can carry") from None
+
+
+def readable(data: bytes) -> str:
+    """Bytes as a job file has them: printable ASCII as it is, any other byte as its number, <13>."""
+    return "".join(chr(byte) if 32 <= byte < 127 and byte != ord("<") else f"<{byte}>" for byte in data)
+
+
+def integers(values: Sequence[int], count: int) -> list[int]:
+    """`count` plain whole numbers, for a target. Raises LanguageError for anything else."""
+    try:
+        numbers = [operator.index(value) for value in values]
+    except TypeError:
+        numbers = []
+    if len(numbers) != count:
+        raise LanguageError(f"the target is {values!r}; give {count} whole numbers, the counters to move to")
+    return numbers
+
+
+class Pieces:
+    """Cuts the bytes of one direction into pieces as they come.
+
+    A piece ends with one of the bytes `ends`. A byte of `alone` is a piece by itself, wherever it stands, and cuts off
+    what has come before it. So does a length of `longest` bytes, so that memory is bounded whatever comes.
+    """
+
+    def __init__(self, ends: bytes, alone: bytes = b"", longest: int = 4096) -> None:
+        self._ends = ends
+        self._alone = alone
+        self._longest = longest
+        self._rest = bytearray()
+
+    @property
+    def rest(self) -> bytes:
+        """The piece begun."""
+        return bytes(self._rest)
+
+    def cut(self, data: bytes) -> list[bytes]:
+        """The pieces that are whole with these bytes."""
+        pieces = []
+        for byte in data:
+            if byte in self._alone and self._rest:
+                pieces.append(self._take())
+            self._rest.append(byte)
+            if byte in self._ends or byte in self._alone or len(self._rest) >= self._longest:
+                pieces.append(self._take())
+        return pieces
+
+    def _take(self) -> bytes:
+        piece = bytes(self._rest)
+        self._rest.clear()
+        return piece
