@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from isel_twin.controller import CounterSet, Event, Output, Reply
+from isel_twin.controller import CounterSet, Event, Output, Reply, SerialFormat
 from isel_twin.motion import StepRun, constant, line
 from isel_twin.testing import Desk, PositionSwitch, ProtocolError, StillBusyError
 
@@ -16,7 +16,7 @@ MS = 1_000_000
 class Toy:
     """Answers "k" at once, moves X by -100 at 1 kHz on "m", stops at terminal "end" going low, fails on request."""
 
-    baud = 19_200
+    serial_format = SerialFormat(19_200)
     direction = (1, 1, 1, 1)
 
     def __init__(self, flash: bytes | None) -> None:
@@ -76,7 +76,7 @@ class Toy:
         events, self.events = self.events, []
         return events
 
-    def wiring(self) -> Mapping[str, tuple[str, ...]]:
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
         return {"end": ("limit_x1",), "power": ("power_ok",), "chain": ("estop_1", "hood_setup")}
 
 

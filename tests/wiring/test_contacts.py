@@ -9,6 +9,7 @@ import pytest
 
 from isel_twin.machine import Contact
 from isel_twin.wiring import Contacts
+from isel_twin.wiring.cabinet import SIGNALS
 
 BOUNCE_MS = 1.0
 
@@ -29,7 +30,7 @@ def switch(name: str, type_: str = "opener", *, inverted: bool = False, bounce: 
 
 
 def contacts(*listed: Contact, terminals: Mapping[str, tuple[str, ...]] = TERMINALS, seed: int = 1) -> Contacts:
-    return Contacts(listed, terminals, np.random.default_rng(seed))
+    return Contacts(listed, terminals, SIGNALS, np.random.default_rng(seed))
 
 
 def settle(box: Contacts) -> None:

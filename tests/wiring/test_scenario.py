@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from isel_twin.wiring import ScenarioError, load_scenario
+from isel_twin.wiring import FAULTS, ScenarioError, load_scenario
+from isel_twin.wiring.cabinet import ELEMENTS
 
-CONTACTS = ("limit_x1", "limit_x2", "estop_1")
+SETTABLE = {**ELEMENTS, **dict.fromkeys(("limit_x1", "limit_x2", "estop_1"), tuple(FAULTS))}
 
 
 def load(folder: Path, text: str):  # type: ignore[no-untyped-def]
     file = folder / "scenario.toml"
     file.write_text(text, encoding="utf-8")
-    return load_scenario(file, CONTACTS)
+    return load_scenario(file, SETTABLE)
 
 
 def test_events_are_sorted_by_time(tmp_path: Path) -> None:

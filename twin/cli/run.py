@@ -48,8 +48,8 @@ def run(
     """Run a file of controller commands in virtual time.
 
     A line is sent as the controller's language has it (an iMC's with a carriage return) and its reply awaited. "# "
-    begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So this
-    starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
+    begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
+    this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1.
     """
