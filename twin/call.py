@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["CallError", "TwinCall", "call_errors", "one_line"]
 
 _IMAGE = b"isel-twin "
-"""What the flash image of any controller begins with."""
+"""What flash images of the package's controllers begin with."""
 
 
 class CallError(ValueError):
@@ -48,7 +48,7 @@ def call_errors(about: object = None) -> Iterator[None]:
     except CallError:
         raise
     except FileNotFoundError as error:
-        raise CallError(f"{error.filename2 or error.filename}: there is no such file") from error
+        raise CallError(f"{error.filename2 or error.filename or about}: there is no such file") from error
     except OSError as error:
         where = error.filename2 or error.filename or about
         raise CallError(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error

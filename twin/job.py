@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from isel_twin.language import Language, LanguageError, encoded, needed, readable
+from isel_twin.snapshot import snapshot
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -57,7 +58,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a line: sent at time_ns, over at end_ns; counters [4] and true positions [3] mm at its end."""
+    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end."""
 
     number: int
     command: str
@@ -126,15 +127,16 @@ def play(twin: Twin, lines: Sequence[Line], timeout_s: float) -> Iterator[Result
     for line in lines:
         time_ns = twin.time_ns
         reply = _converse(twin, line, timeout_s)
+        seen = snapshot(twin)
         yield Result(
             number=line.number,
             command=line.command,
             reply=readable(reply) if language is None else language.text(reply),
             ok=twin.idle and (language is None or language.accepted(line.sent, reply)),
             time_ns=time_ns,
-            end_ns=twin.time_ns,
-            counts=tuple(int(count) for count in twin.counts),
-            position_mm=tuple(float(position) for position in twin.position_mm),
+            end_ns=seen.time_ns,
+            counts=tuple(seen.counts.tolist()),
+            position_mm=tuple(seen.position_mm.tolist()),
         )
 
 

@@ -217,16 +217,39 @@ def test_help_names_every_command():
         assert command in done.stdout
 
 
-def test_help_and_lists_import_nothing_heavy():
-    for arguments in (["--help"], ["run", "--help"], ["machines"]):
-        code = (
-            "import sys\nfrom isel_twin.cli import main\n"
-            f"try: main({arguments})\nexcept SystemExit: pass\n"
-            "heavy = {'mujoco', 'numba', 'pyarrow', 'matplotlib', 'scipy'} & set(sys.modules)\n"
-            "sys.exit(len(heavy))\n"
-        )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
-        assert done.returncode == 0, arguments
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["machines"], ["controllers"]]
+    + [[command, "--help"] for command in ("serve", "run", "describe", "motor")],
+    ids=" ".join,
+)
+def test_help_and_lists_import_nothing_heavy(arguments):
+    code = (
+        "import sys\nfrom isel_twin.cli import main\n"
+        f"try: main({arguments})\nexcept SystemExit as end: assert not end.code\n"
+        "heavy = {'numpy', 'numba', 'mujoco', 'pyarrow', 'matplotlib', 'scipy'} & set(sys.modules)\n"
+        "print(sorted(heavy), file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+
+
+def test_the_version_is_that_of_the_package():
+    import importlib.metadata
+
+    import isel_twin as package
+    from isel_twin.version import VERSION
+
+    assert isel_twin("--version").stdout == f"{VERSION}\n"
+    assert package.__version__ == VERSION == importlib.metadata.version("isel-twin")
+
+
+def test_what_serve_records_must_be_a_kind_of_trace(tmp_path, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["serve", "--record", str(tmp_path / "out.txt")])
+    assert caught.value.code == 2
+    line = f"isel-twin: --record {tmp_path}/out.txt: the name must end in .npz, .vcd or .parquet\n"
+    assert capsys.readouterr() == ("", line)
 
 
 def test_machines_and_controllers_are_listed_and_described():
