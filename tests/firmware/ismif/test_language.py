@@ -180,7 +180,7 @@ def test_every_answer_without_text_has_words(line: bytes) -> None:
     assert told(line + CR, sent=False) == [f"reply: {ANSWERS[line]}"]
 
 
-@pytest.mark.parametrize(("place", "words"), enumerate(STATUS))
+@pytest.mark.parametrize(("place", "words"), list(enumerate(STATUS)))
 def test_every_place_of_the_status_has_words(place: int, words: str) -> None:
     bits = "".join("1" if place == other else "0" for other in range(len(STATUS)))
     assert told(f"@X{bits}\r".encode(), sent=False) == [f"status: {words}"]
