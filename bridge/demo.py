@@ -1,7 +1,8 @@
 """`make demo`: a host program drives the twin through a pseudo-terminal, and sees what it would see at the machine.
 
-The host part (`_Host`) is written as a stranger would write it: pySerial, a port name, commands of the manual. The twin
-serves that port from a thread of its own. Beside each reply stands what the host cannot see: where the carriages are.
+The host part (`_Host`) knows pySerial, a port name, and by the controller's language what goes over the line; what it
+sends are commands of the manual. The twin serves that port from a thread of its own. Beside each reply stands what the
+host cannot see: where the carriages are.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from rich.table import Table
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.server import Server
+from isel_twin.language import MoveSettings, create_language, needed
 from isel_twin.twin import Twin
 
+CONTROLLER = "imc-s8"
 REPLY_TIMEOUT_S = 120.0
 
 SESSION = (
@@ -47,17 +50,21 @@ OVERLOAD = (
 
 
 class _Host:
-    """A host program: knows a port name and the manual, nothing else."""
+    """A host program: knows a port name and a language, nothing else."""
 
-    def __init__(self, port: str) -> None:
-        self._serial = serial.Serial(port, 19200, timeout=REPLY_TIMEOUT_S)
+    def __init__(self, port: str, baud: int) -> None:
+        self._serial = serial.Serial(port, baud, timeout=REPLY_TIMEOUT_S)
+        self._language = needed(create_language(CONTROLLER), CONTROLLER)
 
     def ask(self, command: str) -> str:
-        self._serial.write(command.encode() + b"\r")
-        reply = self._serial.read(1)
-        if command == "@0P" and reply == b"0":
-            reply += self._serial.read(18)
-        return reply.decode()
+        """Send a command, read until its reply is complete. Raises TimeoutError."""
+        data = self._language.frame(command)
+        self._serial.write(data)
+        self._language.messages(data, sent=True)
+        while byte := self._serial.read(1):
+            for message in self._language.messages(byte, sent=False):
+                return message.text
+        raise TimeoutError(f"no complete reply to {command!r} within {REPLY_TIMEOUT_S:g} s")
 
     def close(self) -> None:
         self._serial.close()
@@ -95,9 +102,11 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
 
 def _warm_up() -> None:
     """Have everything compiled that the session needs: its real-time factor is to be the twin's, not the compiler's."""
-    twin = Twin(start_mm=(5.0, 5.0, 5.0))
-    for command in ("@07", "@0R7", "@0z1", "@0A3200,10000,1600,10000,320,10000,0,30"):
-        twin.query(command)
+    twin = Twin(controller=CONTROLLER, start_mm=(5.0, 5.0, 5.0))
+    language = needed(twin.language, CONTROLLER)
+    for data in (*language.reference(), *language.move((3200, 1600, 320), MoveSettings())):
+        twin.write(data)
+        twin.run_until_idle()
 
 
 def main() -> None:
@@ -105,7 +114,7 @@ def main() -> None:
     console = Console() if sys.stdout.isatty() else Console(width=100)
     with console.status("building the machine (the first time, the physics kernel is compiled: half a minute or so)"):
         _warm_up()
-        twin = Twin(machine="4030", controller="imc-s8", seed=int(os.environ.get("SEED", "0")), line_speed=True)
+        twin = Twin(machine="4030", controller=CONTROLLER, seed=int(os.environ.get("SEED", "0")), line_speed=True)
     pty = PtyEndpoint()
     server = Server(twin, Pacer(None), [pty])
     thread = threading.Thread(target=server.run, name="isel-twin", daemon=True)
@@ -114,7 +123,7 @@ def main() -> None:
     console.print(
         f"The twin of a 4030 with its iMC-S8 listens on [bold]{pty.address}[/bold], a host program opens it.\n"
     )
-    host = _Host(pty.address)
+    host = _Host(pty.address, twin.serial_format.baud)
     _session(console, host, twin, "A session", SESSION)
     console.print("Differences of some um are load, friction and backlash; no step is lost.\n")
     _session(console, host, twin, "The same way, too fast", OVERLOAD)

@@ -50,9 +50,8 @@ def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RAN
 
 def to_action(settings: Settings, ranges: Ranges = SETTINGS_RANGES) -> NDArray[np.float32]:
     """float32 [3], the action that stands for these settings with a controller that takes these ranges."""
-    slowest, fastest = ranges["speed_hz"]
     parts = (
-        (settings.speed_hz - slowest) / (fastest - slowest),
+        _linear(settings.speed_hz, *ranges["speed_hz"]),
         _logarithmic(settings.acceleration_hz_per_ms, *ranges["acceleration_hz_per_ms"]),
         _logarithmic(settings.start_stop_hz, *ranges["start_stop_hz"]),
     )
@@ -63,8 +62,12 @@ def _geometric(part: float, low: int, high: int) -> int:
     return round(low * (high / low) ** part)
 
 
+def _linear(value: int, low: int, high: int) -> float:
+    return (value - low) / (high - low) if high > low else 0.0
+
+
 def _logarithmic(value: int, low: int, high: int) -> float:
-    return math.log(value / low) / math.log(high / low)
+    return math.log(value / low) / math.log(high / low) if high > low else 0.0
 
 
 class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):

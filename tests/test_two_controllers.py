@@ -2,41 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from isel_twin import Twin
+from isel_twin.language import MoveSettings
 
 SQUARE_MM = [(10.0, 10.0), (40.0, 10.0), (40.0, 40.0), (10.0, 40.0), (10.0, 10.0)]
 TOLERANCE_MM = 0.03
-IMC_STEPS_MM = 320
 ISMIF_STEPS_MM = 80  # half steps
 
 
-def imc_corners(twin: Twin, corners: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
-    """Reference run and absolute moves at 12.5 mm/s by the iMC; true positions at the corners."""
-    assert twin.query("@07") == "0"
-    assert twin.query("@0R7") == "0"
+def corners(twin: Twin, square_mm: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
+    """Reference run and absolute moves at 12.5 mm/s, by whatever language the controller has; true positions there."""
+    assert twin.language is not None
+    steps_mm = twin.machine.axes[0].steps_per_mm
+    settings = MoveSettings(round(12.5 * steps_mm), acceleration_hz_per_ms=2, start_stop_hz=round(2.5 * steps_mm))
+    for data in twin.language.reference():
+        converse(twin, data)
     positions = []
-    for x, y in corners:
-        steps = ",".join(f"{round(v * IMC_STEPS_MM)},4000" for v in (x, y))
-        assert twin.query(f"@0M{steps},0,30,0,30") == "0"
+    for x, y in square_mm:
+        for data in twin.language.move([round(x * steps_mm), round(y * steps_mm), 0], settings):
+            converse(twin, data)
         positions.append(settled(twin))
     return positions
 
 
-def ismif_corners(twin: Twin, corners: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
-    """The same by the iSMIF: 12.5 mm/s are 1000 half steps a second."""
-    assert twin.query("$HZXY\x01") == "\r\x02\r"
-    assert twin.query("#E5,1000\x01") == "\r\x02\r"
-    positions = []
-    for x, y in corners:
-        assert twin.query(f"L5,X{round(x * ISMIF_STEPS_MM)},Y{round(y * ISMIF_STEPS_MM)},Z0\x01") == "\r\x02\r"
-        positions.append(settled(twin))
-    return positions
+def converse(twin: Twin, data: bytes) -> None:
+    """Send, wait for the reply, and have it accepted."""
+    assert twin.language is not None
+    twin.write(data)
+    assert twin.run_until_idle(60.0)
+    assert twin.language.accepted(data, twin.read())
 
 
 def settled(twin: Twin) -> NDArray[np.float64]:
@@ -47,16 +47,12 @@ def settled(twin: Twin) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_the_same_square_ends_at_the_same_place(seed: int) -> None:
-    drives: list[tuple[str, Callable[..., list[NDArray[np.float64]]]]] = [
-        ("imc-s8", imc_corners),
-        ("ismif", ismif_corners),
-    ]
-    corners = {}
-    for controller, drive in drives:
+    reached = {}
+    for controller in ("imc-s8", "ismif"):
         twin = Twin(controller=controller, seed=seed)
-        corners[controller] = drive(twin, SQUARE_MM)
+        reached[controller] = corners(twin, SQUARE_MM)
         assert np.abs(twin.lost_steps).max() < 1.0
-    for imc, ismif, (x, y) in zip(corners["imc-s8"], corners["ismif"], SQUARE_MM, strict=True):
+    for imc, ismif, (x, y) in zip(reached["imc-s8"], reached["ismif"], SQUARE_MM, strict=True):
         assert np.abs(imc - ismif).max() < TOLERANCE_MM
         assert np.abs(ismif - (x, y, 0.0)).max() < TOLERANCE_MM
 

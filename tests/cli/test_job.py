@@ -1,4 +1,4 @@
-"""Job files: what a line means, and what counts as accepted."""
+"""Job files: what a line sends, and what becomes of it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.job import JobError, Line, decode_job, parse_job
-from isel_twin.job import _accepted as accepted
+from isel_twin import Twin
+from isel_twin.job import JobError, Line, decode_job, parse_job, play
+from isel_twin.language import create_language
+
+CONTROLLERS = ("imc-s8", "ismif")
 
 
+def parsed(text: str, controller: str = "imc-s8") -> list[Line]:
+    return parse_job(text, create_language(controller), controller)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize(
     ("text", "actions"),
     [
@@ -28,32 +36,32 @@ from isel_twin.job import _accepted as accepted
         ("<254> <255>", [b"\xfe\xff"]),
     ],
 )
-def test_what_a_line_sends(text, actions):
-    (line,) = parse_job(text)
+def test_what_a_line_sends(text, actions, controller):
+    (line,) = parsed(text, controller)
     assert list(line.actions) == actions
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "   ", "#", "# x", "#!/bin/sh", "#-----", "  # @07", "## x"])
 def test_lines_that_send_nothing(text):
-    assert parse_job(text) == []
+    assert parsed(text) == []
 
 
 @pytest.mark.parametrize("item", ["256", "-1", "", "s", "1.5", "x", "1m", "1e3s"])
 def test_bad_items_are_named(item):
     with pytest.raises(JobError, match=r"line 2: <.*> is neither a byte"):
-        parse_job(f"@07\n@0S <{item}>")
+        parsed(f"@07\n@0S <{item}>")
 
 
 @pytest.mark.parametrize("seconds", ["1000000001", "9" * 400, "9" * 5000])
 def test_a_pause_has_a_limit(seconds):
     with pytest.raises(JobError, match="line 2: a pause of more than 1000000000 s"):
-        parse_job(f"@07\n<{seconds}s>")
-    assert parse_job("<1000000000s>")[0].actions == (10**18,)
+        parsed(f"@07\n<{seconds}s>")
+    assert parsed("<1000000000s>")[0].actions == (10**18,)
 
 
 def test_a_byte_of_many_digits_is_a_job_error():
     with pytest.raises(JobError, match="is neither a byte"):
-        parse_job("<" + "9" * 5000 + ">")
+        parsed("<" + "9" * 5000 + ">")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
@@ -61,28 +69,28 @@ def test_a_byte_of_many_digits_is_a_job_error():
 def test_only_line_ends_split_a_file(encoding, end):
     """The second byte of a capital A with ring in UTF-8 is 85h, which str.splitlines takes for a line end."""
     data = end.join(["# Ångström und @0R7", "@07", "", "@0P # Å @0R7"]).encode(encoding)
-    assert [(line.number, line.sent) for line in parse_job(decode_job(data))] == [(2, b"@07\r"), (4, b"@0P\r")]
+    assert [(line.number, line.sent) for line in parsed(decode_job(data))] == [(2, b"@07\r"), (4, b"@0P\r")]
 
 
 @pytest.mark.parametrize("control", ["\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\xa0"])
 def test_no_other_character_ends_a_comment(control):
-    assert parse_job(f"# one{control}@0R7") == []
+    assert parsed(f"# one{control}@0R7") == []
 
 
 def test_bytes_that_are_no_utf_8_are_sent_as_they_are():
-    (line,) = parse_job(decode_job(b"@0M\xfd\x85 # \xe4\n"))
+    (line,) = parsed(decode_job(b"@0M\xfd\x85 # \xe4\n"))
     assert line.sent == b"@0M\xfd\x85\r"
 
 
 def test_characters_beyond_a_byte_are_named():
     with pytest.raises(JobError, match="line 1: '€'"):
-        parse_job("@0€")
+        parsed("@0€")
 
 
 @given(st.text())
 def test_any_text_is_a_job_or_a_job_error(text):
     try:
-        lines = parse_job(text)
+        lines = parsed(text)
     except JobError:
         lines = []
     assert all(line.actions for line in lines)
@@ -90,25 +98,41 @@ def test_any_text_is_a_job_or_a_job_error(text):
 
 @given(st.lists(st.integers(0, 255), min_size=1))
 def test_bytes_written_as_numbers_are_sent_as_they_are(numbers):
-    (line,) = parse_job("".join(f"<{number}>" for number in numbers))
+    (line,) = parsed("".join(f"<{number}>" for number in numbers))
     assert line.actions == (bytes(numbers),)
 
 
-@pytest.mark.parametrize(
-    ("sent", "reply", "ok"),
-    [
-        (b"@07\r", "0", True),
-        (b"@0P\r", "0" * 19, True),
-        (b"@0V\r", "isel iMC-S8 V1.0", True),
-        (b"@07\r", "5", False),
-        (b"@0S\r", "F", False),
-        (b"@07\r", "", False),
-        (b"\xfd", "", True),
-        (b"\xfd", "F", False),
-        (b"@R\r", "\r", True),
-        (b"@X\r", "@X100110\r", True),
-        (b"L15,x500\x01", "\x02\r", True),
-    ],
-)
-def test_what_counts_as_accepted(sent, reply, ok):
-    assert accepted(Line(1, "", (sent,)), reply) is ok
+@pytest.mark.parametrize("text", ["@07", "<13>@07", "<1s> ?"])
+def test_text_for_a_controller_without_language_is_named(text):
+    with pytest.raises(JobError, match="line 2: controller 'toy' has no language: send its bytes as <13>"):
+        parse_job(f"<64>\n{text}", None, "toy")
+
+
+def test_bytes_need_no_language():
+    (line,) = parse_job("@07<13> <0.5s> <253>", None, "toy")
+    assert line.actions == (b"@07\r", 500_000_000, b"\xfd")
+
+
+def results(text: str, *, controller: str = "imc-s8", language: bool = True) -> list[tuple[str, bool]]:
+    """Reply and verdict of each line, played on a twin."""
+    twin = Twin(controller=controller, plant="kinematic")
+    twin.language = twin.language if language else None
+    return [(result.reply, result.ok) for result in play(twin, parse_job(text, twin.language, controller), 100.0)]
+
+
+def test_what_becomes_of_a_job():
+    assert results("@07\n@0R7\n@0P\n@0x\n<253>") == [
+        ("0", True),
+        ("0", True),
+        ("0" * 19, True),
+        ("5", False),
+        ("", True),
+    ]
+    assert results("$HZXY<1>\n@X\nL9<1>", controller="ismif") == [
+        ("\r\x02\r", True), ("@X000000\r", True), ("\r\x02\r", True)
+    ]  # fmt: skip
+
+
+def test_without_a_language_no_reply_is_a_refusal_and_every_byte_is_shown():
+    assert results("@07<13>\n@0x<13>\n", language=False) == [("0", True), ("5", True)]
+    assert results("$HZXY<1>", controller="ismif", language=False) == [("<13><2><13>", True)]

@@ -116,5 +116,16 @@ def test_settings_outside_the_controllers_ranges_are_refused(values: Any) -> Non
         Settings(*values)
 
 
+def test_settings_that_this_controller_cannot_be_told_are_named() -> None:
+    with pytest.raises(ValueError, match="speed_hz is 10000; the interface takes 65 to 5000"):
+        run_job(Setup(job=[(1.0, 0.0, 0.0)], plant="kinematic", controller="ismif"), Settings())
+
+
+def test_the_fastest_setting_is_looked_for_in_the_range_of_the_controller() -> None:
+    setup = Setup(job=[(30.0, 0.0, 0.0)], plant="kinematic", controller="ismif")
+    found = fastest(setup, Settings(1000), "speed_hz", margin_nm=0.0)
+    assert (found.settings.speed_hz, found.failed) == (5000, None)
+
+
 def test_numpy_integers_are_welcome() -> None:
     assert grid(np.arange(1000, 3000, 1000)) == [Settings(1000), Settings(2000)]

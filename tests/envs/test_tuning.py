@@ -20,6 +20,8 @@ SHORT = [(5.0, 2.0, 1.0), (0.0, 4.0, 2.0)]
 OUT_AND_BACK = [(100.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
 SANE = Settings(speed_hz=10_000, acceleration_hz_per_ms=100, start_stop_hz=300)
 TOO_FAST = Settings(speed_hz=40_000, acceleration_hz_per_ms=4000, start_stop_hz=4000)
+HALF_STEPS = Settings(speed_hz=2000, acceleration_hz_per_ms=10, start_stop_hz=300)
+"""25 mm/s and 125 mm/s^2 where a mm has 80 steps."""
 PERIOD_STEPS = 32
 """Four full steps of 1.8 degrees at 1600 steps a revolution."""
 
@@ -31,7 +33,8 @@ def make(**options: Any) -> JobTuning:
 
 
 def step(env: JobTuning, settings: Settings) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-    observation, reward, terminated, truncated, info = env.step(to_action(settings))
+    observation, reward, terminated, truncated, info = env.step(to_action(settings, env.ranges))
+    assert info["settings"] == settings
     terms = {name: value for name, value in info.items() if name.startswith("reward_")}
     assert reward == pytest.approx(sum(terms.values()))
     assert len(terms) == 5
@@ -47,8 +50,9 @@ def ramped_s(steps: int, speed_hz: int, acceleration_hz_per_ms: int, start_stop_
 
 
 @pytest.mark.filterwarnings("ignore:.*Box observation space m..imum value is.*infinity")
-def test_gymnasium_finds_nothing_wrong() -> None:
-    check_env(make(job=SHORT), skip_render_check=True)
+@pytest.mark.parametrize("controller", ["imc-s8", "ismif"])
+def test_gymnasium_finds_nothing_wrong(controller: str) -> None:
+    check_env(make(job=SHORT, controller=controller), skip_render_check=True)
 
 
 @pytest.mark.parametrize(
@@ -178,11 +182,73 @@ def test_a_scenario_happens_in_the_episode(tmp_path: Path) -> None:
     assert info["reward_abort"] == -200.0
 
 
-def test_a_speed_that_this_controller_refuses_ends_the_episode() -> None:
-    env = make(job=OUT_AND_BACK, plant="kinematic", controller="c142")
+def test_a_speed_that_this_controller_refuses_ends_the_episode(tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text(
+        'based_on = "4030"\nname = "slow"\n[controller]\n'
+        'max_speed_hz = { value = 10000, unit = "Hz", grade = "setting", source = "this test" }\n',
+        encoding="utf-8",
+    )
+    env = make(job=OUT_AND_BACK, plant="kinematic", machine=tmp_path)
     env.reset(seed=0)
     _, _, terminated, _, info = step(env, TOO_FAST)
     assert (info["reply"], terminated) == ("D", True)
+    assert info["reward_abort"] == -200.0
+
+
+@pytest.mark.parametrize(
+    ("controller", "lowest", "highest"),
+    [
+        ("imc-s8", Settings(30, 1, 20), Settings(40_000, 4000, 4000)),
+        ("c142", Settings(30, 1, 20), Settings(10_000, 4000, 4000)),
+        ("ismif", Settings(65, 1, 65), Settings(5000, 4000, 4000)),
+    ],
+)
+def test_the_action_space_is_what_the_controller_takes(controller: str, lowest: Settings, highest: Settings) -> None:
+    env = make(job=[(0.1, 0.0, 0.0)], plant="kinematic", controller=controller, settle_s=0.01)
+    for action, settings in ((-1.0, lowest), (1.0, highest)):
+        env.reset(seed=0)
+        *_, terminated, _, info = env.step(np.full(3, action, dtype=np.float32))
+        assert info["settings"] == settings
+        assert (terminated, info["reward_abort"]) == (True, 0.0), "and it has made the move"
+        np.testing.assert_array_equal(to_action(settings, env.ranges), action)
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_the_same_job_by_a_controller_of_another_language(plant: str) -> None:
+    """Half steps, jobs instead of moves, a ramp length instead of an acceleration; the same law of motion."""
+    env = make(job=OUT_AND_BACK, plant=plant, controller="ismif")
+    start, _ = env.reset(seed=0)
+    np.testing.assert_allclose(start[0:3], [100.0, 0.0, 0.0])
+    duration_s = ramped_s(8000, 2000, 10, 300)
+    half_way, reward, terminated, truncated, info = step(env, HALF_STEPS)
+    assert (terminated, truncated, info["slipped"]) == (False, False, False)
+    assert info["reply"] == "\r\x02\r"
+    assert reward == pytest.approx(-duration_s, abs=2e-3)
+    assert np.abs(half_way[3:6]).max() < 0.03
+    end, _, terminated, truncated, info = step(env, HALF_STEPS)
+    assert (terminated, truncated, end[14]) == (True, False, 0)
+    assert info["time_s"] == pytest.approx(2.0 * duration_s, abs=4e-3)
+
+
+def test_the_time_limit_breaks_off_in_another_language_too() -> None:
+    env = make(job=OUT_AND_BACK, plant="kinematic", controller="ismif", time_limit_s=1.0)
+    env.reset(seed=0)
+    _, _, terminated, truncated, info = step(env, HALF_STEPS)
+    assert (terminated, truncated, info["reply"], info["reward_abort"]) == (False, True, "", -200.0)
+    assert env.twin is not None
+    counts = env.twin.counts
+    assert 0 < counts[0] < 8000
+    env.twin.run(1.0)
+    np.testing.assert_array_equal(env.twin.counts, counts)
+
+
+def test_a_fault_that_no_reply_tells_ends_the_episode() -> None:
+    env = make(job=OUT_AND_BACK, plant="kinematic", controller="ismif")
+    env.reset(seed=0)
+    assert env.twin is not None
+    assert env.twin.query("no command") == "\r"
+    _, _, terminated, _, info = step(env, HALF_STEPS)
+    assert (terminated, info["reward_abort"]) == (True, -200.0)
 
 
 def test_another_job_for_an_episode() -> None:
@@ -213,13 +279,29 @@ def test_no_step_outside_an_episode() -> None:
         ({"settle_s": 0.0}, "settle_s is 0.0"),
         ({"load_nm": -0.1}, "load_nm is -0.1"),
         ({"machine": "4031"}, "unknown machine '4031'"),
-        ({"controller": "ismif"}, "no reference run: ismif"),
+        ({"controller": "imc-s9"}, "unknown controller 'imc-s9'"),
         ({"overrides": {"payload.weight": 1.0}}, "payload.weight"),
     ],
 )
 def test_bad_arguments_get_one_clear_line(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message) as caught:
         make(plant="kinematic", **options).reset(seed=0)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_controller_without_language_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("isel_twin.envs.moves.create_language", lambda name: None)
+    with pytest.raises(ValueError, match="controller 'toy' has no language"):
+        make(controller="toy")
+
+
+def test_no_reference_run_is_one_clear_line(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text('[[event]]\nat = 0.5\nset = { estop = "pressed" }', encoding="utf-8")
+    with pytest.raises(
+        ValueError, match=r"^no reference run: imc-s8 answers '9' to @0R7<13>.*; take a scenario"
+    ) as caught:
+        make(job=SHORT, plant="kinematic", scenario=scenario).reset(seed=0)
     assert "\n" not in str(caught.value)
 
 

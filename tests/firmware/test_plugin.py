@@ -1,22 +1,30 @@
-"""docs/controllers.md is true: its toy controller, built and installed by a third party, is there like any other."""
+"""docs/controllers.md is true: its toy controller and its language, built and installed by a third party, are there
+like any other."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 PAGE = Path(__file__).parents[2] / "docs" / "controllers.md"
 
+MODULES = ("isel_twin_toy.py", "isel_twin_toy_language.py")
+"""The page's Python, block by block."""
+
 SESSION = """
 from isel_twin import Twin
 from isel_twin.controller import controller_names
+from isel_twin.language import language_names
 
 assert "toy" in controller_names()
+assert "toy" in language_names()
 twin = Twin(controller="toy", plant="kinematic", start_mm=(100.0, 50.0, 30.0))
 print(repr(twin.query("X1600")), twin.counts.tolist(), twin.position_mm.round(9).tolist())
 print(repr(twin.query("?")), repr(twin.query("nonsense")))
@@ -24,40 +32,133 @@ print(repr(twin.query("X-90000")), float(twin.counts[0]), float(twin.machine_pos
 """
 
 
+LANGUAGE = """
+from isel_twin.language import create_language
+
+language = create_language("toy")
+for data, sent in ((b"X40", True), (b"0\\r?\\rnonsense\\r", True), (b"0=4", False), (b"00\\r52=", False)):
+    for message in language.messages(data, sent):
+        print(message.text, "|", message.explanation)
+print(language.rest(False))
+"""
+
+TUNING = """
+import gymnasium, isel_twin.envs
+
+env = gymnasium.make("isel_twin/JobTuning-v0", controller="toy", plant="kinematic")
+try:
+    env.reset(seed=0)
+except ValueError as error:
+    print(error)
+"""
+
+JOB = "X1600\n?\nno<13>\nX-1600<13> <0.1s> ?\n"
+
+
 @pytest.fixture(scope="module")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the page's toy installed in it by pip."""
-    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("plugins")
+    """A folder with the page's toy and its language installed in it by pip."""
+    return install(tmp_path_factory.mktemp("plugins"), tmp_path_factory.mktemp("source"), language=True)
+
+
+def install(target: Path, source: Path, *, language: bool) -> Path:
     text = PAGE.read_text(encoding="utf-8")
-    (source / "isel_twin_toy.py").write_text(block(text, "python"), encoding="utf-8")
-    (source / "pyproject.toml").write_text(block(text, "toml"), encoding="utf-8")
+    for name, code in zip(MODULES, blocks(text, "python"), strict=True):
+        (source / name).write_text(code, encoding="utf-8")
+    (project,) = blocks(text, "toml")
+    if not language:
+        project = project.replace('toy = "isel_twin_toy_language:create"', "")
+    (source / "pyproject.toml").write_text(project, encoding="utf-8")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
     subprocess.run([*pip, "--no-build-isolation", "--target", str(target), str(source)], check=True)
     return target
 
 
-def block(text: str, language: str) -> str:
-    """The only code block of that language on a page."""
-    blocks = re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 1
-    return str(blocks[0])
+def blocks(text: str, language: str) -> list[str]:
+    """The code blocks of that language on a page."""
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def test_the_toy_is_about_a_page_long() -> None:
-    code = [line for line in block(PAGE.read_text(encoding="utf-8"), "python").splitlines() if line.strip()]
-    assert 40 <= len(code) <= 75
+def run(plugins: Path, *arguments: str, stdin: str = "", code: int = 0) -> tuple[list[str], str]:
+    """Lines of standard output, and standard error, of Python with the plugins installed."""
+    call = subprocess.run(
+        [sys.executable, *arguments],
+        env={**os.environ, "PYTHONPATH": str(plugins)},
+        input=stdin,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert call.returncode == code, call.stderr
+    return call.stdout.splitlines(), call.stderr
+
+
+def run_job(plugins: Path, job: str, code: int = 0) -> tuple[list[dict[str, Any]], str]:
+    """What `isel-twin run --json` prints about each command, and standard error."""
+    arguments = (
+        "-c",
+        "from isel_twin.cli import main; main()",
+        "run",
+        "-",
+        "--controller",
+        "toy",
+        "--plant",
+        "kinematic",
+        "--json",
+    )
+    out, err = run(plugins, *arguments, stdin=job, code=code)
+    return [json.loads(line) for line in out][:-1], err
+
+
+def test_controller_and_language_are_about_a_page_long_each() -> None:
+    for module in blocks(PAGE.read_text(encoding="utf-8"), "python"):
+        assert 40 <= len([line for line in module.splitlines() if line.strip()]) <= 75
 
 
 def test_the_toy_runs_as_an_installed_plugin(plugins: Path) -> None:
     """At 160 steps/mm: 1600 steps are 10 mm; 90000 steps back end at the motor-end switch with the answer 2."""
-    environment = {**os.environ, "PYTHONPATH": str(plugins)}
-    call = subprocess.run(
-        [sys.executable, "-c", SESSION], env=environment, capture_output=True, text=True, check=False, timeout=120
-    )
-    assert call.stderr == ""
-    first, second, third = call.stdout.splitlines()
+    (first, second, third), err = run(plugins, "-c", SESSION)
+    assert err == ""
     assert first == "'0' [1600, 0, 0, 0] [10.0, 0.0, 0.0]"
-    assert second == r"'1600\r' '5'"
+    assert second == r"'=1600\r' '5'"
     answer, count, at_switch = third.split()
     assert (answer, at_switch) == ("'2'", "True")
     assert float(count) == pytest.approx(-100 * 160, abs=1)
+
+
+def test_its_bytes_have_words(plugins: Path) -> None:
+    assert run(plugins, "-c", LANGUAGE)[0] == [
+        "X400 | move X by 400 steps",
+        "? | ask for the counter",
+        "nonsense | no command",
+        "0 | reply: done",
+        "=400 | position X 400",
+        "5 | reply: not understood",
+        "2 | reply: a switch is struck",
+        "b'='",
+    ]
+
+
+def test_its_job_files_are_framed_and_judged_by_its_language(plugins: Path) -> None:
+    results, _ = run_job(plugins, JOB, code=1)
+    assert [(result["reply"], result["ok"]) for result in results[:3]] == [
+        ("0", True), ("=1600\r", True), ("5", False)
+    ]  # fmt: skip
+    moving, answer = results[3]["reply"].split("\r")
+    assert (0 < int(moving.removeprefix("=")) < 1600, answer) == (True, "0")
+
+
+def test_the_tuning_environment_says_that_it_is_not_for_the_toy(plugins: Path) -> None:
+    assert run(plugins, "-c", TUNING) == (["the toy has no reference point"], "")
+
+
+def test_without_a_language_it_runs_by_bytes(tmp_path: Path) -> None:
+    plugins = install(tmp_path / "plugins", tmp_path, language=False)
+    results, _ = run_job(plugins, "X1600<13>\nno<13>\n")
+    assert [(result["reply"], result["ok"], result["counts"][0]) for result in results] == [
+        ("0", True, 1600), ("5", True, 1600)
+    ]  # fmt: skip
+    _, err = run_job(plugins, "<88>\nX1600\n", code=2)
+    assert "line 2: controller 'toy' has no language: send its bytes as <13>" in err
+    assert err.count("\n") == 1

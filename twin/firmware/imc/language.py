@@ -14,7 +14,8 @@ twice: `_told` by what has been answered, which decides about answers, and `_ahe
 it were accepted, which explains commands. Both are the same whenever nothing is left to be answered.
 
 What is not known from the bytes alone: a byte for a stored program that waits for one is taken for the beginning of a
-line, and a character that a stored program sends for a reply code, if it is one.
+line, and a character that a stored program sends for a reply code, if it is one. An answer that is lost on the way
+leaves its command to the answer after it, until a reset.
 """
 
 from __future__ import annotations
@@ -64,6 +65,8 @@ END_OF_FIELD = "9"
 
 LONGEST = 4096
 """Bytes after which a message is given out as it stands; no line and no answer has so many."""
+MOST_UNANSWERED = 65_536
+"""Lines that are remembered; the oldest is forgotten if nobody answers."""
 
 
 def create(name: str) -> ImcLanguage:
@@ -83,7 +86,7 @@ class ImcLanguage:
         self._line_bytes = profile.line_bytes
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
-        self._unanswered: deque[bytes] = deque()
+        self._unanswered: deque[bytes] = deque(maxlen=MOST_UNANSWERED)
         self._told, self._ahead = _Mode(), _Mode()
         self._answer = bytearray()
         self._answered = b""
