@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from isel_twin.files import atomic_write
-from isel_twin.trace.recorder import SAMPLE, Recorder
+from isel_twin.trace.recorder import Recorder
 
 if TYPE_CHECKING:
     from isel_twin.job import Result
@@ -73,7 +73,7 @@ def _thinned(recorder: Recorder) -> NDArray[np.void]:
         pieces.append(piece[-offset % stride :: stride])
         offset += len(piece)
         last = piece[-1:]
-    return np.concatenate([*pieces, last]) if last is not None else np.empty(0, dtype=SAMPLE)
+    return np.concatenate([*pieces, last]) if last is not None else np.empty(0, dtype=recorder.dtype)
 
 
 def _path_figure(samples: NDArray[np.void]) -> Figure:
