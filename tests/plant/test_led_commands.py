@@ -24,8 +24,8 @@ PERIOD = 4 * MS
 BOTH = pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
 
 
-def build(kind: type = KinematicPlant, thresholds=(), axes: int = 4, **overrides) -> Plant:
-    return kind(with_overrides(load_machine("4030"), overrides), thresholds, np.array(START_MM), axes)
+def build(kind: type = KinematicPlant, thresholds=(), axes: int = 4) -> Plant:
+    return kind(load_machine("4030"), thresholds, np.array(START_MM), axes)
 
 
 def points(*changes: int, axis: int = 0, axes: int = 4) -> np.ndarray:
@@ -175,6 +175,44 @@ def test_every_edge_falls_on_its_nanosecond(job, eighths, sense, hysteresis):
     expected = told.edges(job, Fraction(40 * eighths), sense, Fraction(hysteresis) / STEP_MM)
     edges = told.drive(plant, of_x(job), 60 * MS)
     assert [(at, passed[0]) for at, passed in edges] == expected
+
+
+@given(
+    st.lists(st.sampled_from([1, 1, 1, -1, 2, -2, 0]), max_size=150),
+    st.sampled_from([-5.5, -3.0, 0.0, 2.0, 4.25, 7.0]),
+    st.sampled_from([-1, 1]),
+    st.sampled_from([0, 1, 3]),
+)
+@settings(deadline=None, max_examples=300)
+def test_every_edge_of_steps_falls_on_its_tick(changes, limit, sense, hysteresis):
+    """Trip points on a step and between two, single and double steps, of 2^-8 mm so that nothing is rounded."""
+    machine = with_overrides(load_machine("4030"), {"axes.all.lead": 1600 / 256})
+    threshold = Threshold(0, "position", 100.0 + limit / 256, sense, hysteresis / 256)
+    plant = KinematicPlant(machine, [threshold], np.array(START_MM))
+    job = [(1000 * (k + 1), change, 0) for k, change in enumerate(changes)]
+    edges = told.drive(plant, of_x(job), MS)
+    assert [(at, passed[0]) for at, passed in edges] == told.edges(job, Fraction(limit), sense, Fraction(hysteresis))
+    assert plant.commanded[0] == sum(changes)
+
+
+@pytest.mark.parametrize("lead_ns", [0, 1000])
+def test_ticks_of_one_instant_are_made_together(lead_ns):
+    """There and back at once strikes nothing; there and on does, and both ticks have been made."""
+    plant = build(thresholds=[Threshold(0, "position", 100.00207, 1, 0.0)])
+    assert plant.advance(MS, np.array([9, 9]), ticks(2, 1) * np.array([[1], [-1]], dtype=np.int8), lead_ns) == MS
+    at = plant.advance(2 * MS, MS + np.array([9, 9, 50_000]), ticks(3, 1), lead_ns)
+    assert at == MS + 9 + (0 if lead_ns == 0 else 332)  # 0.6624 of two steps in 1000 ns
+    assert plant.commanded[0] == 2
+
+
+@pytest.mark.parametrize("change", [100, -100])
+def test_a_trip_point_that_passes_the_carriage_counts_from_the_next_nanosecond(change):
+    """Whichever way the carriage is going."""
+    plant = build(thresholds=[Threshold(0, "position", 105.0, 1, 0.1)])
+    plant.advance(5 * MS, np.array([PERIOD]), points(change), PERIOD)
+    plant.set_trip_point(0, 95.0)
+    assert plant.advance(9 * MS, *NONE) == 5 * MS + 1
+    assert plant.trips()[0]
 
 
 # --- the MuJoCo plant ------------------------------------------------------------------------------------------------
