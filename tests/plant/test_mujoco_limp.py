@@ -8,9 +8,9 @@ import pytest
 from isel_twin.machine import MachineError
 from isel_twin.plant.mujoco import PlantError
 
-from .conftest import PERIOD, ramp_ns
+from .conftest import PERIOD, ramp_ns, ticks
 
-CODE = [np.full(4, 1 << 2 * axis, dtype=np.uint8) for axis in range(3)]
+FOUR = [ticks(4, *np.eye(3, dtype=int)[axis]) for axis in range(3)]
 """Four pulses of one axis, away from the motor."""
 HEAVY = {"masses.z_slide": 40.0}
 """A Z slide whose weight (392 N) is more than friction and detent hold (about 250 N)."""
@@ -99,7 +99,7 @@ def test_motor_stalls_at_the_stop(bench, axis):
     t_ns = ramp_ns(3200, 2000)
     force_n, beyond_mm = [], []
     for k in range(0, 3200, 4):
-        b.feed(int(t_ns[k + 3] - (t_ns[k - 1] if k else 0)), t_ns[k : k + 4] - (t_ns[k - 1] if k else 0), CODE[axis])
+        b.feed(int(t_ns[k + 3] - (t_ns[k - 1] if k else 0)), t_ns[k : k + 4] - (t_ns[k - 1] if k else 0), FOUR[axis])
         force_n.append(b.plant.nut_force_n[axis])
         beyond_mm.append(b.plant.position_mm[axis] - start[axis] - 3.0)
     assert 1900.0 < max(force_n) < 2400.0

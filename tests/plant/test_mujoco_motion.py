@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from .conftest import FULL_STEP, MS, NONE, PERIOD, ramp_ns
+from .conftest import FULL_STEP, MS, NONE, PERIOD, ramp_ns, ticks
 
 NEWTON_PER_NM = 2.0 * math.pi / 5e-3
 """Force at the nut of a 5 mm screw for one newton metre at the shaft, without losses."""
@@ -70,7 +70,7 @@ def test_speed_beyond_the_motor_loses_steps(bench):
 def test_a_axis_follows_its_counter(bench):
     b = bench()
     t_ns = np.arange(1, 11, dtype=np.int64) * MS
-    b.feed(11 * MS, t_ns, np.full(10, 3 << 6, dtype=np.uint8))
+    b.feed(11 * MS, t_ns, ticks(10, 0, 0, 0, -1))
     assert b.plant.commanded.tolist() == [0, 0, 0, -10]
     assert b.plant.rotor[3] == -10.0
 
@@ -136,7 +136,7 @@ def test_current_is_lowered_after_its_delay_and_comes_back_with_a_pulse(bench):
 def ring_down(b, axis: int, top_hz: float = 2000.0) -> tuple[float, float]:
     """Frequency in Hz and damping ratio after a stop without ramp: half periods and logarithmic decrement."""
     t_ns = ramp_ns(12800, top_hz)[:6400]
-    b.feed(int(t_ns[-1]), t_ns, np.full(len(t_ns), 1 << (2 * axis), dtype=np.uint8))
+    b.feed(int(t_ns[-1]), t_ns, ticks(len(t_ns), *np.eye(3, dtype=int)[axis]))
     b.wait(100)
     trace = []
     for _ in range(4000):

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin.machine import load_machine
-from isel_twin.plant import Switch
+from isel_twin.plant import Threshold
 from isel_twin.plant.mujoco import MujocoPlant
 
-from .conftest import MS, NONE, ramp_ns
+from .conftest import MS, NONE, ramp_ns, ticks
 
 SUBSTEP = 25_000
 END = 400 * MS
 
 
-def build(switches=()) -> MujocoPlant:
-    return MujocoPlant(load_machine("4030"), switches, np.array([100.0, 100.0, 30.0]))
+def build(thresholds=()) -> MujocoPlant:
+    return MujocoPlant(load_machine("4030"), thresholds, np.array([100.0, 100.0, 30.0]))
 
 
 def job() -> tuple[np.ndarray, np.ndarray]:
@@ -28,17 +28,17 @@ def job() -> tuple[np.ndarray, np.ndarray]:
     move = ramp_ns(300, 6000)
     singles = np.array([310 * MS + 1, 310 * MS + SUBSTEP, 350_012_345], dtype=np.int64)
     t_ns = np.concatenate((move, singles))
-    return t_ns, np.concatenate((np.full(len(move), 1 | 3 << 2 | 1 << 4), [1, 3 << 4, 1 << 2])).astype(np.uint8)
+    return t_ns, np.concatenate((ticks(len(move), 1, -1, 1), ticks(1, 1), ticks(1, 0, 0, -1), ticks(1, 0, 1)))
 
 
 def run_cut(cuts: list[int], plant: MujocoPlant | None = None) -> list[bytes]:
     """The job with a power setting at 5 ms and a push at 320 ms, cut at these times; everything that can differ."""
     plant = plant or build()
-    t_ns, code = job()
+    t_ns, delta = job()
     done = 0
     for until in sorted({*cuts, 5 * MS, 320 * MS, END}):
         last = int(np.searchsorted(t_ns, until, side="right"))
-        assert plant.advance(until, t_ns[done:last], code[done:last]) == until
+        assert plant.advance(until, t_ns[done:last], delta[done:last]) == until
         done = last
         if until == 5 * MS:
             plant.set_power(stages=True, brake_released=True, lowering=True)
@@ -69,17 +69,17 @@ def test_two_plants_in_two_threads_are_like_one():
     assert results[0] == results[1] == run_cut([])
 
 
-def moving(switch: Switch) -> tuple[MujocoPlant, np.ndarray, np.ndarray]:
+def moving(switch: Threshold) -> tuple[MujocoPlant, np.ndarray, np.ndarray]:
     plant = build([switch])
     plant.set_power(stages=True, brake_released=True, lowering=True)
     plant.advance(50 * MS, *NONE)
-    return plant, 50 * MS + ramp_ns(640, 4000), np.full(640, 1, dtype=np.uint8)
+    return plant, 50 * MS + ramp_ns(640, 4000), ticks(640, 1)
 
 
 def test_returns_at_the_end_of_the_sub_step_in_which_a_switch_is_struck():
-    plant, t_ns, code = moving(Switch(axis=0, trip_mm=101.0, sense=1, hysteresis_mm=0.2))
+    plant, t_ns, delta = moving(Threshold(0, "position", limit=101.0, sense=1, hysteresis=0.2))
     assert not plant.trips()[0]
-    at = plant.advance(1000 * MS, t_ns, code)
+    at = plant.advance(1000 * MS, t_ns, delta)
     assert at < 1000 * MS
     assert at % SUBSTEP == 0
     assert plant.time_ns == at
@@ -90,29 +90,29 @@ def test_returns_at_the_end_of_the_sub_step_in_which_a_switch_is_struck():
 
 
 def test_pulses_after_an_edge_are_handed_in_again_or_never_happen():
-    plant, t_ns, code = moving(Switch(axis=0, trip_mm=101.0, sense=1, hysteresis_mm=0.2))
+    plant, t_ns, delta = moving(Threshold(0, "position", limit=101.0, sense=1, hysteresis=0.2))
     whole = build()
     whole.set_power(stages=True, brake_released=True, lowering=True)
     whole.advance(50 * MS, *NONE)
-    whole.advance(1000 * MS, t_ns, code)
-    at = plant.advance(1000 * MS, t_ns, code)
+    whole.advance(1000 * MS, t_ns, delta)
+    at = plant.advance(1000 * MS, t_ns, delta)
     made = int(plant.commanded[0])
     rest = np.searchsorted(t_ns, at, side="right")
-    assert plant.advance(1000 * MS, t_ns[rest:], code[rest:]) == 1000 * MS
+    assert plant.advance(1000 * MS, t_ns[rest:], delta[rest:]) == 1000 * MS
     assert np.array_equal(plant.position_mm, whole.position_mm)
 
-    stopped, t_ns, code = moving(Switch(axis=0, trip_mm=101.0, sense=1, hysteresis_mm=0.2))
-    stopped.advance(1000 * MS, t_ns, code)
+    stopped, t_ns, delta = moving(Threshold(0, "position", limit=101.0, sense=1, hysteresis=0.2))
+    stopped.advance(1000 * MS, t_ns, delta)
     stopped.advance(1000 * MS, *NONE)
     assert stopped.commanded[0] == made
 
 
 def test_switch_is_free_again_after_its_hysteresis():
-    plant = build([Switch(axis=0, trip_mm=100.5, sense=-1, hysteresis_mm=0.2)])
+    plant = build([Threshold(0, "position", limit=100.5, sense=-1, hysteresis=0.2)])
     assert plant.trips()[0], "stands on the motor-end switch"
     plant.set_power(stages=True, brake_released=True, lowering=True)
     plant.advance(50 * MS, *NONE)
-    at = plant.advance(1000 * MS, 50 * MS + ramp_ns(640, 1000), np.full(640, 1, dtype=np.uint8))
+    at = plant.advance(1000 * MS, 50 * MS + ramp_ns(640, 1000), ticks(640, 1))
     assert at < 1000 * MS
     assert not plant.trips()[0]
     assert plant.position_mm[0] == pytest.approx(100.7, abs=0.01)

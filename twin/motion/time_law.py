@@ -160,7 +160,7 @@ class Trapezoid:
 
 @dataclass(frozen=True, slots=True)
 class _Law:
-    """What a profile follows from: the numbers of the planned motion, and when it was stopped."""
+    """What a time law follows from: the numbers of the planned motion, and when it was stopped."""
 
     ticks: int
     speed_hz: Rational

@@ -1,8 +1,8 @@
 """What happened, for people and for other tools.
 
     recorder.py   samples of the machine on a grid of virtual time, and every change of a level, input or output
-    npz.py        the step stream, exactly: t_ns, delta
-    vcd.py        step and direction signals, levels and positions for a waveform viewer
+    npz.py        the stream, exactly: t_ns, delta
+    vcd.py        step and direction signals or commands, levels and positions for a waveform viewer
     parquet.py    the samples as a table
     write.py      one of these three, as the name of the file says
     report.py     one HTML page: path, error, lost steps, commands

@@ -1,4 +1,4 @@
-"""The step stream as numpy's npz: `t_ns` int64 [n], `delta` int8 [n, 4] of -1, 0, +1 (axes X, Y, Z, A).
+"""The stream as numpy's npz: `t_ns` int64 [n], `delta` int8 [n, axes], or int32 if any of it are set points.
 
     with np.load("out.npz") as stream:
         assert stream["delta"].sum(axis=0) ...
@@ -28,10 +28,11 @@ CHUNK = 1 << 18
 
 
 def write_npz(path: str | os.PathLike[str], steps: Steps) -> None:
-    """Write a step stream. Raises OSError."""
+    """Write a stream. Raises OSError."""
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         _write_array(archive, "t_ns", "<i8", (len(steps),), (t_ns for t_ns, _ in steps.chunks(CHUNK)))
-        _write_array(archive, "delta", "|i1", (len(steps), 4), (delta for _, delta in steps.chunks(CHUNK)))
+        shape = len(steps), steps.axes
+        _write_array(archive, "delta", steps.dtype.str, shape, (delta for _, delta in steps.chunks(CHUNK)))
 
 
 def _write_array(

@@ -1,9 +1,9 @@
 """The samples of a recorder as a Parquet table, one row a sample, row groups of bounded size.
 
 time_ns                                     int64, virtual time
-count_x .. count_a                          int64, the controller's step counters
+count_x, count_y ..                         int64, the controller's counters, as many as it has axes
 position_x_mm .. position_z_mm              float64, true carriage positions
-lost_x_steps .. lost_a_steps                float64
+lost_x_steps, lost_y_steps ..               float64
 level_<terminal>, input_<name>, output_<name>    int64 or text, null before the first value
 """
 
@@ -18,8 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from isel_twin.axes import AXIS_NAMES
 from isel_twin.files import replacing
-from isel_twin.trace.recorder import SAMPLE, Change, Recorder
+from isel_twin.trace.recorder import Change, Recorder
 
 __all__ = ["write_parquet"]
 
@@ -30,7 +31,7 @@ ROWS = 65_536
 def write_parquet(path: str | os.PathLike[str], recorder: Recorder) -> None:
     """Write all samples so far. Raises OSError."""
     history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
-    schema = _table(np.empty(0, dtype=SAMPLE), history).schema
+    schema = _table(np.empty(0, dtype=recorder.dtype), history).schema
     with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
         for piece in recorder.samples(ROWS):
             writer.write_table(_table(piece, history))
@@ -38,13 +39,9 @@ def write_parquet(path: str | os.PathLike[str], recorder: Recorder) -> None:
 
 def _table(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]) -> pa.Table:
     columns: dict[str, pa.Array] = {"time_ns": pa.array(piece["time_ns"])}
-    for pattern, field, axes in (
-        ("count_{}", "counts", "xyza"),
-        ("position_{}_mm", "position_mm", "xyz"),
-        ("lost_{}_steps", "lost_steps", "xyza"),
-    ):
-        for number, axis in enumerate(axes):
-            columns[pattern.format(axis)] = pa.array(np.ascontiguousarray(piece[field][:, number]))
+    for pattern, field in (("count_{}", "counts"), ("position_{}_mm", "position_mm"), ("lost_{}_steps", "lost_steps")):
+        for axis, column in zip(AXIS_NAMES, piece[field].T, strict=False):
+            columns[pattern.format(axis)] = pa.array(np.ascontiguousarray(column))
     for (group, name), changes in history.items():
         columns[f"{group}_{name}"] = _held(piece["time_ns"], changes)
     return pa.table(columns)

@@ -18,17 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.axes import CARRIAGES
 from isel_twin.snapshot import snapshot
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["SAMPLE", "Change", "Recorder"]
-
-SAMPLE = np.dtype(
-    [("time_ns", np.int64), ("counts", np.int64, 4), ("position_mm", np.float64, 3), ("lost_steps", np.float64, 4)]
-)
-"""One sample; axes in the order X, Y, Z, A."""
+__all__ = ["Change", "Recorder", "sample_dtype"]
 
 BUFFER = 4096
 """Samples kept before they go to the file."""
@@ -44,13 +40,27 @@ class Change:
     value: int | str
 
 
+def sample_dtype(axes: int) -> np.dtype[np.void]:
+    """One sample of a controller with that many axes: time_ns, counts [axes], position_mm [3], lost_steps [axes]."""
+    return np.dtype(
+        [
+            ("time_ns", np.int64),
+            ("counts", np.int64, (axes,)),
+            ("position_mm", np.float64, (len(CARRIAGES),)),
+            ("lost_steps", np.float64, (axes,)),
+        ]
+    )
+
+
 class Recorder:
     """Samples of one twin every interval_ns of virtual time, from now on. Use it as a context manager."""
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         self.changes: list[Change] = []
+        self.axes = len(twin.counts)
+        self.dtype = sample_dtype(self.axes)
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
-        self._buffer = np.empty(BUFFER, dtype=SAMPLE)
+        self._buffer = np.empty(BUFFER, dtype=self.dtype)
         self._buffered = 0
         self._stored = 0
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
@@ -96,11 +106,11 @@ class Recorder:
                 self.changes.append(Change(time_ns, group, name, value))
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
-        """All samples so far in pieces of at most `size`, dtype SAMPLE, in the order of time."""
+        """All samples so far in pieces of at most `size`, dtype `sample_dtype(axes)`, in the order of time."""
         self._file.seek(0)
         remaining = self._stored
         while remaining:
-            piece = np.fromfile(self._file, dtype=SAMPLE, count=min(size, remaining))
+            piece = np.fromfile(self._file, dtype=self.dtype, count=min(size, remaining))
             remaining -= len(piece)
             yield piece
         self._file.seek(0, 2)

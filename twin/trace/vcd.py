@@ -1,19 +1,25 @@
-"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 100 ps.
+"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
 
     scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
+    scope step       command_x ...            sum of the changes so far, where there are set points
     scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
     scope level      p3_0 ...                 electrical level of the input terminals
     scope input      hood, limit_x1 ...       state of switches and elements, as text
     scope output     stages, spindle ...      outputs of the controller and relays
 
-A pulse rises at the exact time of its tick, t = 10 * t_ns of the timescale, and is over before the next tick, be that
-only 1 ns later: so every tick is a rising edge of its own. Direction is stable before and after it, as power stages
-want it:
+A pulse rises at the time of its tick, one for each axis that the tick changes (a full step of a half-step stage is one
+pulse too), and is over before the next tick. Direction is stable before and after it, as power stages want it:
 
     dir_x    ----X================X----
     step_x   ______|~~~|____________|~~~|___
                    |<->| PULSE_NS, at most half the time to the next tick
                  |<| SETUP_NS, at most half the time since the tick before
+
+Between ticks less than 2 ns apart there is no room for a falling edge: the pulses of an axis that makes both are one,
+which begins with the first of them, and if its direction turns, it turns with the second. No controller is that fast.
+
+Ticks of set points have no pulses. If there are any, `command_<axis>` follows every tick, also those of steps; the
+drive is led to the value shown in the time after it.
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ from typing import TYPE_CHECKING
 
 from vcd import VCDWriter
 
+from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.files import replacing
 from isel_twin.trace.recorder import Change, Recorder
 
@@ -37,30 +44,34 @@ PULSE_NS = 5000
 """Longest high time of a step pulse."""
 SETUP_NS = 1000
 """Time by which a direction is set before its first pulse."""
-AXES = "xyza"
 CHUNK = 1 << 16
-UNITS_PER_NS = 10
-"""Units of the timescale in a nanosecond: room for a falling edge between two ticks 1 ns apart."""
+"""Ticks expanded at a time."""
 
 _Entry = tuple[int, str, int | float | str]
-"""(time in units of the timescale, name of the signal, new value)"""
+"""(time in ns, name of the signal, new value)"""
 
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) -> None:
-    """Write step stream, samples and changes. Raises OSError."""
+    """Write stream, samples and changes. Raises OSError."""
     with (
         replacing(path) as temporary,
         open(temporary, "w", encoding="ascii", errors="replace") as file,
-        VCDWriter(file, timescale="100 ps", date="", comment="isel-twin") as writer,
+        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
     ):
         signals = {}
-        for axis in AXES:
-            signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
-            signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+        led = any(motion.lead_ns for motion in steps.motions)
+        stepped = not led or any(not motion.lead_ns for motion in steps.motions)
+        for axis in AXIS_NAMES[: steps.axes]:
+            if stepped:
+                signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
+                signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+            if led:
+                signals[f"command_{axis}"] = writer.register_var("step", f"command_{axis}", "integer", size=64, init=0)
+        for axis in AXIS_NAMES[: recorder.axes]:
             signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
             name = f"lost_{axis}_steps"
             signals[name] = writer.register_var("machine", name, "real", init=0.0)
-        for axis in AXES[:3]:
+        for axis in CARRIAGES:
             name = f"position_{axis}_mm"
             signals[name] = writer.register_var("machine", name, "real", init=0.0)
         texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
@@ -73,47 +84,69 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) ->
             else:
                 signal = writer.register_var(group, key, "integer", size=64, init="x")
             signals[f"{group}.{name}"] = signal
-        for time, name, value in heapq.merge(
-            _pulses(steps), _samples(recorder), _changes(recorder.changes), key=lambda entry: entry[0]
-        ):
+        streams = [_pulses(steps), _samples(recorder), _changes(recorder.changes)]
+        if led:
+            streams.append(_commands(steps))
+        for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
             writer.change(signals[name], time, value)
+
+
+def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
+    """Time and changes of each tick; those of set points only if `every`."""
+    for motion in steps.motions:
+        if every or not motion.lead_ns:
+            for k in range(motion.first, motion.last, CHUNK):
+                t_ns, delta = motion.window(k, min(k + CHUNK, motion.last))
+                yield from zip(t_ns.tolist(), delta.tolist(), strict=True)
 
 
 def _pulses(steps: Steps) -> Iterator[_Entry]:
     """Rising and falling edges of step, and direction before them."""
-    minus = [0, 0, 0, 0]
+    minus = [False] * steps.axes
     high: list[int] = []
     rose = 0
-    longest, setup = PULSE_NS * UNITS_PER_NS, SETUP_NS * UNITS_PER_NS
-    for t_ns, delta in steps.chunks(CHUNK):
-        for time, row in zip((t_ns * UNITS_PER_NS).tolist(), delta.tolist(), strict=True):
-            middle = (rose + time) // 2
-            for axis in high:
-                yield min(rose + longest, middle), f"step_{AXES[axis]}", 0
-            high = [axis for axis in range(4) if row[axis]]
-            for axis in high:
-                if minus[axis] != (row[axis] < 0):
-                    minus[axis] = int(row[axis] < 0)
-                    yield max(time - setup, middle), f"dir_{AXES[axis]}", minus[axis]
-            for axis in high:
-                yield time, f"step_{AXES[axis]}", 1
-            rose = time
+    for time, changes in _ticks(steps, every=False):
+        new = [axis for axis, change in enumerate(changes) if change]
+        room = time - rose >= 2
+        middle = (rose + time) // 2 if room else time
+        kept = [] if room else [axis for axis in high if axis in new or time == rose]
+        for axis in high:
+            if axis not in kept:
+                yield min(rose + PULSE_NS, middle), f"step_{AXIS_NAMES[axis]}", 0
+        for axis in new:
+            if minus[axis] != (changes[axis] < 0):
+                minus[axis] = changes[axis] < 0
+                yield max(time - SETUP_NS, middle), f"dir_{AXIS_NAMES[axis]}", int(minus[axis])
+        for axis in new:
+            if axis not in kept:
+                yield time, f"step_{AXIS_NAMES[axis]}", 1
+        high = new + [axis for axis in kept if axis not in new]
+        rose = time
     for axis in high:
-        yield rose + longest, f"step_{AXES[axis]}", 0
+        yield rose + PULSE_NS, f"step_{AXIS_NAMES[axis]}", 0
+
+
+def _commands(steps: Steps) -> Iterator[_Entry]:
+    """Sum of the changes after each tick."""
+    command = [0] * steps.axes
+    for time, changes in _ticks(steps, every=True):
+        for axis, change in enumerate(changes):
+            if change:
+                command[axis] += change
+                yield time, f"command_{AXIS_NAMES[axis]}", command[axis]
 
 
 def _samples(recorder: Recorder) -> Iterator[_Entry]:
     for piece in recorder.samples():
         columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
-        for time_ns, counts, position_mm, lost_steps in zip(*columns, strict=True):
-            time = time_ns * UNITS_PER_NS
-            for axis, count, lost in zip(AXES, counts, lost_steps, strict=True):
+        for time, counts, position_mm, lost_steps in zip(*columns, strict=True):
+            for axis, count, lost in zip(AXIS_NAMES, counts, lost_steps, strict=False):
                 yield time, f"count_{axis}", count
                 yield time, f"lost_{axis}_steps", lost
-            for axis, position in zip(AXES, position_mm, strict=False):
+            for axis, position in zip(CARRIAGES, position_mm, strict=True):
                 yield time, f"position_{axis}_mm", position
 
 
 def _changes(changes: list[Change]) -> Iterator[_Entry]:
     for change in changes:
-        yield change.time_ns * UNITS_PER_NS, f"{change.group}.{change.name}", change.value
+        yield change.time_ns, f"{change.group}.{change.name}", change.value
