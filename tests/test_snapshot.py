@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from isel_twin.snapshot import position_error_mm, snapshot
+from isel_twin.position import position_error_mm
+from isel_twin.snapshot import snapshot
 from isel_twin.twin import Twin
 
 STEP_MM = np.array([0.003125, 0.003125, 0.00625])
@@ -52,4 +53,4 @@ def test_a_snapshot_shows_what_the_twin_shows_and_stays() -> None:
 
 def test_the_way_of_a_step_is_lead_over_steps() -> None:
     twin = Twin(controller="ismif", plant="kinematic")
-    np.testing.assert_array_equal(twin.step_mm, [axis.lead_mm / axis.steps_per_rev for axis in twin.machine.axes])
+    np.testing.assert_array_equal(twin.step_mm, [axis.screw.lead_mm / axis.steps_per_rev for axis in twin.machine.axes])

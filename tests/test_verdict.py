@@ -98,7 +98,8 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
 
 def test_a_job_is_judged_at_rest() -> None:
     twin = Twin(plant="kinematic")
-    results = list(play(twin, parse_job("@07\n@0R7\n@0M16000,5000,8000,5000,0,5000,0,30\nnonsense"), 3600.0))
+    lines = parse_job("@07\n@0R7\n@0M16000,5000,8000,5000,0,5000,0,30\nnonsense", twin.language, "imc-s8")
+    results = list(play(twin, lines, 3600.0))
     twin.set_input("limit_x2", "stuck_closed")
     verdict = judge(twin, results)
     assert (verdict.commands, verdict.accepted, verdict.refused, verdict.ok) == (4, 3, 1, False)

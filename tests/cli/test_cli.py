@@ -100,7 +100,7 @@ def test_all_traces_at_once(tmp_path):
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *(file.name for file in files.values())}
     assert files["steps"].read_bytes()[:2] == b"PK"
-    assert "$timescale 100 ps $end" in files["vcd"].read_text()
+    assert "$timescale 1 ns $end" in files["vcd"].read_text()
     assert files["trace"].read_bytes()[:4] == b"PAR1"
     page = files["report"].read_text()
     assert "<svg" in page
