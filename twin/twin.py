@@ -115,8 +115,8 @@ class Twin:
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
-        uses_drives = isinstance(self._controller, UsesDrives)
-        drive_inputs = tuple(self._controller.drive_inputs()) if uses_drives else ()
+        asking = self._controller if isinstance(self._controller, UsesDrives) else None
+        drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
         start_at_mm = _power_on_mm(self.machine, start, start_mm)
         self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
@@ -131,8 +131,8 @@ class Twin:
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
 
-        if uses_drives:
-            self._controller.use_drives(self._position)
+        if asking is not None:
+            asking.use_drives(self._position)
         self._levels = self._wiring.levels
         self._controller.power_on(0, self._levels)
         self._settle()
@@ -274,7 +274,7 @@ class Twin:
 
     @property
     def outputs(self) -> Mapping[str, int]:
-        """Controller outputs, and the relays they act on, such as `power` and `spindle_runs`."""
+        """Outputs of the controller, and what they switch: `isel_twin.wiring.Cabinet.relays`."""
         return self._wiring.outputs
 
     @property
@@ -287,12 +287,10 @@ class Twin:
     def set_input(self, name: str, state: str) -> str:
         """Operate an element or give a contact a fault, now; return the state it is in afterwards.
 
-        Elements, with the cabinet that the machines here have: hood (closed, open, forced), estop (released, pressed),
-        key (automatic, setup), power (on, off), start and stop (up, down), overtemperature (normal, hot), probe (free,
-        touched), user_0 .. user_7 (low, high). A locked hood does not open unless it is forced. Contacts: ok, broken,
-        stuck_open, stuck_closed.
-
-        Raises ValueError for a name or state that does not exist.
+        The names and their states are those of the machine's wiring: what people operate is listed in
+        `isel_twin.wiring.cabinet.ELEMENTS`, what can be wrong with a contact in `isel_twin.wiring.FAULTS`. An element
+        that is locked stays as it is. Raises ValueError, which lists what there is, for a name or state that does not
+        exist.
         """
         check_input(name, state, self._wiring.settable, "set_input")
         self._wiring.operate(name, state)
