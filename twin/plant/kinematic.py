@@ -89,7 +89,8 @@ def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, str
                     break
             reached[i] = now
         if not outside:
-            commanded[:] = reached
+            for i in range(axes):  # an assignment of whole arrays takes numba seconds to compile
+                commanded[i] = reached[i]
             return delta.shape[0], False
         while last < ticks and t_ns[made + last] == t_ns[made + last - 1]:
             last += 1
