@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -76,7 +76,7 @@ class Line:
         delta = rows.reshape(last - first, self.axes).copy()
         for axis, n in enumerate(self.steps):
             if abs(n) != self.ticks:
-                fill_even(delta[:, axis], first, n, self.ticks)
+                fill_even(delta, axis, first, n, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
@@ -97,23 +97,23 @@ def even(k: int, n: int, ticks: int) -> int:
     return (2 * k * n + ticks) // (2 * ticks) if n else 0
 
 
-def fill_even(column: NDArray[Any], first: int, n: int, ticks: int) -> None:
-    """Add to a column of zeros the steps of this axis: column[i] is that at tick first + 1 + i; |n| <= ticks.
+def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
+    """Write the steps of this axis into its column of zeros: delta[i, axis] that at tick first + 1 + i; |n| <= ticks.
 
-    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j, that is at ceil((2 j - 1) N / 2 |n|).
+    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """
     if n:
         two_n = 2 * abs(n)
         done = (first * two_n + ticks) // (2 * ticks)
         tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
-        _fill_even(column, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
+        _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
 @njit(cache=True, nogil=True)
-def _fill_even(column, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
+def _fill_even(delta, axis, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
     """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
-    while i < column.size:
-        column[i] = step
+    while i < delta.shape[0]:
+        delta[i, axis] = step
         i += whole
         rest += part
         if rest >= modulus:
