@@ -52,7 +52,7 @@ def line(steps: Sequence[int]) -> Line:
     """
     if not 1 <= len(steps) <= len(AXIS_NAMES) or any(abs(n) >= 1 << 40 for n in steps):
         raise ValueError(f"a line needs 1 to {len(AXIS_NAMES)} step numbers below 2^40, got {tuple(steps)}")
-    return Line(tuple(int(n) for n in steps))
+    return Line(tuple(int(n) for n in steps), int(max(abs(n) for n in steps)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +60,7 @@ class Line:
     """Made by `line`."""
 
     steps: Displacement
-
-    @property
-    def ticks(self) -> int:
-        return max(abs(n) for n in self.steps)
+    ticks: int
 
     @property
     def axes(self) -> int:
@@ -80,8 +77,10 @@ class Line:
         return delta
 
     def displacement(self, k: int) -> Displacement:
+        if k == self.ticks:
+            return self.steps
         check_range(0, k, self.ticks)
-        return tuple(even(k, n, self.ticks) for n in self.steps)
+        return tuple([even(k, n, self.ticks) for n in self.steps])
 
 
 def check_range(first: int, last: int, ticks: int) -> None:

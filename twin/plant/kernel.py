@@ -128,6 +128,13 @@ def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _copy(to, values):  # type: ignore[no-untyped-def]
+    """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
+    for i in range(to.shape[0]):
+        to[i] = values[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _lower_at(axis):  # type: ignore[no-untyped-def]
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
@@ -183,8 +190,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
-    for j in range(qpos.shape[0]):  # element by element: compiles in a fraction of the time of a slice
-        before[j] = qpos[j]
+    _copy(before, qpos)
     _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
@@ -199,9 +205,8 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
-        for j in range(qpos.shape[0]):
-            qvel[j] = 0.0
-            before[j] = qpos[j]
+        qvel[:] = 0.0
+        _copy(before, qpos)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 

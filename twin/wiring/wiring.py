@@ -78,6 +78,8 @@ class Wiring:
         self._scenario: deque[ScenarioEvent] = deque()
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
+        self._signals: Mapping[str, bool] = {}
+        """What the cabinet's contacts are since they were last told."""
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -185,7 +187,7 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Take over what the plant has struck or released, and the bounces due; return whether there was anything."""
         active = self._plant.trips()
-        changed = np.flatnonzero(active != self._active).tolist()
+        changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -212,14 +214,19 @@ class Wiring:
 
     def _settle_cabinet(self) -> None:
         """Carry the cabinet's signals to the contacts, their real states back, and its power to the stages."""
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
+        self._follow_cabinet()
         self._cabinet.sense(self._contacts.closed)
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
+        self._follow_cabinet()
         live = self._cabinet.powered
         self._plant.set_power(
             stages=live and bool(self._outputs.get("stages")),
             brake_released=live and bool(self._outputs.get("brake")),
             lowering=bool(self._outputs.get("current_lowering")),
         )
+
+    def _follow_cabinet(self) -> None:
+        signals = self._cabinet.contacts()
+        if signals != self._signals:
+            self._signals = signals
+            for name, closed in signals.items():
+                self._contacts.set_closed(name, closed)
