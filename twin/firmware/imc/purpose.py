@@ -1,10 +1,12 @@
 """What the iMC's activities ask for things for: what decides how a stop, a switch or an input ends them.
 
-Travel(path, law)                            an ordinary way: a stop parks it, a limit switch is an error
-Travel(path, law, first, Until(condition))   ... and it ends with the stop ramp as soon as the condition holds
-Travel(path, law, 0, Reference(seek=2))      towards the reference switch of Z, which ends it at once
-Pause(ns, REFERENCE)                         standing within a reference run
-Pause(ns, WAITING)                           a program that waits for an input
+    Travel(path, law)                            an ordinary way: a stop parks it, a limit switch is an error
+    Travel(path, law, first, Until(condition))   ... and it ends with the stop ramp as soon as the condition holds
+    Travel(path, law, 0, Reference(seek=2))      towards the reference switch of Z, which ends it at once
+    Pause(ns, REFERENCE)                         standing within a reference run
+    Pause(ns, WAITING)                           a program that waits for an input
+
+Read by the supervisor, and by whoever sets off (`moves.set_off`).
 """
 
 from __future__ import annotations
