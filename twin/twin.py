@@ -135,6 +135,7 @@ class Twin:
             asking.use_drives(self._position)
         self._levels = self._wiring.levels
         self._controller.power_on(0, self._levels)
+        self._take_events()
         self._settle()
 
     # The host's side
@@ -340,7 +341,9 @@ class Twin:
         for _ in range(_ENDLESS):
             self._controller.advance(self.time_ns)
             self._take_events()
-            if not (self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels()):
+            if self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels():
+                continue
+            if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 self._observe(changed=False)
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")

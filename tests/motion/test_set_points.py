@@ -76,6 +76,7 @@ def test_a_stop_keeps_what_was_made_and_brakes_from_there() -> None:
     cut = run.cut(START + 5 * PERIOD)
     assert cut.stopped(START + 3 * PERIOD) == run.stopped(START + 3 * PERIOD), "a stop leaves nothing of a later end"
     assert cut.stopped(START + 5 * PERIOD) == cut.stopped(START + 9 * PERIOD) == cut, "it is over already"
+    assert run.stopped(run.end_ns) == run.stopped(run.end_ns + 9 * PERIOD) == run, "nothing is added to the past"
 
 
 @pytest.mark.parametrize("made", range(8))
