@@ -269,7 +269,7 @@ class Twin:
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """State of everything `set_input` can set, and of the end switches (`free`, `struck` or a fault)."""
+        """State of every element and end switch (`free`, `struck`), and the fault of each contact that has one."""
         return self._wiring.inputs
 
     @property

@@ -166,7 +166,7 @@ def test_without_a_language_it_runs_by_bytes(tmp_path: Path) -> None:
 
 
 def test_rows_of_the_toys_manual_are_shown_as_the_page_has_it(plugins: Path, tmp_path: Path) -> None:
-    """A copy of the tables with those of the page: both tests pass, every row has its test; without one, it is missed."""
+    """A copy of the tables with the page's: both tests pass, every row has its test; without one, it is missed."""
     root = PAGE.parents[1]
     for folder in ("tests/conformance", "tests/golden", "docs"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))

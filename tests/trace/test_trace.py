@@ -45,6 +45,10 @@ class Bench:
     def lost_steps(self):
         return np.array([0.25] + [0.0] * (self.axes - 1))
 
+    @property
+    def position_error_mm(self):
+        return np.zeros(3)
+
     def observe(self, callback, interval_ns):
         self._look = callback
         callback(self)

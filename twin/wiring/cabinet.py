@@ -146,7 +146,7 @@ class SafetyCabinet:
         if name == "power_request" and rising:
             self._close_relay()
         if name == "spindle" and rising:
-            self.spindle_runs = True
+            self.spindle_runs = self.relay and self.state["hood"] == "closed"
         self._settle()
 
     def sense(self, closed: Callable[[str], bool]) -> None:

@@ -29,7 +29,7 @@ from isel_twin.plant import Plant, Threshold
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioEvent
+from isel_twin.wiring.scenario import ScenarioEvent, check_input
 
 __all__ = ["Wiring", "thresholds"]
 
@@ -77,6 +77,7 @@ class Wiring:
         self._heat = StageHeat(plant.stages)
         self._scenario: deque[ScenarioEvent] = deque()
         self._outputs: dict[str, int] = {}
+        self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
         """What the cabinet's contacts are since they were last told."""
         self._active = plant.trips()
@@ -123,7 +124,11 @@ class Wiring:
         }
 
     def operate(self, name: str, state: str) -> None:
-        """Give an element of the cabinet or a contact one of its states in `settable`."""
+        """Give an element of the cabinet or a contact one of its states in `settable`.
+
+        Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
+        """
+        check_input(name, state, self.settable, "wiring")
         if state in self._cabinet.elements.get(name, ()):
             self._cabinet.operate(name, state)
         if name in self._contacts.names and state in FAULTS:
@@ -154,14 +159,16 @@ class Wiring:
     def levels(self) -> Mapping[str, bool]:
         """Level (True: high) of every wired terminal; the same object as long as nothing has changed."""
         levels = self._contacts.levels()
-        if not self._drive_terminals:
-            return levels
-        active = self._active[len(self._switches) :].tolist()
-        return levels | dict(zip(self._drive_terminals, active, strict=True))
+        if self._drive_terminals:
+            active = self._active[len(self._switches) :].tolist()
+            levels = levels | dict(zip(self._drive_terminals, active, strict=True))
+        if levels is not self._shown and levels != self._shown:
+            self._shown = levels
+        return self._shown
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """State of everything that can be operated, and of the position switches (`free`, `struck` or a fault)."""
+        """State of every element and position switch (`free`, `struck`), and the fault of each contact that has one."""
         states = dict(self._cabinet.states)
         for switch, struck in zip(self._switches, self._active, strict=False):
             states[switch.name] = "struck" if struck else "free"
