@@ -22,9 +22,7 @@ SESSION = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
-def test_everything_is_compiled_before_it_listens(
-    plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_everything_is_compiled_before_it_listens(plant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No compiled function is added to an empty cache once the address is printed, and the second start adds none."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compiled = []

@@ -188,7 +188,7 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def _walk(x, y, c, delta, first, second):  # type: ignore[no-untyped-def]
+def _walk(x, y, c, delta, first, second):
     """Make len(delta) ticks from (x, y) with c = x^2 + y^2 - R^2; write the step of each to one of the columns first
     and second; return the state reached.
 

@@ -109,7 +109,7 @@ def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int
 
 
 @njit(cache=True, nogil=True)
-def _fill_even(delta, axis, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
+def _fill_even(delta, axis, i, rest, whole, part, modulus, step):
     """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
     while i < delta.shape[0]:
         delta[i, axis] = step

@@ -275,7 +275,7 @@ def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) ->
 
 
 @njit(cache=True, nogil=True)
-def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[no-untyped-def]
+def _fill_cruise(out, whole, rest, step_whole, step_rest, den):
     """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
     for i in range(out.size):
         double = 2 * rest
@@ -363,7 +363,7 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):  # type: ignore[no-untyped-def]
+def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):
     """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):
         d = sign * (k + i - s) + s_rest

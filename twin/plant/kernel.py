@@ -115,10 +115,10 @@ THRESHOLD = np.dtype(
 
 
 @intrinsic
-def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-def]
+def _call_mj_step(typingctx, address, model, data):
     """Call the C function void(*)(mjModel*, mjData*) at an address."""
 
-    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, arguments):
         word = ir.IntType(64)
         function = ir.FunctionType(ir.VoidType(), [word, word])
         builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
@@ -128,14 +128,14 @@ def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _copy(to, values):  # type: ignore[no-untyped-def]
+def _copy(to, values):
     """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
     for i in range(to.shape[0]):
         to[i] = values[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lower_at(axis):  # type: ignore[no-untyped-def]
+def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
@@ -143,7 +143,7 @@ def _lower_at(axis):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _wake(plant, axes):  # type: ignore[no-untyped-def]
+def _wake(plant, axes):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
         return
@@ -155,13 +155,13 @@ def _wake(plant, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wake(plants, axes):  # type: ignore[no-untyped-def]
+def wake(plants, axes):
     """Something from outside is about to change: nothing may be skipped any more."""
     _wake(plants[0], axes)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
+def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
     Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
@@ -179,7 +179,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
+def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for i in range(AXES):
@@ -211,7 +211,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no-untyped-def]
+def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
     for k in range(thresholds.shape[0]):
@@ -234,7 +234,7 @@ def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance(  # type: ignore[no-untyped-def]
+def advance(
     plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
