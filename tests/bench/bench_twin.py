@@ -48,7 +48,7 @@ def test_motion(benchmark: Any, plant: str) -> None:
 @pytest.mark.benchmark(group="twin, short moves")
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_short_moves(benchmark: Any, plant: str) -> None:
-    """A hundred moves of about 320 steps at 5 kHz, no two alike, interleaved with as many questions for the position."""
+    """A hundred moves of about 320 steps at 5 kHz, no two alike, with as many questions for the position in between."""
     twin = ready(plant)
     moves = [f"@0A{sign}{320 + k},5000,{sign}{160 + k},5000,0,30,0,30" for k in range(50) for sign in ("", "-")]
     spans: list[float] = []
