@@ -33,9 +33,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 __all__ = ["Circle", "circle", "helix"]
@@ -187,7 +187,7 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
     return states
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _walk(x, y, c, dx, dy):  # type: ignore[no-untyped-def]
     """Make dx.size ticks from (x, y) with c = x^2 + y^2 - R^2; write their steps, each to one of dx and dy, and return
     the state reached.

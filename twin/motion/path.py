@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
+from isel_twin.compiling import njit
 
 __all__ = ["Displacement", "Line", "Path", "even", "fill_even", "line"]
 
@@ -109,7 +109,7 @@ def fill_even(column: NDArray[Any], first: int, n: int, ticks: int) -> None:
         _fill_even(column, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_even(column, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
     """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
     while i < column.size:

@@ -28,9 +28,9 @@ from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.units import SECOND_NS
 
 __all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "trapezoid"]
@@ -254,7 +254,7 @@ def _cruise(first: int, last: int, speed_hz: Rational, offset_s: Fraction) -> _C
     return _Cruise(first, last, int(slope * den), int(offset * den), den)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[no-untyped-def]
     """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
     for i in range(out.size):
@@ -353,7 +353,7 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
     return (left > right) - (left < right)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, t, t_rest):  # type: ignore[no-untyped-def]
     """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):

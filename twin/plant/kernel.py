@@ -34,9 +34,10 @@ import math
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
+from isel_twin.compiling import njit
 from isel_twin.drives import dynamics
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import lead
@@ -127,7 +128,7 @@ def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-d
     return types.void(types.int64, types.int64, types.int64), build
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _lower_at(axis):  # type: ignore[no-untyped-def]
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
@@ -135,7 +136,7 @@ def _lower_at(axis):  # type: ignore[no-untyped-def]
     return axis.still_since + axis.idle_delay
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _wake(plant, axes):  # type: ignore[no-untyped-def]
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
@@ -147,13 +148,13 @@ def _wake(plant, axes):  # type: ignore[no-untyped-def]
         axes[i].sum_n = axes[i].mean_n * over
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def wake(plants, axes):  # type: ignore[no-untyped-def]
     """Something from outside is about to change: nothing may be skipped any more."""
     _wake(plants[0], axes)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -171,7 +172,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untype
         axis.sum_n = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
@@ -203,7 +204,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no-untyped-def]
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
@@ -226,7 +227,7 @@ def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
     plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
