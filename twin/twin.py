@@ -29,6 +29,7 @@ from isel_twin.controller import (
     CounterSet,
     FlashWrite,
     Output,
+    PluginError,
     Reply,
     SerialFormat,
     UnknownNameError,
@@ -103,7 +104,7 @@ class Twin:
         settings = with_overrides(as_built, wanted).controller
         try:
             self._controller = create_controller(controller, flash=flash, settings=settings)
-        except UnknownNameError:
+        except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
