@@ -21,8 +21,9 @@ from rich.table import Table
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.server import Server
-from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.language import create_language, needed
 from isel_twin.twin import Twin
+from isel_twin.warm import warm_up
 
 CONTROLLER = "imc-s8"
 REPLY_TIMEOUT_S = 120.0
@@ -100,20 +101,11 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
     console.print(table)
 
 
-def _warm_up() -> None:
-    """Have everything compiled that the session needs: its real-time factor is to be the twin's, not the compiler's."""
-    twin = Twin(controller=CONTROLLER, start_mm=(5.0, 5.0, 5.0))
-    language = needed(twin.language, CONTROLLER)
-    for data in (*language.reference(), *language.move((3200, 1600, 320), MoveSettings())):
-        twin.write(data)
-        twin.run_until_idle()
-
-
 def main() -> None:
     """Run the demonstration on the terminal."""
     console = Console() if sys.stdout.isatty() else Console(width=100)
-    with console.status("building the machine (the first time, the physics kernel is compiled: half a minute or so)"):
-        _warm_up()
+    with console.status("building the machine"):
+        warm_up("mujoco", console.print)  # the real-time factor is to be the twin's, not the compiler's
         twin = Twin(machine="4030", controller=CONTROLLER, seed=int(os.environ.get("SEED", "0")), line_speed=True)
     pty = PtyEndpoint()
     server = Server(twin, Pacer(None), [pty])

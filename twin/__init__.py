@@ -2,16 +2,16 @@
 
 The signal chain, in the order of the folders:
 
-    firmware/   host bytes in, step stream out (one folder a controller)
-    motion/     what a step stream is: time law, path, run, record
+    firmware/   host bytes in, motion out (one folder a controller); controller.py and language.py are its borders
+    motion/     what a motion is: time law, path, steps and set points, the record
     drives/     steps to torque: power stage, motor, screw, nut
-    plant/      torque to motion: MuJoCo, or a carriage that follows the counter
+    plant/      torque to motion of the machine: MuJoCo, or a carriage that follows its command
     wiring/     motion back to input levels: switches, hood, E-stop, faults, scenarios
     trace/      what happened, as VCD, npz or Parquet
-    twin.py     the clock that ties them together
+    twin.py     the clock that ties them together; position.py: counters, rotors and carriages
 
-What tools share: call.py (from the words of a caller to a twin), snapshot.py (what there is to see), verdict.py (was
-the job well done?). cli/ is the command `isel-twin`. The borders between all of these are in docs/architecture.md.
+Around it: machine.py (the numbers of a machine, read by parameters.py), call.py (a twin from a call), job.py and
+verdict.py (a file of commands, and what became of it), testing.py (controllers on a desk), cli/ (the command).
 """
 
 from __future__ import annotations

@@ -82,8 +82,8 @@ class Reply:
 class Output:
     """A new level of a named output.
 
-    Names every controller may use, so that drives and cabinet understand them; all of them are 0 until it says so:
-    `stages` (1: motor currents on), `power_request` (rising edge: reset and close the safety relay),
+    Names every controller may use, so that drives and cabinet understand them; all of them are 0 until it says so,
+    `hood_release` alone is 1: `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
     opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user

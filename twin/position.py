@@ -48,8 +48,8 @@ class Position:
         self._controller = controller
         self._plant = plant
         self.step_mm = step_mm
-        self._zero_mm = plant.position_mm
-        self._period = plant.slip_steps
+        self._zero_mm = plant.position_mm.copy()
+        self._period = plant.slip_steps.copy()
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
@@ -92,7 +92,7 @@ class Position:
 
     @property
     def forgotten_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        """float64 [axes], steps lost since power-on, either way, and gone from `lost_steps` when counters were set."""
         return self._forgotten.copy()
 
     # For controllers that ask what their drives know
@@ -100,13 +100,13 @@ class Position:
     @property
     def encoder(self) -> tuple[int, ...]:
         """See Drives.encoder."""
-        measured = self._direction * self._plant.rotor + self._encoder_zero
+        measured = self._direction * (self._plant.rotor + self._slip) + self._encoder_zero
         return tuple(int(n) for n in measured.round())
 
     @property
     def lag(self) -> tuple[float, ...]:
         """See Drives.lag."""
-        return tuple((self._direction * self._plant.lag).tolist())
+        return tuple((self._direction * (self._plant.lag - self._slip)).tolist())
 
     @property
     def on(self) -> tuple[bool, ...]:

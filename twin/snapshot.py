@@ -29,7 +29,7 @@ class Snapshot:
     lost_steps: NDArray[np.float64]
     """float64 [axes], counter minus rotor position in steps; meaningful at rest, where fractions are load angle."""
     inputs: Mapping[str, str]
-    """State of every switch, element and contact, as `Twin.inputs`."""
+    """As `Twin.inputs`."""
     outputs: Mapping[str, int]
     """Controller outputs and the relays they act on, as `Twin.outputs`."""
     levels: Mapping[str, bool]

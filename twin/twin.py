@@ -119,8 +119,8 @@ class Twin:
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
-        uses_drives = isinstance(self._controller, UsesDrives)
-        drive_inputs = tuple(self._controller.drive_inputs()) if uses_drives else ()
+        asking = self._controller if isinstance(self._controller, UsesDrives) else None
+        drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
         start_at_mm = _power_on_mm(self.machine, start, start_mm)
         self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
@@ -139,10 +139,11 @@ class Twin:
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
 
-        if uses_drives:
-            self._controller.use_drives(self._position)
+        if asking is not None:
+            asking.use_drives(self._position)
         self._levels = self._wiring.levels
         self._controller.power_on(0, self._levels)
+        self._take_events()
         self._settle()
 
     # The host's side
@@ -282,12 +283,12 @@ class Twin:
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """State of everything `set_input` can set, and of the end switches (`free`, `struck` or a fault)."""
+        """State of every element and end switch (`free`, `struck`), and the fault of each contact that has one."""
         return self._wiring.inputs
 
     @property
     def outputs(self) -> Mapping[str, int]:
-        """Controller outputs, and the relays they act on, such as `power` and `spindle_runs`."""
+        """Outputs of the controller, and what they switch: `isel_twin.wiring.Cabinet.relays`."""
         return self._wiring.outputs
 
     @property
@@ -310,12 +311,10 @@ class Twin:
     def set_input(self, name: str, state: str) -> str:
         """Operate an element or give a contact a fault, now; return the state it is in afterwards.
 
-        Elements, with the cabinet that the machines here have: hood (closed, open, forced), estop (released, pressed),
-        key (automatic, setup), power (on, off), start and stop (up, down), overtemperature (normal, hot), probe (free,
-        touched), user_0 .. user_7 (low, high). A locked hood does not open unless it is forced. Contacts: ok, broken,
-        stuck_open, stuck_closed.
-
-        Raises ValueError for a name or state that does not exist.
+        The names and their states are those of the machine's wiring: what people operate is listed in
+        `isel_twin.wiring.cabinet.ELEMENTS`, what can be wrong with a contact in `isel_twin.wiring.FAULTS`. An element
+        that is locked stays as it is. Raises ValueError, which lists what there is, for a name or state that does not
+        exist.
         """
         check_input(name, state, self._wiring.settable, "set_input")
         self._wiring.operate(name, state)
@@ -373,7 +372,9 @@ class Twin:
             rounds += 1
             self._controller.advance(self.time_ns)
             self._take_events()
-            if not (self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels()):
+            if self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels():
+                continue
+            if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 self._observe(changed=False)
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")

@@ -21,40 +21,51 @@ from numpy.typing import NDArray
 
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.motion import line, trapezoid
-from isel_twin.plant import Switch, kernel
+from isel_twin.plant import Threshold, kernel
+from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
 
 START_MM = np.array([100.0, 100.0, 30.0])
 STEPS = 20_000
 """Of each axis at 10 kHz: 62.5 mm in 2.1 s."""
-PROFILE = trapezoid(STEPS, 10_000, 300, 100_000)
-T_NS = PROFILE.times(0, STEPS)
-CODES = {sign: line((sign * STEPS,) * 3 + (0,)).deltas(0, STEPS) for sign in (1, -1)}
-SECONDS = PROFILE.duration_ns * 1e-9
+LAW = trapezoid(STEPS, 10_000, 300, 100_000)
+T_NS = LAW.times(0, STEPS)
+DELTA = {sign: line((sign * STEPS,) * 3 + (0,)).deltas(0, STEPS) for sign in (1, -1)}
+SECONDS = LAW.duration_ns * 1e-9
 REFERENCE = {"timing.motor_substep": 5.0, "timing.mujoco_step": 0.05}
-NO_PULSES = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)
+NO_TICKS = np.empty(0, dtype=np.int64), np.empty((0, 4), dtype=np.int8)
 
 
-def powered(machine: Machine) -> MujocoPlant:
-    switches = [
-        Switch(axis, end_mm, sense, 0.2)
+PERIOD_NS = 4_000_000
+SET_NS = PERIOD_NS * np.arange(1, LAW.duration_ns // PERIOD_NS + 2, dtype=np.int64)
+MADE = np.searchsorted(T_NS, SET_NS, side="right")
+SET_POINTS = {sign: sign * np.diff(MADE, prepend=0)[:, None] * np.array([1, 1, 1, 0]) for sign in (1, -1)}
+"""The same way at the same times, as set points every 4 ms."""
+
+
+def powered(machine: Machine, kind: Any = MujocoPlant, *others: Threshold) -> Any:
+    thresholds = [
+        Threshold(axis, "position", end_mm, sense, 0.2)
         for axis in range(3)
         for end_mm, sense in ((0.0, -1), (machine.axes[axis].travel_mm, 1))
     ]
-    plant = MujocoPlant(machine, switches, START_MM)
+    plant = kind(machine, [*thresholds, *others], START_MM)
     plant.set_power(stages=True, brake_released=True, lowering=True)
-    plant.advance(50_000_000, *NO_PULSES)
+    plant.advance(50_000_000, *NO_TICKS)
     return plant
 
 
-def there_and_back(plant: MujocoPlant) -> Callable[[], None]:
+def there_and_back(plant: Any, led: bool = False) -> Callable[[], None]:
     """Each call moves all three axes once, there or back in turn."""
     turns = itertools.cycle((1, -1))
 
     def move() -> None:
         start_ns = (plant.time_ns // 1_000_000 + 1) * 1_000_000
-        plant.advance(start_ns + PROFILE.duration_ns, start_ns + T_NS, CODES[next(turns)])
+        if led:
+            plant.advance(start_ns + int(SET_NS[-1]) + PERIOD_NS, start_ns + SET_NS, SET_POINTS[next(turns)], PERIOD_NS)
+        else:
+            plant.advance(start_ns + LAW.duration_ns, start_ns + T_NS, DELTA[next(turns)])
 
     return move
 
@@ -111,22 +122,36 @@ def test_plant_beside_bare_mujoco(benchmark: Any) -> None:
     assert ratio <= 2.5
 
 
+@pytest.mark.benchmark(group="plant, three axes at 10 kHz")
+@pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
+def test_set_points_beside_steps(benchmark: Any, kind: Any) -> None:
+    """The same way led from set point to set point, with following errors watched."""
+    watched = [Threshold(axis, "lag", 1e6, hysteresis=1.0) for axis in range(3)]
+    machine = load_machine("4030")
+    step, lead = there_and_back(powered(machine, kind)), there_and_back(powered(machine, kind, *watched), led=True)
+    for warm in (step, lead):
+        warm()
+    beside: list[float] = []
+    benchmark.pedantic(lead, setup=lambda: beside.append(timed(step)), rounds=15)
+    benchmark.extra_info["times the time of steps"] = benchmark.stats.stats.median / statistics.median(beside)
+
+
 @pytest.mark.benchmark(group="plant, one hour at rest")
 def test_plant_at_rest(benchmark: Any) -> None:
     plant = powered(load_machine("4030"))
-    plant.advance(10_000_000_000, *NO_PULSES)
+    plant.advance(10_000_000_000, *NO_TICKS)
     assert plant.at_rest
-    benchmark(lambda: plant.advance(plant.time_ns + 3_600_000_000_000, *NO_PULSES))
+    benchmark(lambda: plant.advance(plant.time_ns + 3_600_000_000_000, *NO_TICKS))
 
 
 def path(overrides: dict[str, float]) -> tuple[NDArray[np.float64], float]:
     """Positions every 10 ms of a move and 1 s after it, um; time of the move over real time."""
     plant = powered(with_overrides(load_machine("4030"), overrides))
     start_ns, done, trace, spent = 50_000_000, 0, [], 0.0
-    for until_ns in range(start_ns, start_ns + PROFILE.duration_ns + 1_000_000_000, 10_000_000):
+    for until_ns in range(start_ns, start_ns + LAW.duration_ns + 1_000_000_000, 10_000_000):
         last = int(np.searchsorted(T_NS, until_ns - start_ns, side="right"))
         began = time.perf_counter()
-        plant.advance(until_ns, start_ns + T_NS[done:last], CODES[1][done:last])
+        plant.advance(until_ns, start_ns + T_NS[done:last], DELTA[1][done:last])
         spent += time.perf_counter() - began if last < STEPS else 0.0
         done = last
         trace.append(plant.position_mm * 1e3)

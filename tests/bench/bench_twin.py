@@ -1,13 +1,15 @@
 """The whole twin: how much faster than the machine it is, what an hour costs, how long the command line takes to start.
 
-Targets (docs/performance.md): kinematic at least 1000 times real time; an hour of motion adds less than 100 MB;
-`isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
+Targets (docs/performance.md): kinematic at least 1000 times real time, 500 times with short moves; an hour of motion
+adds less than 100 MB; `isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
 """
 
 from __future__ import annotations
 
+import statistics
 import subprocess
 import sys
+import time
 import tracemalloc
 from typing import Any
 
@@ -41,6 +43,34 @@ def test_motion(benchmark: Any, plant: str) -> None:
 
     benchmark.pedantic(job, rounds=5, warmup_rounds=1)
     benchmark.extra_info["times real time"] = spans[-1] / benchmark.stats.stats.median
+
+
+@pytest.mark.benchmark(group="twin, short moves")
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_short_moves(benchmark: Any, plant: str) -> None:
+    """A hundred moves of about 320 steps at 5 kHz, no two alike, with as many questions for the position in between."""
+    twin = ready(plant)
+    moves = [f"@0A{sign}{320 + k},5000,{sign}{160 + k},5000,0,30,0,30" for k in range(50) for sign in ("", "-")]
+    spans: list[float] = []
+    asking: list[float] = []
+
+    def ask() -> None:
+        began = time.perf_counter()
+        for _ in moves:
+            twin.query("@0P")
+        asking.append(time.perf_counter() - began)
+
+    def job() -> None:
+        began = twin.time_ns
+        for command in moves:
+            assert twin.query(command) == "0"
+        spans.append((twin.time_ns - began) / NANOSECOND)
+
+    benchmark.pedantic(job, setup=ask, rounds=21, warmup_rounds=1)
+    median = benchmark.stats.stats.median
+    benchmark.extra_info["times real time"] = spans[-1] / median
+    benchmark.extra_info["us a move"] = median / len(moves) * 1e6
+    benchmark.extra_info["times a question for the position"] = median / statistics.median(asking)
 
 
 @pytest.mark.benchmark(group="twin, one hour at rest")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -162,3 +163,32 @@ def test_without_a_language_it_runs_by_bytes(tmp_path: Path) -> None:
     _, err = run_job(plugins, "<88>\nX1600\n", code=2)
     assert "line 2: controller 'toy' has no language: send its bytes as <13>" in err
     assert err.count("\n") == 1
+
+
+def test_rows_of_the_toys_manual_are_shown_as_the_page_has_it(plugins: Path, tmp_path: Path) -> None:
+    """A copy of the tables with the page's: both tests pass, every row has its test; without one, it is missed."""
+    root = PAGE.parents[1]
+    for folder in ("tests/conformance", "tests/golden", "docs"):
+        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for file in ("pyproject.toml", "tests/conftest.py"):
+        shutil.copy(root / file, tmp_path / file)
+    folder, text = tmp_path / "tests" / "conformance", PAGE.read_text(encoding="utf-8")
+    (table,), (test,) = blocks(text, "toml table"), blocks(text, "python test")
+    (folder / "toy.toml").write_text(table, encoding="utf-8")
+    (folder / "test_toy_moves.py").write_text(test, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(plugins)}
+
+    def pytest_run(*words: str) -> str:
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
+        call = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=240
+        )
+        return call.stdout
+
+    every_row = "tests/conformance/test_table.py::test_every_row_has_a_test[toy]"
+    shown = pytest_run("--update-golden", "tests/conformance/test_toy_moves.py", every_row)
+    assert "3 passed" in shown, shown
+    (folder / "test_toy_moves.py").write_text(test.replace('@shows("toy-2-2")', ""), encoding="utf-8")
+    missed = pytest_run(every_row)
+    assert "1 failed" in missed, missed
+    assert "toy-2-2" in missed

@@ -17,7 +17,6 @@ from typing import Any
 from golden.session import Action, Session
 
 LIMIT_S = 120.0
-PLANTS = ("kinematic", "mujoco")
 
 HOMED = "> @07\n> @0R7\n"
 ISMIF_HOMED = "> $HZXY\\x01\n"

@@ -1,10 +1,12 @@
 """All golden sessions by name, and a look at one of them.
 
-python -m tests.golden.sessions NAME ...     print sessions: actions, replies, first ticks, where everything ended
+python -m tests.golden.sessions NAME ...             print sessions: actions, replies, first ticks, where all ended
+python -m tests.golden.sessions --physics FILE       digests of the sessions with physics: written, or compared
 
-`sessions.txt` keeps their digests, made on the code as it was when behaviour was last changed on purpose (make golden).
-Those with physics contain the last bits of MuJoCo's arithmetic: another version of it, or of NumPy or Numba, may change
-all of them at once, while the kinematic ones stay.
+`sessions.txt` keeps the digests of the kinematic ones, made on the code as it was when behaviour was last changed on
+purpose (make golden). Those with physics contain the last bits of floating-point arithmetic, which another processor or
+another version of MuJoCo, NumPy or Numba may change; so they are on no file of the repository. Before a change that is
+to change nothing, write them to a file; after it, compare on the same machine.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
-from golden.digest import FOLDER
-from golden.fixed_sessions import PLANTS, SCRIPTS, fixed_session
+from golden.digest import FOLDER, load, save
+from golden.fixed_sessions import SCRIPTS, fixed_session
 from golden.random_sessions import random_session
 from golden.session import Session, digest_of, play
 
@@ -25,19 +27,16 @@ FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
 RANDOM = {"kinematic": 200, "mujoco": 12}
 """Random sessions of every controller on each plant."""
-CHUNK = {"kinematic": 20, "mujoco": 10}
+CHUNK = 20
 """Sessions in one test."""
 FIRST_TICKS = 20
 
 
-def names() -> list[str]:
-    """Names of all sessions: controller/plant/number, and plant/name for the fixed ones."""
-    fixed = [f"fixed/{plant}/{name}" for plant in PLANTS for name in SCRIPTS]
+def names(plant: str = "kinematic") -> list[str]:
+    """Names of all sessions on a plant: controller/plant/number, and fixed/plant/name."""
+    fixed = [f"fixed/{plant}/{name}" for name in SCRIPTS]
     return fixed + [
-        f"{controller}/{plant}/{number:03}"
-        for plant, count in RANDOM.items()
-        for controller in CONTROLLERS
-        for number in range(count)
+        f"{controller}/{plant}/{number:03}" for controller in CONTROLLERS for number in range(RANDOM[plant])
     ]
 
 
@@ -52,11 +51,10 @@ def chunks() -> dict[str, list[str]]:
     kinds: dict[str, list[str]] = {}
     for name in names():
         kinds.setdefault(name.rsplit("/", 1)[0], []).append(name)
-    size = {kind: CHUNK[kind.rsplit("/", 1)[1]] for kind in kinds}
     return {
-        f"{kind}/{first:03}": members[first : first + size[kind]]
+        f"{kind}/{first:03}": members[first : first + CHUNK]
         for kind, members in kinds.items()
-        for first in range(0, len(members), size[kind])
+        for first in range(0, len(members), CHUNK)
     }
 
 
@@ -81,8 +79,22 @@ def show(name: str) -> None:
     print(f"digest {digest_of(shown)}{' (coarse)' if shown.coarse else ''}")
 
 
+def physics(file: Path) -> int:
+    """Write the digests of the sessions with physics to a file, or compare them with those there; the exit code."""
+    seen = {name: digest_of(session(name)) for name in names("mujoco")}
+    if not file.exists():
+        save(file, seen)
+        print(f"{len(seen)} sessions written to {file}")
+        return 0
+    differ = sorted(name for name, value in load(file).items() if seen.get(name) != value)
+    print(f"{len(differ)} of {len(seen)} sessions differ", *differ, sep="\n  ")
+    return 1 if differ else 0
+
+
 if __name__ == "__main__":
-    unknown = set(sys.argv[1:]) - set(names())
+    if len(sys.argv) == 3 and sys.argv[1] == "--physics":
+        sys.exit(physics(Path(sys.argv[2])))
+    unknown = set(sys.argv[1:]) - set(names()) - set(names("mujoco"))
     if unknown or not sys.argv[1:]:
         sys.exit(f"{__doc__}\nno session {', '.join(sorted(unknown))}" if unknown else __doc__)
     for wanted in sys.argv[1:]:

@@ -200,6 +200,20 @@ def test_planes(axes: tuple[int, int]) -> None:
     assert circle(200, -50, 100, 0, -1, 1, False, axes).displacement(200) == tuple(displacement)
 
 
+@pytest.mark.parametrize("axis_count", [2, 3, 6, 8])
+def test_as_many_axes_as_the_controller_has(axis_count: int) -> None:
+    plane = (axis_count - 1, 0)
+    arc = circle(200, -50, 100, 0, -1, 1, False, plane, axis_count)
+    delta = arc.deltas(0, 200)
+    assert (arc.axes, delta.shape, delta.dtype) == (axis_count, (200, axis_count), np.int8)
+    assert (np.abs(delta).sum(axis=1) == 1).all()
+    expected = [0] * axis_count
+    expected[plane[0]], expected[plane[1]] = -100, 100
+    assert arc.displacement(200) == tuple(expected)
+    with pytest.raises(ValueError, match=f"out of 0..{axis_count - 1}"):
+        circle(200, -50, 100, 0, -1, 1, False, (0, axis_count), axis_count)
+
+
 @pytest.mark.parametrize("third_steps", [0, 1, -1, 777, -3200, 3200])
 @pytest.mark.parametrize("third_axis", [2, 3])
 def test_helix_spreads_the_third_axis(third_axis: int, third_steps: int) -> None:

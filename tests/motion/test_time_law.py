@@ -90,12 +90,12 @@ def test_every_one_of_a_million_steps() -> None:
 
 def test_ramps_of_a_hundred_seconds() -> None:
     """Where doubles alone are a nanosecond off: times as long as these, close to the middle between two nanoseconds."""
-    profile = trapezoid(1 << 23, 100_000, 1, 1000)
+    law = trapezoid(1 << 23, 100_000, 1, 1000)
     close = [319_323, 763_228, 960_587, 1_234_073, 1_350_927, 7_311_610, 7_402_182, 7_687_913, 7_762_618, 7_765_585]
     for k in close:
         exact = times_ns(1 << 23, 100_000, 1, 1000, range(k, k + 1))
-        assert profile.times(k - 1, k).tolist() == exact
-        assert profile.times(k - 500, k + 500)[[499]].tolist() == exact
+        assert law.times(k - 1, k).tolist() == exact
+        assert law.times(k - 500, k + 500)[[499]].tolist() == exact
 
 
 def test_ties_go_to_even() -> None:
@@ -149,40 +149,40 @@ def test_any_window_of_the_longest_moves(move: tuple[int, int, int, int], where:
 @given(numbers, st.lists(st.integers(0, 400), max_size=6))
 @settings(deadline=None, max_examples=60)
 def test_windows_do_not_depend_on_how_they_are_cut(move: tuple[int, int, int, int], cuts: list[int]) -> None:
-    profile = trapezoid(*move)
+    law = trapezoid(*move)
     edges = sorted({0, move[0], *(min(cut, move[0]) for cut in cuts)})
-    parts = [profile.times(a, b) for a, b in pairwise(edges)]
-    assert np.concatenate(parts).tolist() == profile.times(0, move[0]).tolist()
+    parts = [law.times(a, b) for a, b in pairwise(edges)]
+    assert np.concatenate(parts).tolist() == law.times(0, move[0]).tolist()
 
 
 @given(numbers)
 @settings(deadline=None, max_examples=60)
 def test_times_never_decrease_and_end_with_the_duration(move: tuple[int, int, int, int]) -> None:
-    profile = trapezoid(*move)
-    times = profile.times(0, move[0])
+    law = trapezoid(*move)
+    times = law.times(0, move[0])
     assert (np.diff(times) >= 0).all()
     assert times[0] > 0
-    assert profile.duration_ns == times[-1]
+    assert law.duration_ns == times[-1]
 
 
 @given(numbers, st.integers(0, 400))
 @settings(deadline=None, max_examples=80)
 def test_count_agrees_with_the_rounded_times(move: tuple[int, int, int, int], k: int) -> None:
-    profile = trapezoid(*move)
-    times = profile.times(0, move[0])
+    law = trapezoid(*move)
+    times = law.times(0, move[0])
     moment = int(times[k % move[0]])
     for t in (moment - 1, moment, moment + 1, 2 * moment, -1, 0):
-        assert profile.count(t) == np.searchsorted(times, t, side="right")
+        assert law.count(t) == np.searchsorted(times, t, side="right")
 
 
 @given(large, st.integers(0, 1 << 25))
 @settings(deadline=None, max_examples=60)
 def test_count_in_the_longest_moves(move: tuple[int, int, int, int], where: int) -> None:
-    profile = trapezoid(*move)
+    law = trapezoid(*move)
     k = where % move[0] + 1
     time = times_ns(*move, range(k, k + 1))[0]
-    assert profile.count(time) == k
-    assert profile.count(time - 1) == k - 1
+    assert law.count(time) == k
+    assert law.count(time - 1) == k - 1
 
 
 @given(numbers, st.fractions(0, 1))
@@ -191,9 +191,9 @@ def test_count_in_the_longest_moves(move: tuple[int, int, int, int], where: int)
 @example((10, 401, 400, 4_000_000), Fraction(1, 2))
 def test_stop_ramp(move: tuple[int, int, int, int], part: Fraction) -> None:
     """A stop anywhere: at a tick, between ticks, in every phase."""
-    profile = trapezoid(*move)
-    for stop_ns in (int(part * profile.duration_ns), int(profile.times(0, move[0])[int(part * (move[0] - 1))])):
-        stopped = profile.stopped(stop_ns)
+    law = trapezoid(*move)
+    for stop_ns in (int(part * law.duration_ns), int(law.times(0, move[0])[int(part * (move[0] - 1))])):
+        stopped = law.stopped(stop_ns)
         assert stopped.times(0, stopped.ticks).tolist() == stop_times_ns(*move, stop_ns)
 
 
@@ -214,10 +214,10 @@ def test_stop_at_speed() -> None:
 
 
 def test_stop_on_the_last_ramp_changes_nothing() -> None:
-    profile = trapezoid(1000, 10_000, 400, 100_000)
-    late = profile.duration_ns - 20_000_000
-    assert profile.stopped(late) == profile
-    once = profile.stopped(40_000_000)
+    law = trapezoid(1000, 10_000, 400, 100_000)
+    late = law.duration_ns - 20_000_000
+    assert law.stopped(late) == law
+    once = law.stopped(40_000_000)
     assert once.stopped(60_000_000) == once
     assert once.stopped(10**12) == once
 
@@ -231,15 +231,15 @@ def test_stop_before_the_start_and_without_ramps() -> None:
 @given(numbers, st.fractions(0, 1))
 @settings(deadline=None, max_examples=60)
 def test_cut_keeps_the_ticks_up_to_then(move: tuple[int, int, int, int], part: Fraction) -> None:
-    profile = trapezoid(*move)
-    times = profile.times(0, move[0])
-    t = int(part * profile.duration_ns)
-    cut = profile.cut(t)
+    law = trapezoid(*move)
+    times = law.times(0, move[0])
+    t = int(part * law.duration_ns)
+    cut = law.cut(t)
     assert cut.times(0, cut.ticks).tolist() == times[times <= t].tolist()
-    assert cut.count(2 * profile.duration_ns) == cut.ticks
+    assert cut.count(2 * law.duration_ns) == cut.ticks
 
 
-def test_a_stopped_profile_can_be_cut() -> None:
+def test_a_stopped_law_can_be_cut() -> None:
     stopped = trapezoid(100_000, 10_000, 400, 100_000).stopped(500_000_000)
     cut = stopped.cut(550_000_000)
     assert cut.ticks == stopped.count(550_000_000)
@@ -248,10 +248,10 @@ def test_a_stopped_profile_can_be_cut() -> None:
 
 
 def test_no_ticks() -> None:
-    profile = trapezoid(0, 10_000, 400, 100_000)
-    assert (profile.ticks, profile.duration_ns, profile.count(10**9)) == (0, 0, 0)
-    assert profile.times(0, 0).size == 0
-    assert profile.stopped(5) == profile
+    law = trapezoid(0, 10_000, 400, 100_000)
+    assert (law.ticks, law.duration_ns, law.count(10**9)) == (0, 0, 0)
+    assert law.times(0, 0).size == 0
+    assert law.stopped(5) == law
 
 
 def test_denominators_beyond_64_bits_stay_exact() -> None:

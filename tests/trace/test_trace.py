@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import itertools
 import tracemalloc
-import types
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from motion.plans import table
 from vcd.reader import TokenKind, tokenize
 
-from isel_twin.motion import StepRun, Steps, constant, line
+from isel_twin.motion import SetPointRun, StepRun, Steps, constant, line
 from isel_twin.trace.npz import write_npz
 from isel_twin.trace.parquet import write_parquet
-from isel_twin.trace.recorder import BUFFER, Recorder
+from isel_twin.trace.recorder import BUFFER, Recorder, sample_dtype
 from isel_twin.trace.vcd import PULSE_NS, SETUP_NS, write_vcd
 
 MS = 1_000_000
@@ -24,7 +24,8 @@ MS = 1_000_000
 class Bench:
     """A machine for the recorder to look at: X moves 1 mm/s, 1600 steps/mm; a switch is struck when told."""
 
-    def __init__(self) -> None:
+    def __init__(self, axes: int = 4) -> None:
+        self.axes = axes
         self.time_ns = 0
         self.levels = {"p3.0": True}
         self.inputs = {"limit_x1": "free"}
@@ -38,11 +39,15 @@ class Bench:
 
     @property
     def counts(self):
-        return np.array([self.time_ns * 1600 // 1_000_000_000, 0, 0, 0])
+        return np.array([self.time_ns * 1600 // 1_000_000_000, *range(1, self.axes)])
 
     @property
     def lost_steps(self):
-        return np.array([0.25, 0.0, 0.0, 0.0])
+        return np.array([0.25] + [0.0] * (self.axes - 1))
+
+    @property
+    def position_error_mm(self):
+        return np.zeros(3)
 
     def observe(self, callback, interval_ns):
         self._look = callback
@@ -55,33 +60,45 @@ class Bench:
         self._look(self)
 
 
-def stream(*moves: tuple[tuple[int, int, int, int], int, int]) -> Steps:
+def stream(*moves: tuple[tuple[int, ...], int, int]) -> Steps:
     """Moves (steps, Hz, start in ns) one after the other at constant speed."""
-    steps = Steps()
+    steps = Steps(len(moves[0][0]))
     for path, speed_hz, start_ns in moves:
         path_line = line(path)
         steps.append(StepRun(path_line, constant(path_line.ticks, speed_hz), start_ns))
     return steps
 
 
+class Ticks:
+    """A motion of steps at any times: what a trace asks of isel_twin.motion.Motion."""
+
+    lead_ns = start_ns = first = 0
+
+    def __init__(self, times: list[int], delta: list[list[int]]) -> None:
+        self.times, self.delta = times, delta
+        self.axes, self.last, self.end_ns = len(delta[0]), len(times), times[-1]
+
+    def window(self, k0: int, k1: int):
+        return np.array(self.times[k0:k1], dtype=np.int64), np.array(self.delta[k0:k1], dtype=np.int8)
+
+
 def waveforms(path: Path) -> tuple[dict[str, list[tuple[int, object]]], int]:
     """Changes (time in ns, value) of each signal of a VCD, initial values left out; and the last time in the file."""
-    names, changes, now, started, per_ns = {}, {}, 0.0, False, 0
+    names, changes, now, started = {}, {}, 0, False
     with path.open("rb") as file:
         for token in tokenize(file):
             if token.kind is TokenKind.VAR:
                 names[token.var.id_code] = token.var.reference
                 changes[token.var.reference] = []
             elif token.kind is TokenKind.TIMESCALE:
-                scale = token.timescale
-                per_ns = {"ns": 1, "ps": 1000}[scale.unit.value] // int(scale.magnitude)
+                assert (int(token.timescale.magnitude), token.timescale.unit.value) == (1, "ns")
             elif token.kind is TokenKind.DUMPVARS:
                 started = False
             elif token.kind is TokenKind.END:
                 started = True
             elif token.kind is TokenKind.CHANGE_TIME:
-                assert token.time_change / per_ns >= now
-                now = token.time_change / per_ns
+                assert token.time_change >= now
+                now = token.time_change
             elif started and token.kind in (
                 TokenKind.CHANGE_SCALAR,
                 TokenKind.CHANGE_VECTOR,
@@ -89,7 +106,10 @@ def waveforms(path: Path) -> tuple[dict[str, list[tuple[int, object]]], int]:
                 TokenKind.CHANGE_STRING,
             ):
                 change = token.data
-                changes[names[change.id_code]].append((now, change.value))
+                value = change.value
+                if isinstance(value, int) and value >> 63:  # integers have 64 bits, the uppermost one is the sign
+                    value -= 1 << 64
+                changes[names[change.id_code]].append((now, value))
     return changes, now
 
 
@@ -107,11 +127,32 @@ def test_npz_holds_the_stream_exactly(tmp_path):
         assert loaded["delta"].tolist() == [[1, -1, 0, 0]] * 3 + [[-1, 0, 0, 0]] * 2
 
 
-def test_npz_of_nothing(tmp_path):
-    write_npz(tmp_path / "s.npz", Steps())
+@pytest.mark.parametrize("axes", [1, 4, 8])
+def test_npz_of_nothing(tmp_path, axes):
+    write_npz(tmp_path / "s.npz", Steps(axes))
     with np.load(tmp_path / "s.npz") as loaded:
         assert loaded["t_ns"].shape == (0,)
-        assert loaded["delta"].shape == (0, 4)
+        assert loaded["delta"].shape == (0, axes)
+        assert loaded["delta"].dtype == np.int8
+
+
+def both_kinds() -> Steps:
+    """Six axes: two steps of Y, C back with the second, then three set points 4 ms apart, then a step of X."""
+    steps = stream(((0, 2, 0, 0, 0, -1), 1000, 0))
+    plan = table((300, 0, 0, 0, 0, -70_000), (0, 0, 0, 0, 0, 1), (-500, 0, 0, 0, 0, 0))
+    steps.append(SetPointRun(plan, 4 * MS, 2 * MS))
+    steps.append(StepRun(line((1, 0, 0, 0, 0, 0)), constant(1, 1000), 14 * MS))
+    return steps
+
+
+def test_npz_of_set_points_is_wide_enough(tmp_path):
+    write_npz(tmp_path / "s.npz", both_kinds())
+    with np.load(tmp_path / "s.npz") as loaded:
+        assert loaded["t_ns"].tolist() == [n * MS for n in (1, 2, 6, 10, 14, 15)]
+        assert loaded["delta"].dtype == np.int32
+        assert loaded["delta"][:, 5].tolist() == [-1, 0, -70_000, 1, 0, 0]
+        assert loaded["delta"][:, 0].tolist() == [0, 0, 300, 0, -500, 1]
+        assert loaded["delta"].shape == (6, 6)
 
 
 def test_npz_of_ten_million_steps_needs_little_memory(tmp_path):
@@ -150,24 +191,89 @@ def test_vcd_pulses_of_the_fastest_stream_stay_apart(tmp_path, bench):
     assert 3500 <= turned < 4000
 
 
-@pytest.mark.parametrize("gap_ns", [1, 2, 3, 100])
-def test_vcd_shows_every_tick_of_close_pairs_as_a_pulse_of_its_own(tmp_path, bench, gap_ns):
-    """A full step is two ticks 1 ns apart; an edge counter has to see both, also where the direction turns between."""
+def edges(changes: list[tuple[int, object]]) -> list[tuple[int, str]]:
+    """Edges of a signal; each is one: there is no change to the value it has, and none twice at a time."""
+    assert [value for _, value in changes] == ["1", "0"] * (len(changes) // 2)
+    assert all(before < after for (before, _), (after, _) in itertools.pairwise(changes))
+    return changes
+
+
+@pytest.mark.parametrize("gap_ns", [2, 3, 100])
+def test_vcd_shows_every_tick_as_a_pulse_of_its_own(tmp_path, bench, gap_ns):
+    """An edge counter has to see all of them, also where the direction turns between two close ones."""
     times = [t for start in (MS, 2 * MS, 3 * MS) for t in (start, start + gap_ns)]
     delta = [[1, 0, 0, 0], [1, 1, 0, 0], [-1, 0, 0, 0], [-1, 0, 0, 0], [1, 0, 0, 0], [-1, 0, 0, 0]]
-    chunk = (np.array(times, dtype=np.int64), np.array(delta, dtype=np.int8))
     with Recorder(bench, MS) as recorder:
-        write_vcd(tmp_path / "s.vcd", types.SimpleNamespace(chunks=lambda size: iter([chunk])), recorder)
+        write_vcd(tmp_path / "s.vcd", Steps(4, [Ticks(times, delta)]), recorder)
     changes, _ = waveforms(tmp_path / "s.vcd")
-    assert [time for time, value in changes["step_x"] if value == "1"] == times
-    assert [value for _, value in changes["step_x"]] == ["1", "0"] * len(times)
-    edges = [time for time, _ in changes["step_x"]]
-    assert all(before < after for before, after in itertools.pairwise(edges))
-    falls = [time for time, value in changes["step_x"] if value == "0"]
+    pulses = edges(changes["step_x"])
+    assert [time for time, value in pulses if value == "1"] == times
+    falls = [time for time, value in pulses if value == "0"]
     minus = [("1", falls[1], times[2]), ("0", falls[3], times[4]), ("1", falls[4], times[5])]
     for (turned, value), (expected, after, before) in zip(changes["dir_x"], minus, strict=True):
         assert value == expected
         assert after <= turned < before
+
+
+@pytest.mark.parametrize("gap_ns", [0, 1])
+def test_vcd_makes_one_pulse_of_ticks_too_close_for_two(tmp_path, bench, gap_ns):
+    """X steps with both, turned with the second; Y with the first, Z with the second alone."""
+    times = [t for start in (MS, 2 * MS) for t in (start, start + gap_ns)]
+    delta = [[1, 1, 0, 0], [-1, 0, 1, 0]] * 2
+    with Recorder(bench, MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", Steps(4, [Ticks(times, delta)]), recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    rises = {axis: [t for t, value in edges(changes[f"step_{axis}"]) if value == "1"] for axis in "xyz"}
+    assert rises == {"x": times[::2], "y": times[::2], "z": times[1::2]}
+    assert changes["dir_x"] == [(times[1], "1"), (times[2] - SETUP_NS, "0"), (times[3], "1")]
+    assert changes["dir_y"] == changes["dir_z"] == []
+    assert {name for name in changes if name.startswith("command")} == set()
+
+
+def test_vcd_shows_a_full_step_of_two_half_steps_as_one_pulse(tmp_path, bench):
+    with Recorder(bench, MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", Steps(4, [Ticks([MS, 2 * MS], [[2, 0, -2, 0], [-2, 0, 0, 0]])]), recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    assert changes["step_x"] == [(MS, "1"), (MS + PULSE_NS, "0"), (2 * MS, "1"), (2 * MS + PULSE_NS, "0")]
+    assert changes["step_z"] == [(MS, "1"), (MS + PULSE_NS, "0")]
+    assert changes["dir_x"] == [(2 * MS - SETUP_NS, "1")]
+    assert changes["dir_z"] == [(MS - SETUP_NS, "1")]
+
+
+@pytest.mark.parametrize("axes", [1, 2, 8])
+def test_vcd_names_as_many_axes_as_there_are(tmp_path, axes):
+    with Recorder(Bench(axes), MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", stream(((1,) * axes, 1000, 0)), recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    names = "xyzabcuv"[:axes]
+    for pattern in ("step_{}", "dir_{}", "count_{}", "lost_{}_steps"):
+        assert {pattern.format(name) for name in names} <= set(changes)
+    assert {name for name in changes if name.startswith(("step", "count"))} == {
+        f"{kind}_{name}" for kind in ("step", "count") for name in names
+    }
+    assert [changes[f"step_{name}"][0] for name in names] == [(MS, "1")] * axes
+    assert {name for name in changes if name.startswith("position")} == {f"position_{name}_mm" for name in "xyz"}
+
+
+def test_vcd_shows_set_points_as_commands(tmp_path):
+    steps = Steps(2, [SetPointRun(table((5, 0), (0, 0), (-12, 70_000)), 4 * MS, 100)])
+    with Recorder(Bench(2), MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", steps, recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    assert changes["command_x"] == [(4 * MS + 100, 5), (12 * MS + 100, -7)]
+    assert changes["command_y"] == [(12 * MS + 100, 70_000)]
+    assert not {"step_x", "dir_x", "step_y", "dir_y"} & set(changes)
+
+
+def test_vcd_of_steps_and_set_points_has_pulses_and_the_sum_of_both(tmp_path):
+    with Recorder(Bench(6), MS) as recorder:
+        write_vcd(tmp_path / "s.vcd", both_kinds(), recorder)
+    changes, _ = waveforms(tmp_path / "s.vcd")
+    assert [time for time, value in changes["step_y"] if value == "1"] == [MS, 2 * MS]
+    assert [time for time, value in changes["step_x"] if value == "1"] == [15 * MS]
+    assert changes["command_y"] == [(MS, 1), (2 * MS, 2)]
+    assert changes["command_c"] == [(MS, -1), (6 * MS, -70_001), (10 * MS, -70_000)]
+    assert changes["command_x"] == [(6 * MS, 300), (14 * MS, -200), (15 * MS, -199)]
 
 
 def test_vcd_shows_samples_and_changes(tmp_path, bench):
@@ -175,7 +281,7 @@ def test_vcd_shows_samples_and_changes(tmp_path, bench):
         bench.at(1 * MS)
         bench.at(1_500_000, inputs={"limit_x1": "struck"}, levels={"p3.0": False}, outputs={"lamp_stop": 1})
         bench.at(2 * MS)
-        write_vcd(tmp_path / "s.vcd", Steps(), recorder)
+        write_vcd(tmp_path / "s.vcd", Steps(4), recorder)
     changes, end = waveforms(tmp_path / "s.vcd")
     assert end == 2 * MS
     assert [time for time, _ in changes["position_x_mm"]] == [1 * MS, 1_500_000, 2 * MS]
@@ -199,6 +305,21 @@ def test_parquet_has_a_row_a_sample_and_holds_values(tmp_path, bench):
     assert table["level_p3.0"] == [1, 1, 0, 0]
     assert table["input_limit_x1"] == ["free", "free", "struck", "struck"]
     assert table["output_lamp_stop"] == [None, None, 1, 1]
+
+
+@pytest.mark.parametrize("axes", [1, 6, 8])
+def test_samples_have_as_many_counters_as_the_controller(tmp_path, axes):
+    with Recorder(bench := Bench(axes), MS) as recorder:
+        bench.at(2 * MS)
+        (samples,) = recorder.samples()
+        assert samples.dtype == sample_dtype(axes)
+        assert samples["counts"].tolist() == [[n, *range(1, axes)] for n in (0, 3)]
+        assert samples["position_mm"].shape == (2, 3)
+        write_parquet(tmp_path / "s.parquet", recorder)
+    table = pq.read_table(tmp_path / "s.parquet").to_pydict()
+    assert [name for name in table if name.startswith("count_")] == [f"count_{name}" for name in "xyzabcuv"[:axes]]
+    assert table["lost_x_steps"] == [0.25, 0.25]
+    assert table[f"count_{'xyzabcuv'[axes - 1]}"][1] == (axes - 1 if axes > 1 else 3)
 
 
 def test_of_several_looks_at_one_instant_the_last_counts(bench):
@@ -230,9 +351,10 @@ def test_a_long_recording_goes_to_disk_and_comes_back(tmp_path, bench):
 def test_a_failed_trace_leaves_the_old_file(tmp_path, bench):
     target = tmp_path / "s.vcd"
     target.write_text("old")
-    broken = types.SimpleNamespace(chunks=lambda size: 1 / 0)
+    broken = Ticks([MS], [[1, 0, 0, 0]])
+    broken.window = lambda k0, k1: 1 / 0
     with Recorder(bench, MS) as recorder, pytest.raises(ZeroDivisionError):
-        write_vcd(target, broken, recorder)
+        write_vcd(target, Steps(4, [broken]), recorder)
     assert target.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["s.vcd"]
 

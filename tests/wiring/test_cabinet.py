@@ -117,6 +117,13 @@ def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
     assert not box.spindle_runs
 
 
+def test_asking_for_the_spindle_with_the_hood_open_starts_nothing_and_cuts_nothing() -> None:
+    """The contactor does not close, so nothing runs that the open hood would endanger (W4)."""
+    box = cabinet(hood="open")
+    box.output("spindle", 1)
+    assert (box.spindle_runs, box.relay) == (False, True)
+
+
 def test_opening_the_hood_while_steps_are_made_cuts_power_whatever_the_controller_says() -> None:
     box = SafetyCabinet()
     box.motion(True)

@@ -61,6 +61,7 @@ def serve(
     from isel_twin.bridge.server import Server, on_signals
     from isel_twin.cli import outputs
     from isel_twin.trace.write import trace_kind, write_trace
+    from isel_twin.warm import warm_up
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="isel-twin: %(message)s")
     check_seconds("interval", interval, 1e-9)
@@ -77,6 +78,7 @@ def serve(
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
         twin = call.build()
+        warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
         server = Server(twin, Pacer(factor, twin.time_ns), endpoints)
         stack.enter_context(on_signals(server.stop))

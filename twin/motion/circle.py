@@ -153,9 +153,9 @@ class Circle:
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
         delta = np.zeros((last - first, self.axes), dtype=np.int8)
-        _walk(*self._state(first), delta[:, self.plane[0]], delta[:, self.plane[1]])
+        _walk(*self._state(first), delta, *self.plane)
         if self.third_axis is not None:
-            fill_even(delta[:, self.third_axis], first, self.third_steps, self.ticks)
+            fill_even(delta, self.third_axis, first, self.third_steps, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
@@ -171,8 +171,8 @@ class Circle:
     def _state(self, k: int) -> tuple[int, int, int]:
         """x, y, c after k ticks, from the checkpoint before."""
         x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
-        rest = np.empty((2, k % INTERVAL), dtype=np.int8)
-        return _walk(x, y, c, rest[0], rest[1]) if rest.size else (x, y, c)
+        rest = np.empty((k % INTERVAL, 2), dtype=np.int8)
+        return _walk(x, y, c, rest, 0, 1) if rest.size else (x, y, c)
 
 
 @lru_cache(maxsize=16)
@@ -180,30 +180,30 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
     """int64 [ticks // INTERVAL + 1, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... ticks."""
     states = np.empty((path.ticks // INTERVAL + 1, 3), dtype=np.int64)
     state = path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius
-    scratch = np.empty((2, INTERVAL), dtype=np.int8)
+    scratch = np.empty((INTERVAL, 2), dtype=np.int8)
     for row in states:
         row[:] = state
-        state = _walk(*state, scratch[0], scratch[1])
+        state = _walk(*state, scratch, 0, 1)
     return states
 
 
 @njit(nogil=True)
-def _walk(x, y, c, dx, dy):  # type: ignore[no-untyped-def]
-    """Make dx.size ticks from (x, y) with c = x^2 + y^2 - R^2; write their steps, each to one of dx and dy, and return
-    the state reached.
+def _walk(x, y, c, delta, first, second):
+    """Make len(delta) ticks from (x, y) with c = x^2 + y^2 - R^2; write the step of each to one of the columns first
+    and second; return the state reached.
 
     A quadrant includes the half axis on which the counter-clockwise path enters it.
     """
-    for i in range(dx.size):
+    for i in range(delta.shape[0]):
         rx = -1 if y > 0 or (y == 0 and x > 0) else 1
         ry = 1 if x > 0 or (x == 0 and y < 0) else -1
         inward = c + rx * x + ry * y + 1 > 0
         if inward == (rx * x < 0):  # X goes inwards in quadrants I and III, outwards in II and IV
             c += 2 * rx * x + 1
             x += rx
-            dx[i] = rx
+            delta[i, first] = rx
         else:
             c += 2 * ry * y + 1
             y += ry
-            dy[i] = ry
+            delta[i, second] = ry
     return x, y, c

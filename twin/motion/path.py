@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ def line(steps: Sequence[int]) -> Line:
     """
     if not 1 <= len(steps) <= len(AXIS_NAMES) or any(abs(n) >= 1 << 40 for n in steps):
         raise ValueError(f"a line needs 1 to {len(AXIS_NAMES)} step numbers below 2^40, got {tuple(steps)}")
-    return Line(tuple(int(n) for n in steps))
+    return Line(tuple(int(n) for n in steps), int(max(abs(n) for n in steps)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +60,7 @@ class Line:
     """Made by `line`."""
 
     steps: Displacement
-
-    @property
-    def ticks(self) -> int:
-        return max(abs(n) for n in self.steps)
+    ticks: int
 
     @property
     def axes(self) -> int:
@@ -76,12 +73,14 @@ class Line:
         delta = rows.reshape(last - first, self.axes).copy()
         for axis, n in enumerate(self.steps):
             if abs(n) != self.ticks:
-                fill_even(delta[:, axis], first, n, self.ticks)
+                fill_even(delta, axis, first, n, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
+        if k == self.ticks:
+            return self.steps
         check_range(0, k, self.ticks)
-        return tuple(even(k, n, self.ticks) for n in self.steps)
+        return tuple([even(k, n, self.ticks) for n in self.steps])
 
 
 def check_range(first: int, last: int, ticks: int) -> None:
@@ -97,23 +96,23 @@ def even(k: int, n: int, ticks: int) -> int:
     return (2 * k * n + ticks) // (2 * ticks) if n else 0
 
 
-def fill_even(column: NDArray[Any], first: int, n: int, ticks: int) -> None:
-    """Add to a column of zeros the steps of this axis: column[i] is that at tick first + 1 + i; |n| <= ticks.
+def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
+    """Write the steps of this axis into its column of zeros: delta[i, axis] that at tick first + 1 + i; |n| <= ticks.
 
-    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j, that is at ceil((2 j - 1) N / 2 |n|).
+    By the rule of `even`, step j falls at the first tick k with 2 k |n| + N >= 2 N j: at ceil((2 j - 1) N / (2 |n|)).
     """
     if n:
         two_n = 2 * abs(n)
         done = (first * two_n + ticks) // (2 * ticks)
         tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
-        _fill_even(column, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
+        _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
 @njit(nogil=True)
-def _fill_even(column, i, rest, whole, part, modulus, step):  # type: ignore[no-untyped-def]
+def _fill_even(delta, axis, i, rest, whole, part, modulus, step):
     """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
-    while i < column.size:
-        column[i] = step
+    while i < delta.shape[0]:
+        delta[i, axis] = step
         i += whole
         rest += part
         if rest >= modulus:

@@ -108,8 +108,9 @@ class SetPointRun:
         return tuple(n - b for n, b in zip(now, before, strict=True))
 
     def stopped(self, t_ns: int) -> SetPointRun:
-        """The same up to t_ns, then as the plan comes to a stop."""
-        return replace(self, plan=self.plan.stopped(self.count(t_ns)), end=None)
+        """The same up to t_ns, then as the plan comes to a stop; unchanged if all its ticks have been made."""
+        made = self.count(t_ns)
+        return self if made == self.last else replace(self, plan=self.plan.stopped(made), end=None)
 
     def cut(self, t_ns: int) -> SetPointRun:
         """The same, ended at t_ns: only the ticks at or before it."""

@@ -71,7 +71,8 @@ class StepRun:
 
     def cut(self, t_ns: int) -> StepRun:
         """The same, ended at t_ns: only the ticks at or before it."""
-        return replace(self, law=self.law.cut(t_ns - self.start_ns))
+        law = self.law.cut(t_ns - self.start_ns)
+        return self if law is self.law else replace(self, law=law)
 
     def continues(self, other: Motion) -> bool:
         """The same path from the same place at the same time."""

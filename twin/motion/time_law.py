@@ -25,7 +25,7 @@ import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +45,11 @@ DOUBT = 12 * 2.0**-53
 """Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns.
 
 With u = 2^-53 the relative errors add up to: d 2 u, 2 a d 4 u, the radicand 5 u, its root 3.5 u, plus f0 4.5 u, the
-numerator 3 u, the quotient 8.5 u; adding the rounded rest of T costs 1 u of the sum and 1 u of the rest: below 12 u.
+numerator 4 u, the quotient 9.5 u; adding the rounded rest of T costs 1 u of the sum and 1 u of the rest: below 12 u.
 """
+
+ROOT_DIGITS = 128
+"""Binary digits after the point to which irrational times are known."""
 
 
 # ---- the public part -----------------------------------------------------------------------------------------------
@@ -100,7 +103,17 @@ def trapezoid(ticks: int, speed_hz: Rational, start_stop_hz: Rational, accelerat
             raise ValueError(f"{name} must be positive, got {value}")
     if ticks * SECOND_NS >= LONGEST_NS * min(speed_hz, start_stop_hz):
         raise ValueError(f"{ticks} ticks at {min(speed_hz, start_stop_hz)} Hz take longer than 64 bits of nanoseconds")
-    return Trapezoid(ticks, _Law(ticks, speed_hz, start_stop_hz, acceleration_hz_per_s))
+    unit_s = math.lcm(speed_hz.denominator, start_stop_hz.denominator, acceleration_hz_per_s.denominator)
+    return Trapezoid(
+        ticks,
+        _Law(
+            ticks,
+            int(speed_hz * unit_s),
+            int(start_stop_hz * unit_s),
+            int(acceleration_hz_per_s * unit_s**2),
+            unit_s * SECOND_NS,
+        ),
+    )
 
 
 @dataclass(frozen=True)
@@ -126,6 +139,8 @@ class Trapezoid:
 
     def count(self, t_ns: int) -> int:
         """By the closed form of s(t), corrected by the rounded times: costs the same for any number of ticks."""
+        if t_ns >= self.duration_ns:
+            return self.ticks
         estimate = 0
         for phase in _phases(self._law):
             estimate = min(max(phase.estimate(t_ns), phase.first), phase.last)
@@ -139,7 +154,7 @@ class Trapezoid:
         return count
 
     def cut(self, t_ns: int) -> Trapezoid:
-        return replace(self, ticks=self.count(t_ns))
+        return self if t_ns >= self.duration_ns else replace(self, ticks=self.count(t_ns))
 
     def stopped(self, t_ns: int) -> Trapezoid:
         """Ramps down to the start-stop frequency. Unchanged on its last ramp; ends at once if it has no ramps."""
@@ -149,7 +164,7 @@ class Trapezoid:
         if end is None:
             return self
         last = max(self.count(t_ns), math.floor(end[0]))
-        return Trapezoid(min(last, self.ticks), replace(self._law, stop_ns=t_ns))
+        return Trapezoid(min(last, self.ticks), self._law._replace(stop_ns=t_ns))
 
     def _time(self, k: int) -> int:
         return int(self.times(k - 1, k)[0])
@@ -158,75 +173,81 @@ class Trapezoid:
 # ---- the law and its phases ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Law:
-    """What a time law follows from: the numbers of the planned motion, and when it was stopped."""
+class _Law(NamedTuple):
+    """What a time law follows from: the numbers of the planned motion, and when it was stopped.
+
+    All are whole: the unit of time is so many seconds that frequencies and acceleration are, one second as a rule.
+    """
 
     ticks: int
-    speed_hz: Rational
-    start_stop_hz: Rational
-    acceleration: Rational
+    speed: int
+    start_stop: int
+    acceleration: int
+    unit_ns: int
     stop_ns: int | None = None
 
     @property
     def flat(self) -> bool:
-        return self.speed_hz <= self.start_stop_hz
+        return self.speed <= self.start_stop
 
     @property
-    def rise(self) -> tuple[Fraction, Fraction | None]:
-        """Phase and time in s at which the rise ends; the time is None in a motion too short to reach its speed."""
-        f0, a, v = self.start_stop_hz, self.acceleration, self.speed_hz
-        s_r = Fraction(v * v - f0 * f0) / (2 * a)
-        if 2 * s_r > self.ticks:
-            return Fraction(self.ticks, 2), None
-        return s_r, Fraction(v - f0) / a
+    def double_rise(self) -> int:
+        """2 a s_r = V^2 - f0^2: more than a n in a motion too short to reach its speed."""
+        return self.speed**2 - self.start_stop**2
 
 
 def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
-    """Phase S and time T in s at which the stop ramp begun at t_ns ends; None if the last ramp has begun before."""
+    """Phase S and time T in units at which the stop ramp begun at t_ns ends; None if the last ramp has begun before."""
     if law.stop_ns is not None and t_ns >= law.stop_ns:
         return None
-    f0, a, v = law.start_stop_hz, law.acceleration, law.speed_hz
-    t = Fraction(max(t_ns, 0), SECOND_NS)
-    s_r, t_r = law.rise
+    n, v, f0, a = law.ticks, law.speed, law.start_stop, law.acceleration
+    t = Fraction(max(t_ns, 0), law.unit_ns)
+    short = law.double_rise > a * n
+    s_r = Fraction(n, 2) if short else Fraction(law.double_rise, 2 * a)
     phase = f0 * t + a * t * t / 2
     if phase < s_r:
         return 2 * phase, 2 * t  # the stop ramp is the mirror image of the rise so far
-    if t_r is None:
+    if short:
         return None
+    t_r = Fraction(v - f0, a)
     phase = s_r + v * (t - t_r)
-    return (phase + s_r, t + t_r) if phase < law.ticks - s_r else None
+    return (phase + s_r, t + t_r) if phase < n - s_r else None
 
 
 @lru_cache(maxsize=64)
 def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
     """The phases of a law in their order, none of them empty."""
-    f0, a, v, n = law.start_stop_hz, law.acceleration, law.speed_hz, law.ticks
+    n, v, f0, a, unit_ns, stop_ns = law
     if law.flat:
-        return (_cruise(0, n, v, Fraction(0)),) if n else ()
-    s_r, t_r = law.rise
-    phases: list[_Cruise | _Ramp] = [_ramp(0, math.floor(s_r), +1, f0, a, Fraction(0), Fraction(-f0))]
-    if t_r is None:  # T = 2 (sqrt(f0^2 + a n) - f0) / a
-        peak = 4 * Fraction(f0 * f0 + a * n)
-        phases.append(_ramp(phases[-1].last, n, -1, f0, a, Fraction(n), Fraction(-f0), peak))
-    else:  # T = 2 t_r + (n - 2 s_r) / V
-        phases.append(_cruise(phases[-1].last, math.floor(n - s_r), v, t_r - s_r / v))
-        phases.append(_ramp(phases[-1].last, n, -1, f0, a, Fraction(n), a * (2 * t_r + (n - 2 * s_r) / v) + f0))
-    if law.stop_ns is not None:
-        planned = replace(law, stop_ns=None)
-        end = _stop_ramp(planned, law.stop_ns)
-        assert end is not None, "a law is stopped before its last ramp only"
-        made = Trapezoid(n, planned).count(law.stop_ns)
-        phases = [replace(phase, last=min(phase.last, made)) for phase in phases if phase.first < made]
-        phases.append(_ramp(made, math.floor(end[0]), -1, f0, a, end[0], a * end[1] + f0))
+        return (_cruise(0, n, unit_ns, 0, v),) if n else ()
+    double_rise = law.double_rise
+    if double_rise > a * n:  # T = 2 (sqrt(f0^2 + a n) - f0) / a
+        peak = 4 * (f0 * f0 + a * n)
+        risen = n // 2
+        end = _root(peak) - (2 * f0 << ROOT_DIGITS)
+        rest: list[_Cruise | _Ramp] = [_Ramp(risen, n, -1, law, n, end * unit_ns, a << ROOT_DIGITS, peak)]
+    else:  # t_r - s_r / V = (V - f0)^2 / (2 a V),  T = 2 t_r + (n - 2 s_r) / V
+        risen, fall = double_rise // (2 * a), (2 * a * n - double_rise) // (2 * a)
+        rest = [
+            _cruise(risen, fall, 2 * a * unit_ns, (v - f0) ** 2 * unit_ns, 2 * a * v),
+            _Ramp(fall, n, -1, law, n, ((v - f0) ** 2 + a * n) * unit_ns, a * v),
+        ]
+    phases = [_Ramp(0, risen, +1, law, 0, 0, 1), *rest]
+    if stop_ns is not None:
+        planned = law._replace(stop_ns=None)
+        stop = _stop_ramp(planned, stop_ns)
+        assert stop is not None, "a law is stopped before its last ramp only"
+        made = Trapezoid(n, planned).count(stop_ns)
+        phases = [phase._replace(last=min(phase.last, made)) for phase in phases if phase.first < made]
+        end_ns = stop[1] * unit_ns
+        phases.append(_Ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
     return tuple(phase for phase in phases if phase.first < phase.last)
 
 
 # ---- constant frequency --------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Cruise:
+class _Cruise(NamedTuple):
     """Ticks first + 1 .. last at t_k = (slope k + offset) / denominator ns, all integers."""
 
     first: int
@@ -247,15 +268,14 @@ class _Cruise:
             out[:] = [round(Fraction(start + self.slope * i, den)) for i in range(len(out))]
 
 
-def _cruise(first: int, last: int, speed_hz: Rational, offset_s: Fraction) -> _Cruise:
-    """t_k = offset_s + k / speed_hz, over the least common denominator."""
-    slope, offset = Fraction(SECOND_NS) / speed_hz, SECOND_NS * offset_s
-    den = math.lcm(slope.denominator, offset.denominator)
-    return _Cruise(first, last, int(slope * den), int(offset * den), den)
+def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) -> _Cruise:
+    """In lowest terms."""
+    common = math.gcd(slope, offset, denominator)
+    return _Cruise(first, last, slope // common, offset // common, denominator // common)
 
 
 @njit(nogil=True)
-def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[no-untyped-def]
+def _fill_cruise(out, whole, rest, step_whole, step_rest, den):
     """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
     for i in range(out.size):
         double = 2 * rest
@@ -270,8 +290,7 @@ def _fill_cruise(out, whole, rest, step_whole, step_rest, den):  # type: ignore[
 # ---- ramps ---------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Ramp:
+class _Ramp(NamedTuple):
     """Ticks first + 1 .. last at t_k = T + sign x(sign (k - S)): sign +1 rises from S at T, sign -1 falls to it.
 
     Exactly: a t_k = shift + sqrt(peak) - sqrt(r_k) when falling and shift + sqrt(r_k) when rising (peak = 0), with
@@ -281,26 +300,27 @@ class _Ramp:
     first: int
     last: int
     sign: int
-    f0: Rational
-    a: Rational
-    s: Fraction
-    shift: Fraction
-    peak: Fraction
-    t_ns: Fraction
-    """T in ns, to much better than the double-precision error."""
+    law: _Law
+    s: Rational
+    end: int
+    over: int
+    """T is end / over ns; to much better than the double-precision error if there is a peak, else exactly."""
+    peak: int = 0
 
     def estimate(self, t_ns: int) -> int:
-        tau = float(self.sign * (t_ns - self.t_ns)) / SECOND_NS
-        d = tau * (float(self.f0) + float(self.a) / 2 * tau) if tau > 0 else 0.0
+        tau = self.sign * (t_ns * self.over - self.end) / (self.over * self.law.unit_ns)
+        d = tau * (self.law.start_stop + self.law.acceleration / 2 * tau) if tau > 0 else 0.0
         return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
 
     def fill(self, out: NDArray[np.int64], k: int) -> None:
         """Write the times of ticks k, k + 1, ... to out."""
-        s, t = math.floor(self.s), math.floor(self.t_ns)
-        s_rest, t_rest = float(self.s % 1), float(self.t_ns % 1)
+        law = self.law
+        s, s_rest = math.floor(self.s), float(self.s % 1)
+        t, t_rest = divmod(self.end, self.over)
+        numbers = float(law.start_stop), float(2 * law.acceleration), float(2 * law.unit_ns), t, t_rest / self.over
         done = 0
         while True:
-            done = _fill_ramp(out, done, k, self.sign, s, s_rest, float(self.f0), float(2 * self.a), t, t_rest)
+            done = _fill_ramp(out, done, k, self.sign, s, s_rest, *numbers)
             if done == out.size:
                 return
             out[done] = self._settle(k + done)
@@ -308,12 +328,15 @@ class _Ramp:
 
     def _settle(self, k: int) -> int:
         """Time of tick k in exact arithmetic."""
-        r = self.f0 * self.f0 + 2 * self.a * self.sign * (k - self.s)
-        plus, minus = (r, Fraction(0)) if self.sign > 0 else (self.peak, r)
+        f0, a, unit_ns = self.law.start_stop, self.law.acceleration, self.law.unit_ns
+        shift = -f0 if self.peak else Fraction(a * self.end, self.over * unit_ns) - self.sign * f0
+        r = f0 * f0 + 2 * a * self.sign * (k - self.s)
+        plus, minus = (r, 0) if self.sign > 0 else (self.peak, r)
         # An approximation that is right or one too small or too great; then ask on which side of a middle t_k lies.
-        n = round((self.shift + _root(plus) - _root(minus)) * SECOND_NS / self.a)
+        roots = Fraction(_root(plus) - _root(minus), 1 << ROOT_DIGITS)
+        n = round((shift + roots) * unit_ns / a)
         for middle in (2 * n - 1, 2 * n + 1):
-            side = _sign(plus, minus, Fraction(self.a * middle, 2 * SECOND_NS) - self.shift)
+            side = _sign(plus, minus, Fraction(a * middle, 2 * unit_ns) - shift)
             if side == 0:
                 return round(Fraction(middle, 2))
             if middle < 2 * n and side < 0:
@@ -323,23 +346,9 @@ class _Ramp:
         return n
 
 
-def _ramp(
-    first: int,
-    last: int,
-    sign: int,
-    f0: Rational,
-    a: Rational,
-    s: Fraction,
-    shift: Fraction,
-    peak: Fraction = Fraction(0),
-) -> _Ramp:
-    t_ns = (shift + _root(peak) + sign * f0) * SECOND_NS / a
-    return _Ramp(first, last, sign, f0, a, s, shift, peak, t_ns)
-
-
-def _root(x: Rational) -> Fraction:
-    """sqrt(x), cut to 128 binary digits after the point."""
-    return Fraction(math.isqrt((Fraction(x) * (1 << 256)).__floor__()), 1 << 128)
+def _root(x: Rational) -> int:
+    """sqrt(x) 2^ROOT_DIGITS, rounded down."""
+    return math.isqrt((x.numerator << 2 * ROOT_DIGITS) // x.denominator)
 
 
 def _sign(p: Rational, q: Rational, y: Rational) -> int:
@@ -354,11 +363,11 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
 
 
 @njit(nogil=True)
-def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, t, t_rest):  # type: ignore[no-untyped-def]
+def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):
     """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):
         d = sign * (k + i - s) + s_rest
-        x = 2.0 * SECOND_NS * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
+        x = two_units * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
         y = t_rest + sign * x
         n = np.rint(y)
         if 0.5 - abs(y - n) <= DOUBT * (x + 1.0):

@@ -116,10 +116,10 @@ THRESHOLD = np.dtype(
 
 
 @intrinsic
-def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-def]
+def _call_mj_step(typingctx, address, model, data):
     """Call the C function void(*)(mjModel*, mjData*) at an address."""
 
-    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, arguments):
         word = ir.IntType(64)
         function = ir.FunctionType(ir.VoidType(), [word, word])
         builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
@@ -129,7 +129,14 @@ def _call_mj_step(typingctx, address, model, data):  # type: ignore[no-untyped-d
 
 
 @njit(nogil=True, error_model="numpy")
-def _lower_at(axis):  # type: ignore[no-untyped-def]
+def _copy(to, values):
+    """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
+    for i in range(to.shape[0]):
+        to[i] = values[i]
+
+
+@njit(nogil=True, error_model="numpy")
+def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
@@ -137,7 +144,7 @@ def _lower_at(axis):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def _wake(plant, axes):  # type: ignore[no-untyped-def]
+def _wake(plant, axes):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
         return
@@ -149,13 +156,13 @@ def _wake(plant, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def wake(plants, axes):  # type: ignore[no-untyped-def]
+def wake(plants, axes):
     """Something from outside is about to change: nothing may be skipped any more."""
     _wake(plants[0], axes)
 
 
 @njit(nogil=True, error_model="numpy")
-def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untyped-def]
+def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
     Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
@@ -173,7 +180,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):  # type: ignore[no-untype
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):  # type: ignore[no-untyped-def]
+def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for i in range(AXES):
@@ -184,7 +191,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
-    before[:] = qpos
+    _copy(before, qpos)
     _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
@@ -200,12 +207,12 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
         qvel[:] = 0.0
-        before[:] = qpos
+        _copy(before, qpos)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 
 @njit(nogil=True, error_model="numpy")
-def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no-untyped-def]
+def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
     for k in range(thresholds.shape[0]):
@@ -228,7 +235,7 @@ def _pass(thresholds, plant, axes, states, commanded, leads):  # type: ignore[no
 
 
 @njit(nogil=True, error_model="numpy")
-def advance(  # type: ignore[no-untyped-def]
+def advance(
     plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip

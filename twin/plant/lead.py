@@ -54,13 +54,13 @@ def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
 
 
 @njit(nogil=True, error_model="numpy")
-def behind(lead, t_ns):  # type: ignore[no-untyped-def]
+def behind(lead, t_ns):
     """Microsteps still to come at t_ns, not before the last tick. Exact wherever it is a number with 53 bits."""
     return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
 
 
 @njit(nogil=True, error_model="numpy")
-def mean_behind(lead, start_ns, end_ns, dt_ns):  # type: ignore[no-untyped-def]
+def mean_behind(lead, start_ns, end_ns, dt_ns):
     """Integral of `behind` from start_ns to end_ns, over dt_ns."""
     last_ns = min(end_ns, lead.end_ns)
     if start_ns >= last_ns:
@@ -69,7 +69,7 @@ def mean_behind(lead, start_ns, end_ns, dt_ns):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def begin(lead, t_ns, change, lead_ns):  # type: ignore[no-untyped-def]
+def begin(lead, t_ns, change, lead_ns):
     """A tick at t_ns."""
     lead.pending = behind(lead, t_ns) + change
     lead.end_ns = t_ns + lead_ns

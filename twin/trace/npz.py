@@ -40,6 +40,6 @@ def _write_array(
 ) -> None:
     with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
         header = {"descr": dtype, "fortran_order": False, "shape": shape}
-        np.lib.format.write_array_header_2_0(file, header)  # type: ignore[arg-type]
+        np.lib.format.write_array_header_2_0(file, header)
         for piece in pieces:
             file.write(np.ascontiguousarray(piece, dtype=np.dtype(dtype)).data)

@@ -116,6 +116,7 @@ class SafetyCabinet:
         self.spindle_runs = False
         """Spindle contactor on."""
         self._axes_move = False
+        self._user = dict.fromkeys(USER_INPUTS, False)
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now: a locked hood stays closed unless it is forced.
@@ -129,6 +130,8 @@ class SafetyCabinet:
         if element == "hood" and state == "open" and self.locked:
             return self.state["hood"]
         self.state[element] = "open" if state == "forced" else state
+        if element in self._user:
+            self._user[element] = state == "high"
         if element == "power" and state == "on":
             self._close_relay()
         self._settle()
@@ -143,7 +146,7 @@ class SafetyCabinet:
         if name == "power_request" and rising:
             self._close_relay()
         if name == "spindle" and rising:
-            self.spindle_runs = True
+            self.spindle_runs = self.relay and self.state["hood"] == "closed"
         self._settle()
 
     def sense(self, closed: Callable[[str], bool]) -> None:
@@ -203,7 +206,7 @@ class SafetyCabinet:
             "hood_automatic": closed and not setup,
             "hood_setup": closed or setup,
             "key": setup,
-            **{name: self.state[name] == "high" for name in USER_INPUTS},
+            **self._user,
         }
 
     def _circuits_closed(self) -> bool:

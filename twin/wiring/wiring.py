@@ -29,7 +29,7 @@ from isel_twin.plant import Plant, Threshold
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioEvent
+from isel_twin.wiring.scenario import ScenarioEvent, check_input
 
 __all__ = ["Wiring", "thresholds"]
 
@@ -79,6 +79,9 @@ class Wiring:
         self.events_without_effect = 0
         """Events of the scenario that have happened and could not do anything: the plant has no physics."""
         self._outputs: dict[str, int] = {}
+        self._shown: Mapping[str, bool] = {}
+        self._signals: Mapping[str, bool] = {}
+        """What the cabinet's contacts are since they were last told."""
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -123,7 +126,11 @@ class Wiring:
         }
 
     def operate(self, name: str, state: str) -> None:
-        """Give an element of the cabinet or a contact one of its states in `settable`."""
+        """Give an element of the cabinet or a contact one of its states in `settable`.
+
+        Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
+        """
+        check_input(name, state, self.settable, "wiring")
         if state in self._cabinet.elements.get(name, ()):
             self._cabinet.operate(name, state)
         if name in self._contacts.names and state in FAULTS:
@@ -159,14 +166,16 @@ class Wiring:
     def levels(self) -> Mapping[str, bool]:
         """Level (True: high) of every wired terminal; the same object as long as nothing has changed."""
         levels = self._contacts.levels()
-        if not self._drive_terminals:
-            return levels
-        active = self._active[len(self._switches) :].tolist()
-        return levels | dict(zip(self._drive_terminals, active, strict=True))
+        if self._drive_terminals:
+            active = self._active[len(self._switches) :].tolist()
+            levels = levels | dict(zip(self._drive_terminals, active, strict=True))
+        if levels is not self._shown and levels != self._shown:
+            self._shown = levels
+        return self._shown
 
     @property
     def inputs(self) -> Mapping[str, str]:
-        """State of everything that can be operated, and of the position switches (`free`, `struck` or a fault)."""
+        """State of every element and position switch (`free`, `struck`), and the fault of each contact that has one."""
         states = dict(self._cabinet.states)
         for switch, struck in zip(self._switches, self._active, strict=False):
             states[switch.name] = "struck" if struck else "free"
@@ -185,7 +194,7 @@ class Wiring:
     def _follow_plant(self, t_ns: int) -> bool:
         """Take over what the plant has struck or released, and the bounces due; return whether there was anything."""
         active = self._plant.trips()
-        changed = np.flatnonzero(active != self._active).tolist()
+        changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
@@ -213,14 +222,19 @@ class Wiring:
 
     def _settle_cabinet(self) -> None:
         """Carry the cabinet's signals to the contacts, their real states back, and its power to the stages."""
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
+        self._follow_cabinet()
         self._cabinet.sense(self._contacts.closed)
-        for name, closed in self._cabinet.contacts().items():
-            self._contacts.set_closed(name, closed)
+        self._follow_cabinet()
         live = self._cabinet.powered
         self._plant.set_power(
             stages=live and bool(self._outputs.get("stages")),
             brake_released=live and bool(self._outputs.get("brake")),
             lowering=bool(self._outputs.get("current_lowering")),
         )
+
+    def _follow_cabinet(self) -> None:
+        signals = self._cabinet.contacts()
+        if signals != self._signals:
+            self._signals = signals
+            for name, closed in signals.items():
+                self._contacts.set_closed(name, closed)

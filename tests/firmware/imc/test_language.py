@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 import hypothesis.strategies as st
 import pytest
-from desk import Desk
 from hypothesis import given
 
 from isel_twin.controller import create_controller
@@ -15,6 +14,7 @@ from isel_twin.firmware.imc import commands, replies
 from isel_twin.firmware.imc.controller import Imc
 from isel_twin.firmware.imc.language import CODES, CONTROL, LONGEST
 from isel_twin.language import Language, LanguageError, Message, MoveSettings, create_language
+from isel_twin.testing import Desk
 
 
 def fresh(name: str = "imc-s8") -> Language:

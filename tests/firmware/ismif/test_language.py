@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hypothesis.strategies as st
 import pytest
-from desk import Desk, PositionSwitch
 from hypothesis import given
 
 from isel_twin.firmware.ismif.commands import FORMS, LINE_LIMIT
 from isel_twin.firmware.ismif.language import ANSWERS, CR, STATUS
 from isel_twin.language import Language, LanguageError, Message, MoveSettings, create_language
+from isel_twin.testing import Desk, PositionSwitch
 
 
 def fresh() -> Language:

@@ -8,7 +8,8 @@ from conformance.ismif_desk import job, line, moved, pulse_times_ns, referenced,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isel_twin.firmware.ismif.moves import PairedPath, paired, profile
+from isel_twin.firmware.ismif.moves import FullSteps, ramp
+from isel_twin.motion import StepRun
 from isel_twin.motion import line as straight
 
 frequencies = st.integers(65, 5000)
@@ -23,7 +24,7 @@ frequencies = st.integers(65, 5000)
     error_ppm=st.integers(-50_000, 50_000),
 )
 def test_pulse_times(steps: int, v: int, f0: int, ramp_ms: int, error_ppm: int) -> None:
-    times = profile(steps, v, f0, ramp_ms, error_ppm).times(0, steps)
+    times = ramp(steps, v, f0, ramp_ms, error_ppm).times(0, steps)
     assert times.tolist() == pulse_times_ns(steps, v, f0, ramp_ms, error_ppm)
 
 
@@ -43,13 +44,13 @@ def test_pulse_times(steps: int, v: int, f0: int, ramp_ms: int, error_ppm: int) 
 def test_pulse_times_of_special_motions(steps: int, v: int, f0: int, ramp_ms: int) -> None:
     sample = np.unique(np.linspace(1, steps, 2000).astype(int))
     expected = pulse_times_ns(steps, v, f0, ramp_ms)
-    times = profile(steps, v, f0, ramp_ms).times(0, steps)
+    times = ramp(steps, v, f0, ramp_ms).times(0, steps)
     assert times[sample - 1].tolist() == [expected[k - 1] for k in sample]
 
 
 def test_ramp_takes_its_length() -> None:
     """200 to 600 Hz in 500 ms are 200 steps: step 200 falls at 500 ms, and the cruise has 600 Hz exactly."""
-    times = profile(1000, 600, 200, 500).times(0, 1000)
+    times = ramp(1000, 600, 200, 500).times(0, 1000)
     assert times[199] == 500_000_000
     assert times[799] - times[199] == 1_000_000_000
     assert times[999] == 2_000_000_000
@@ -67,29 +68,35 @@ def test_sum_and_interpolation(steps: tuple[int, int, int]) -> None:
 # --- full steps ---------------------------------------------------------------------------------------------------
 
 
-@given(st.integers(0, 30), st.integers(0, 30))
-def test_paired_path_and_profile_in_any_stretch(a: int, b: int) -> None:
-    """Every stretch is cut out of the whole: each step twice, the second 1 ns later."""
+@given(st.integers(0, 15), st.integers(0, 15))
+def test_full_steps_of_a_path_in_any_stretch(a: int, b: int) -> None:
+    """As many ticks as the path of half steps has, each of twice its step."""
     first, last = sorted((a, b))
-    path, law = PairedPath(straight((15, -7, 3, 0))), paired(profile(15, 600, 200, 500))
-    codes = np.repeat(straight((15, -7, 3, 0)).deltas(0, 15), 2)
-    times = [t + extra for t in pulse_times_ns(15, 600) for extra in (0, 1)]
-    assert path.ticks == law.ticks == 30
-    assert path.deltas(first, last).tolist() == codes[first:last].tolist()
-    assert law.times(first, last).tolist() == times[first:last]
-    made = np.repeat(line(15, -7, 3), 2, axis=0)[:last].sum(axis=0, dtype=int)
-    assert path.displacement(last) == tuple(made)
+    half = line(15, -7, 3)
+    path = FullSteps(straight((15, -7, 3, 0)))
+    assert (path.ticks, path.axes) == (15, 4)
+    assert path.deltas(first, last).dtype == np.int8
+    assert path.deltas(first, last).tolist() == (2 * half[first:last]).tolist()
+    assert path.displacement(last) == tuple(2 * half[:last].sum(axis=0, dtype=int))
+
+
+def test_full_steps_of_equal_paths_are_equal() -> None:
+    """So a run of them that is stopped or cut still continues the former one."""
+    assert FullSteps(straight((15, -7, 3, 0))) == FullSteps(straight((15, -7, 3, 0)))
+    assert FullSteps(straight((15, -7, 3, 0))) != FullSteps(straight((15, -7, 4, 0)))
 
 
 @given(st.integers(-10, 70_000_000))
-def test_paired_count_and_cut(t_ns: int) -> None:
-    times = [t + extra for t in pulse_times_ns(15, 600) for extra in (0, 1)]
+def test_a_run_of_full_steps_is_counted_and_cut_whole(t_ns: int) -> None:
+    times = pulse_times_ns(15, 600)
+    run = StepRun(FullSteps(straight((15, -7, 3, 0))), ramp(15, 600, 200, 500), 0)
     for t in (t_ns, *times[:6]):
         made = sum(time <= t for time in times)
-        law = paired(profile(15, 600, 200, 500))
-        assert law.count(t) == made
-        assert law.cut(t).times(0, made).tolist() == times[:made]
-        assert law.cut(t).duration_ns == (times[made - 1] if made else 0)
+        assert run.count(t) == made
+        assert run.displacement(t)[0] == 2 * made
+        assert run.cut(t).window(0, made)[0].tolist() == times[:made]
+        assert run.cut(t).end_ns == (times[made - 1] if made else 0)
+        assert run.cut(t).continues(run)
 
 
 def test_full_steps_are_stopped_and_paused_whole() -> None:
@@ -109,7 +116,7 @@ def test_reference_run_in_full_steps_ends_on_whole_ones() -> None:
     """Search, free run and offset are whole full steps, though the switch changes at a half one."""
     desk = referenced("F1", "L1,X301")
     x = moved(desk, "$HX")
-    assert x.delta[::2, 0].tolist() == x.delta[1::2, 0].tolist()
-    assert x.delta[-50:, 0].tolist() == [1] * 50
+    assert set(x.delta[:, 0].tolist()) == {-2, 2}
+    assert x.delta[-25:, 0].tolist() == [2] * 25
     assert job(desk, "L1,X5") == "\r\x02\r"
     assert desk.counts == (10, 0, 0, 0)

@@ -28,7 +28,27 @@ def test_patterns_go_on_where_they_were() -> None:
     assert part.tolist() == whole[3:].tolist()
 
 
-@given(st.lists(st.tuples(*[st.integers(-1, 1)] * 4), max_size=40))
+@given(st.lists(st.tuples(*[st.integers(-1, 1)] * 4), max_size=40), st.tuples(*[st.integers(0, 7)] * 3))
+def test_a_full_step_is_two_half_steps_at_once(ticks: list[tuple[int, ...]], start: tuple[int, int, int]) -> None:
+    half = stream(*ticks)
+    slow = phase_patterns(np.repeat(half, 2, axis=0), start)
+    assert phase_patterns(2 * half, start).tolist() == slow[1::2].tolist()
+
+
+def test_full_steps_keep_one_or_two_windings_on() -> None:
+    """Whichever parity they began with: from index 0 always one winding has current, from index 1 both."""
+    for start, windings in ((0, 1), (1, 2)):
+        patterns = phase_patterns(2 * stream(X, X, X, X, Y), (start, start, 0))
+        assert np.abs(patterns[:, :2]).sum(axis=2).tolist() == [[windings] * 2] * 5
+
+
+def test_a_full_step_is_one_clock_pulse() -> None:
+    half = stream(X, Y, REST, X)
+    for of_full, of_half in zip(clock_and_direction(2 * half), clock_and_direction(half), strict=True):
+        assert of_full.tolist() == of_half.tolist()
+
+
+@given(st.lists(st.tuples(*[st.integers(-2, 2)] * 4), max_size=40))
 def test_there_and_back_is_the_same_pattern(ticks: list[tuple[int, int, int, int]]) -> None:
     there = stream(*ticks)
     back = -there[::-1]

@@ -3,7 +3,8 @@
     grammar.py     bytes to lines, lines to codes and numbers
     commands.py    every command of the manual, as three tables
     controller.py  what host, inputs and clock do: implements isel_twin.controller.Controller
-    executor.py    carries out what takes time: activities (activity.py)
+    supervisor.py  what takes time: what may happen to it, and what that means (executor.py of the folder above)
+    purpose.py     what activities ask for things for
     moves.py       straight moves, arcs, moves until an event
     reference.py   reference run, running free
     program.py     stored programs

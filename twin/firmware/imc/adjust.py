@@ -1,10 +1,14 @@
-"""Commands that set something: axes, zeros, modal values, ports, initialisation values."""
+"""Commands that set something: axes, zeros, modal values, ports, initialisation values.
+
+`check_...` judge parameters, `admit_...` the state of the machine; both raise Refusal and change nothing. Everything
+else changes something and is never refused.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from isel_twin.firmware.imc.activity import Activity, Pause
+from isel_twin.firmware.activity import Activity, Pause
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.moves import speed
@@ -25,11 +29,19 @@ def check_axis_choice(device: Device, mask: int) -> None:
         raise Refusal(BAD_AXES)
 
 
+def admit_initialisation(device: Device, mask: int) -> tuple[int]:
+    """The stages have power, or nothing speaks against switching it on (9)."""
+    if not powered(device.inputs) and not (circuits_closed(device.inputs) and hood_safe(device.inputs)):
+        raise Refusal(FAULT)
+    return (mask,)
+
+
 def initialise(device: Device, mask: int) -> Activity:
-    """`@0<axes>`: close the safety relay if need be, switch the stages on, set the axes (2.2.1)."""
+    """`@0<axes>`: close the safety relay if need be, switch the stages on, set the axes (2.2.1).
+
+    Ends with Refusal(9) if the relay does not close.
+    """
     if not powered(device.inputs):
-        if not circuits_closed(device.inputs) or not hood_safe(device.inputs):
-            raise Refusal(FAULT)
         device.outputs["power_request"] = 1
         try:
             yield Pause(device.profile.relay_ms * MILLISECOND_NS)
@@ -57,7 +69,6 @@ def set_virtual_zero(device: Device, mask: int) -> None:
 
 def simulate_reference(device: Device, mask: int) -> None:
     """`@0N`, `N`: the reference point is here (F25)."""
-    device.require_power()
     device.note(Event.REFERENCE_BEGUN)
     for axis in range(AXES):
         if mask >> axis & 1:
@@ -136,8 +147,8 @@ def check_port_value(device: Device, port: int, value: int) -> None:
         raise Refusal(BAD_NUMBER)
 
 
-def write_port(device: Device, port: int, value: int) -> None:
-    """`@0B`: all outputs of the port, or none if the spindle or the stages may not be switched on."""
+def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]]:
+    """`@0B`: the outputs and their new levels, unless the spindle or the stages may not be switched on (9, H)."""
     if port == device.profile.spindle_port:
         port = 2
     levels = device.outputs.levels_for(port, value)
@@ -146,6 +157,11 @@ def write_port(device: Device, port: int, value: int) -> None:
         device.require_supply()
     if "spindle" in rising:
         device.require_hood()
+    return (levels,)
+
+
+def write_outputs(device: Device, levels: Mapping[str, int]) -> None:
+    """`@0B`, `p`: all of them, in their order."""
     for name, level in levels.items():
         device.outputs[name] = level
 
@@ -169,12 +185,12 @@ def check_port_bit(device: Device, port: int, bit: int, value: int) -> None:
         raise Refusal(BAD_NUMBER)
 
 
-def write_port_bit(device: Device, port: int, bit: int, value: int) -> None:
-    """`p`: one bit of an output port, or the whole."""
+def admit_port_bit(device: Device, port: int, bit: int, value: int) -> tuple[Mapping[str, int]]:
+    """`p`: the same for one bit of an output port, or the whole."""
     if bit != WHOLE_BYTE and port in OUTPUT_PORTS:
         value = device.outputs.read(port) & ~(1 << bit) | value << bit
     check_port_value(device, port, value)
-    write_port(device, port, value)
+    return admit_port(device, port, value)
 
 
 # ---- initialisation values -----------------------------------------------------------------------------------------
@@ -215,10 +231,14 @@ def set_io_only(device: Device, on: int) -> None:
         device.energise()
 
 
-def set_user_info(device: Device, text: str) -> None:
-    """`@0IU`: at most 32 printable characters (4.2.16)."""
+def check_user_info(device: Device, text: str) -> None:
+    """At most 32 printable characters (4.2.16)."""
     if len(text) > USER_INFO_LENGTH or not (text.isascii() and text.isprintable()):
         raise Refusal(BAD_NUMBER)
+
+
+def set_user_info(device: Device, text: str) -> None:
+    """`@0IU`."""
     device.set_settings(user_info=text)
 
 

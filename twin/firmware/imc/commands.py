@@ -3,10 +3,14 @@
 Three tables, as in chapter 1: DNC (`@<number>` in front), CNC (storable), INITIALISATION (`@<number>I` in front).
 What a reader looks for is here; what a command does is in the module its handler comes from.
 
-A command that needs axes requires them first (4); then it is read (7, 1 or the parameter's own code), checked, and
-done. What depends on the state of the machine (5, 9, H, 2, R) is the handler's business. A stored command is read and
-checked when it is stored, and done when it runs. A handler returns nothing (reply `0`), a text (the reply) or an
-activity.
+A command is refused first and done afterwards; nothing changes before it is certain that it will be done.
+
+    refuse    axes set (4) -> numbers read (7, 1, the parameter's own code) -> check: parameters -> admit: state of the
+              machine (5, 9, H, 2, R, 1)
+    do        changes something and returns nothing (reply `0`), a text (the reply) or an activity; never refuses
+
+A stored command is read and checked when it is stored, admitted and done when it runs. An activity may still end by
+Refusal while it runs: that is how it ended, not a command refused.
 """
 
 from __future__ import annotations
@@ -40,7 +44,8 @@ class Command:
     """One row of a table.
 
     parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
-    check(device, *values) raises Refusal. do(device, *values) is the handler. needs_axes: answers 4 without axes.
+    check(device, *values) and admit(device, *values) raise Refusal and change nothing; what admit returns, a tuple, is
+    handed to do in place of the values. do(device, ...) is the handler. needs_axes: answers 4 without axes.
     forgets_rest: what was stopped before cannot be resumed any more.
     """
 
@@ -49,6 +54,7 @@ class Command:
     parameters: Numbers | Callable[[Device], Numbers] | None
     do: Callable[..., Any]
     check: Callable[..., None] | None = None
+    admit: Callable[..., tuple[Any, ...]] | None = None
     needs_axes: bool = False
     forgets_rest: bool = False
 
@@ -56,13 +62,22 @@ class Command:
         """Read and check the parameters. Raises Refusal."""
         if self.needs_axes:
             device.require_axes()
-        if self.parameters is None:
-            return (text,)
-        numbers = self.parameters(device) if callable(self.parameters) else self.parameters
-        values = read_numbers(text, numbers)
+        values: tuple[Any, ...] = (text,)
+        if self.parameters is not None:
+            values = read_numbers(text, self.parameters(device) if callable(self.parameters) else self.parameters)
         if self.check is not None:
             self.check(device, *values)
         return values
+
+    def admitted(self, device: Device, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        """What to hand to `do` now. Raises Refusal if the machine's state forbids it."""
+        return values if self.admit is None else self.admit(device, *values)
+
+
+def powered(device: Device, mask: int) -> tuple[int]:
+    """Axes may move: see `Device.require_power`."""
+    device.require_power()
+    return (mask,)
 
 
 DNC: Mapping[str, Command] = {
@@ -72,19 +87,28 @@ DNC: Mapping[str, Command] = {
         (Number(),),
         adjust.initialise,
         check=adjust.check_axis_choice,
+        admit=adjust.admit_initialisation,
         forgets_rest=True,
     ),
     "A": Command(
         "2.2.2",
         "relative move",
         moves.move_parameters,
-        moves.relative_move,
-        moves.check_relative,
+        moves.follow,
+        check=moves.check_relative,
+        admit=moves.plan_relative,
         needs_axes=True,
         forgets_rest=True,
     ),
     "b": Command("2.2.3", "read a port", (INPUT_PORT,), query.read_port),
-    "B": Command("2.2.4", "write a port", (Number(), Number()), adjust.write_port, check=adjust.check_port_value),
+    "B": Command(
+        "2.2.4",
+        "write a port",
+        (Number(), Number()),
+        adjust.write_outputs,
+        check=adjust.check_port_value,
+        admit=adjust.admit_port,
+    ),
     "d": Command(
         "2.2.5",
         "reference speeds",
@@ -92,11 +116,18 @@ DNC: Mapping[str, Command] = {
         adjust.set_reference_speeds,
         needs_axes=True,
     ),
-    "D": Command("2.2.6", "diagnosis", None, query.diagnosis),
+    "D": Command("2.2.6", "diagnosis", None, query.diagnosis, check=query.check_diagnosis),
     "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_plane),
     "f": Command("2.2.8", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
     "F": Command(
-        "2.2.9", "run free", (Number(),), reference.run_free, adjust.check_axes, needs_axes=True, forgets_rest=True
+        "2.2.9",
+        "run free",
+        (Number(),),
+        reference.run_free,
+        check=adjust.check_axes,
+        admit=powered,
+        needs_axes=True,
+        forgets_rest=True,
     ),
     "g": Command("2.2.10", "brake", (SWITCH,), adjust.set_brake),
     "G": Command("2.2.11", "device number", (Number(0, 9),), adjust.set_number),
@@ -109,18 +140,22 @@ DNC: Mapping[str, Command] = {
         "2.2.18",
         "absolute move",
         moves.move_parameters,
-        moves.absolute_move,
-        moves.check_absolute,
+        moves.follow,
+        check=moves.check_absolute,
+        admit=moves.plan_absolute,
         needs_axes=True,
         forgets_rest=True,
     ),
-    "n": Command("2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes, needs_axes=True),
+    "n": Command(
+        "2.2.19", "virtual zero", (Number(),), adjust.set_virtual_zero, check=adjust.check_axes, needs_axes=True
+    ),
     "N": Command(
         "2.2.20",
         "simulated reference run",
         (Number(),),
         adjust.simulate_reference,
-        adjust.check_axes,
+        check=adjust.check_axes,
+        admit=powered,
         needs_axes=True,
     ),
     "P": Command("2.2.21", "position", (), query.position),
@@ -129,7 +164,8 @@ DNC: Mapping[str, Command] = {
         "reference run",
         (Number(),),
         reference.reference_run,
-        adjust.check_axes,
+        check=adjust.check_axes,
+        admit=powered,
         needs_axes=True,
         forgets_rest=True,
     ),
@@ -137,15 +173,32 @@ DNC: Mapping[str, Command] = {
     "U": Command("2.2.25", "user information", (), query.user_info),
     "V": Command("2.2.26", "version", (), query.version),
     "w": Command(
-        "2.2.27", "helix", moves.helix_parameters, moves.arc, moves.check_arc, needs_axes=True, forgets_rest=True
+        "2.2.27",
+        "helix",
+        moves.helix_parameters,
+        moves.follow,
+        check=moves.check_arc,
+        admit=moves.plan_arc,
+        needs_axes=True,
+        forgets_rest=True,
     ),
-    "y": Command("2.2.28", "arc", moves.arc_parameters, moves.arc, moves.check_arc, needs_axes=True, forgets_rest=True),
+    "y": Command(
+        "2.2.28",
+        "arc",
+        moves.arc_parameters,
+        moves.follow,
+        check=moves.check_arc,
+        admit=moves.plan_arc,
+        needs_axes=True,
+        forgets_rest=True,
+    ),
     "z": Command("2.2.29", "3D interpolation", (SWITCH,), adjust.set_three_d),
     "Z": Command(
         "2.2.30",
         "move until port event",
         moves.until_port_parameters,
-        moves.move_until_port,
+        moves.travel,
+        admit=moves.plan_until_port,
         needs_axes=True,
         forgets_rest=True,
     ),
@@ -172,7 +225,7 @@ INITIALISATION: Mapping[str, Command] = {
     "IH": Command("4.2.13", "external hood input of programs", WATCH, adjust.set_values("hood")),
     "IN": Command("4.2.14", "external emergency input of programs", WATCH, adjust.set_values("emergency")),
     "IC": Command("4.2.15", "9600 baud from the next reset on", (SWITCH,), adjust.set_value("baud_9600")),
-    "IU": Command("4.2.16", "set the user information", None, adjust.set_user_info),
+    "IU": Command("4.2.16", "set the user information", None, adjust.set_user_info, check=adjust.check_user_info),
     "IL": Command("4.2.17", "read the values from flash", (), adjust.load_settings),
     "IW": Command("4.2.18", "write the values to flash", (), adjust.save_settings),
     "IX": Command("4.2.19", "default values", (), adjust.default_all),
@@ -180,31 +233,73 @@ INITIALISATION: Mapping[str, Command] = {
 """Initialisation commands."""
 
 CNC: Mapping[str, Command] = {
-    "0": Command("3.2.2", "relative move", moves.move_parameters, moves.relative_move, moves.check_relative),
+    "0": Command(
+        "3.2.2",
+        "relative move",
+        moves.move_parameters,
+        moves.follow,
+        check=moves.check_relative,
+        admit=moves.plan_relative,
+    ),
     "1": Command("3.2.3", "send a character", (VISIBLE,), program.send_sync),
     "2": Command("3.2.4", "wait for a character", (VISIBLE, OFFSET), program.wait_for_sync),
-    "3": Command("3.2.5", "loop, branch", (Number(0, 32767), OFFSET), program.loop, program.check_loop),
+    "3": Command("3.2.5", "loop, branch", (Number(0, 32767), OFFSET), program.loop, check=program.check_loop),
     "5": Command("3.2.6", "delay", (STEPS,), program.delay),
     "6": Command(
-        "3.2.7", "condition of the next move", (USER_PORT, BYTE, BYTE), program.set_port_condition, program.check_input
+        "3.2.7",
+        "condition of the next move",
+        (USER_PORT, BYTE, BYTE),
+        program.set_port_condition,
+        check=program.check_input,
     ),
-    "7": Command("3.2.8", "reference run", (Number(),), reference.reference_run, adjust.check_axes),
+    "7": Command(
+        "3.2.8", "reference run", (Number(),), reference.reference_run, check=adjust.check_axes, admit=powered
+    ),
     "d": Command("3.2.10", "reference speeds", adjust.four_speeds, adjust.set_all_reference_speeds),
     "e": Command("3.2.11", "plane of arcs", (Number(0, 2),), adjust.set_plane),
     "f": Command("3.2.12", "direction of arcs", (Number(-1, 0),), adjust.set_turn),
     "g": Command("3.2.13", "brake", (SWITCH,), adjust.set_brake),
     "j": Command("3.2.14", "start-stop frequency", (START_STOP_HZ,), adjust.set_start_stop),
     "J": Command("3.2.15", "acceleration", (ACCELERATION,), adjust.set_acceleration),
-    "m": Command("3.2.16", "absolute move", moves.move_parameters, moves.absolute_move, moves.check_absolute),
-    "n": Command("3.2.17", "virtual zero", (Number(),), adjust.set_virtual_zero, adjust.check_axes),
-    "N": Command("3.2.18", "simulated reference run", (Number(),), adjust.simulate_reference, adjust.check_axes),
-    "o": Command(
-        "3.2.19", "branch on a port", (INPUT_PORT, BYTE, BYTE, OFFSET), program.branch_on_input, program.check_input
+    "m": Command(
+        "3.2.16",
+        "absolute move",
+        moves.move_parameters,
+        moves.follow,
+        check=moves.check_absolute,
+        admit=moves.plan_absolute,
     ),
-    "p": Command("3.2.20", "write a port", (Number(),) * 3, adjust.write_port_bit, adjust.check_port_bit),
+    "n": Command("3.2.17", "virtual zero", (Number(),), adjust.set_virtual_zero, check=adjust.check_axes),
+    "N": Command(
+        "3.2.18",
+        "simulated reference run",
+        (Number(),),
+        adjust.simulate_reference,
+        check=adjust.check_axes,
+        admit=powered,
+    ),
+    "o": Command(
+        "3.2.19",
+        "branch on a port",
+        (INPUT_PORT, BYTE, BYTE, OFFSET),
+        program.branch_on_input,
+        check=program.check_input,
+    ),
+    "p": Command(
+        "3.2.20",
+        "write a port",
+        (Number(),) * 3,
+        adjust.write_outputs,
+        check=adjust.check_port_bit,
+        admit=adjust.admit_port_bit,
+    ),
     "T": Command("3.2.21", "test mode", (SWITCH,), adjust.set_test_mode),
-    "w": Command("3.2.22", "helix", moves.helix_parameters, moves.arc, moves.check_arc_numbers),
-    "y": Command("3.2.23", "arc", moves.arc_parameters, moves.arc, moves.check_arc_numbers),
+    "w": Command(
+        "3.2.22", "helix", moves.helix_parameters, moves.follow, check=moves.check_arc_numbers, admit=moves.plan_arc
+    ),
+    "y": Command(
+        "3.2.23", "arc", moves.arc_parameters, moves.follow, check=moves.check_arc_numbers, admit=moves.plan_arc
+    ),
     "z": Command("3.2.24", "3D interpolation", (SWITCH,), adjust.set_three_d),
 }
 """Storable commands. `9` (3.2.9) ends the data field: controller.py."""

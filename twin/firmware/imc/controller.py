@@ -1,34 +1,40 @@
 """The iMC: what the host, the inputs and the clock do to the device.
 
     host bytes --> 253, 254, 255 at once
-              `-> lines, first in first out --> command --> reply now, or a task in the executor
+              `-> lines, first in first out --> refused, or done: reply now, or a task of the supervisor
     inputs ----> keys, limit switches, safety chain
     clock -----> ends of runs, pauses, supervision cycles
 
 A command begins when its CR arrives, or when the one before it has been answered. Its reply leaves at the time of its
 last pulse. There is no processing time in between (F22).
+
+A line is looked at in one step that may refuse it (`_admit...`: gives back an effect, or raises Refusal), and carried
+out in a second one that may not: the effect.
 """
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
+from functools import partial
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, SerialFormat
 from isel_twin.firmware.imc import commands, grammar, settings
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.executor import Executor, Task, signal_error, watched
 from isel_twin.firmware.imc.ports import SIGNALS, TERMINALS, Inputs
 from isel_twin.firmware.imc.profile import Profile
-from isel_twin.firmware.imc.program import Recorder, run_program
+from isel_twin.firmware.imc.program import Recorder, admit_recording, run_program
 from isel_twin.firmware.imc.replies import BAD_AXES, INVALID_FIELD, OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.safety import State, powered
-from isel_twin.motion import Displacement, StepRun
+from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
+from isel_twin.motion import Displacement, Motion
 
 FORMAT, SLOW_FORMAT = SerialFormat(19_200), SerialFormat(9_600)
+
+Effect = Callable[[], str | None]
+"""What a line that was not refused does. Returns the reply, or None if it comes later or not at all."""
 
 
 class Imc:
@@ -52,8 +58,8 @@ class Imc:
         self._recorder: Recorder | None = None
         self._shown: dict[str, bool] = {}
         self._device = Device(self._profile, self._flash, self._inputs, self._events)
-        self._device.now_ns = now_ns
-        self._executor = Executor(self._device, self._device.send)
+        self._device.executor.now_ns = now_ns
+        self._supervisor = Supervisor(self._device, self._device.send)
         self._format = SLOW_FORMAT if self._device.settings.baud_9600 else FORMAT
         self._device.outputs.reset()
         self._device.outputs["flash_fault"] = int(self._flash is None)
@@ -83,19 +89,19 @@ class Imc:
         return self._device.direction
 
     @property
-    def run(self) -> StepRun | None:
+    def run(self) -> Motion | None:
         """The step stream in execution."""
-        return self._device.run
+        return self._device.executor.motion
 
     @property
     def next_ns(self) -> int | None:
         """End of a run or a pause, or the next supervision cycle."""
-        return self._executor.next_ns
+        return self._supervisor.next_ns
 
     @property
     def idle(self) -> bool:
         """No command waits, none is carried out."""
-        return self._executor.task is None and not self._lines and not self._lost_lines
+        return self._supervisor.task is None and not self._lines and not self._lost_lines
 
     @property
     def fault(self) -> bool:
@@ -119,19 +125,19 @@ class Imc:
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         """A level changes. It meets the motion whose pulses it follows, even if that ends at this instant."""
         device = self._device
-        device.now_ns = t_ns
+        device.executor.now_ns = t_ns
         changed = device.inputs.set(terminal, level)
         if changed is not None:
-            self._executor.input_changed(*changed)
+            self._supervisor.input_changed(*changed)
             if changed == SIGNALS["stop_released"] and not level:
-                self._executor.stop_key()
+                self._supervisor.stop_key()
             elif changed == SIGNALS["start"] and level:
                 self._start_key()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
         """Let time pass."""
-        self._device.now_ns = t_ns
+        self._device.executor.now_ns = t_ns
         self._settle()
 
     def take(self) -> list[Event]:
@@ -153,13 +159,13 @@ class Imc:
     def _settle(self) -> None:
         """Do everything that is due now: ends of runs and pauses, then the next lines."""
         while True:
-            if self._executor.due:
-                self._executor.tick()
-            elif self._executor.task is None and self._lines:
+            if self._supervisor.due:
+                self._supervisor.tick()
+            elif self._supervisor.task is None and self._lines:
                 line = self._lines.popleft()
                 self._lines_bytes -= len(line) + 1
                 self._execute(line)
-            elif self._executor.task is None and self._lost_lines:
+            elif self._supervisor.task is None and self._lost_lines:
                 self._lost_lines -= 1
                 self._device.send(SYNTAX)
             else:
@@ -168,11 +174,11 @@ class Imc:
 
     def _show(self) -> None:
         """Tell what goes on. A lamp the host has switched by hand stays so until what it stands for changes."""
-        executor = self._executor
+        supervisor = self._supervisor
         shown = {
-            "moving": executor.moving,
-            "lamp_start": executor.moving or (executor.task is not None and executor.task.program),
-            "lamp_stop": executor.parked is not None,
+            "moving": supervisor.moving,
+            "lamp_start": supervisor.moving or (supervisor.task is not None and supervisor.task.program),
+            "lamp_stop": supervisor.parked is not None,
             "lamp_fault": self._device.safety is not State.OPERATING,
         }
         for name, on in shown.items():
@@ -185,13 +191,13 @@ class Imc:
     def _receive_byte(self, byte: int) -> bool:
         """Take a byte; return whether it has any effect yet: a byte within a line has none."""
         if byte == grammar.STOP:
-            self._executor.stop()
+            self._supervisor.stop()
         elif byte == grammar.BREAK:
-            self._executor.break_off()
+            self._supervisor.break_off()
         elif byte == grammar.RESET:
             self._reset()
-        elif self._executor.listening and byte not in (grammar.CR, grammar.LF):
-            self._executor.hear(byte)
+        elif self._supervisor.listening and byte not in (grammar.CR, grammar.LF):
+            self._supervisor.hear(byte)
         else:
             line = self._assembler.feed(byte)
             if line is None:
@@ -210,7 +216,7 @@ class Imc:
 
     def _reset(self) -> None:
         """Byte 254: as after power-on, at once; the flash stays (2.2.31)."""
-        self._executor.discard()
+        self._supervisor.discard()
         counts = self._device.counts
         self._keep_flash()
         self._boot(self._device.now_ns)
@@ -221,47 +227,51 @@ class Imc:
     # ---- commands ---------------------------------------------------------------------------------------------------
 
     def _execute(self, line: bytes) -> None:
-        """Carry out one line: reply, or start a task."""
+        """Refuse one line, or carry it out: reply, or start a task."""
         try:
-            reply = self._record(line) if self._recorder is not None else self._carry_out(line)
+            effect = self._admit(line) if self._recorder is None else self._admit_stored(line, self._recorder)
         except Refusal as refusal:
-            reply = refusal.code
+            self._device.send(refusal.code)
+            return
+        reply = effect()
         if reply is not None:
             self._device.send(reply)
 
-    def _carry_out(self, line: bytes) -> str | None:
-        """A DNC line. Returns the reply, or None if it comes later or not at all. Raises Refusal."""
+    def _admit(self, line: bytes) -> Effect:
+        """A DNC line. Raises Refusal."""
         device = self._device
         parts = grammar.split_dnc(line, device.number, commands.DNC_ALIASES)
         if parts is None:
-            return None
+            return lambda: None
         letter, code, text = parts
         if code in ("S", "i"):
             grammar.read_numbers(text, ())
-            if code == "i":
-                return self._begin_recording()
-            self._start(answers=True)
-            return None
+            if code == "S":
+                return self._admit_start(answers=True)
+            admit_recording(device)
+            return self._begin_recording
         command = commands.find_dnc(device, code)
-        result = command.do(device, *command.read(device, text))
+        values = command.admitted(device, command.read(device, text))
+        return partial(self._carry_out, command, values, at_once=letter in device.profile.acknowledge_at_once)
+
+    def _carry_out(self, command: commands.Command, values: tuple[Any, ...], *, at_once: bool) -> str | None:
+        """at_once: a command that takes time is acknowledged when it begins."""
+        result = command.do(self._device, *values)
         if not isinstance(result, Generator):
             return result or OK
         if command.forgets_rest:
-            self._executor.forget_parked()
-        at_once = letter in device.profile.acknowledge_at_once
-        self._executor.start(Task(result, answers=not at_once))
+            self._supervisor.forget_parked()
+        self._supervisor.start(result, answers=not at_once)
         return OK if at_once else None
 
     def _begin_recording(self) -> str:
         """`@0i` (2.2.13)."""
-        self._device.require_axes()
         self._recorder = Recorder(self._device)
         return OK
 
-    def _record(self, line: bytes) -> str:
-        """A line of the data field. Any error ends the field and spoils it (3.1)."""
-        recorder, self._recorder = self._recorder, None
-        assert recorder is not None
+    def _admit_stored(self, line: bytes, recorder: Recorder) -> Effect:
+        """A line of the data field. One that is refused ends the field and spoils it (3.1)."""
+        self._recorder = None
         try:
             code, text = grammar.split_cnc(line, commands.CNC_ALIASES)
             if code == "9":
@@ -273,30 +283,34 @@ class Imc:
         except Refusal:
             recorder.spoil()
             raise
-        return OK
+        return lambda: OK
 
     # ---- starting ---------------------------------------------------------------------------------------------------
 
-    def _start(self, *, answers: bool) -> None:
+    def _admit_start(self, *, answers: bool) -> Effect:
         """Go on with what was stopped, or start the stored program (2.2.23). Raises Refusal."""
-        device, parked = self._device, self._executor.parked
+        device, parked = self._device, self._supervisor.parked
         device.require_supply()
         if parked is None:
-            self._start_program(answers=answers)
-            return
+            self._admit_program()
+            return partial(self._start_program, answers=answers)
         device.require_move()
-        if parked[0].program:
+        if parked.program:
             self._require_watches()
-        self._executor.resume_parked(answers=answers)
+        return partial(self._supervisor.resume, answers=answers)
 
     def _start_key(self) -> None:
         """The start key, which is heard at rest only; nobody is told if it does nothing (F33)."""
-        if self._executor.task is not None or self._recorder is not None:
+        if self._supervisor.task is not None or self._recorder is not None:
             return
-        with contextlib.suppress(Refusal):
-            self._start(answers=False)
+        try:
+            effect = self._admit_start(answers=False)
+        except Refusal:
+            return
+        effect()
 
-    def _start_program(self, *, answers: bool) -> None:
+    def _admit_program(self) -> None:
+        """The stored program may run, with the axes and modal values it was stored with. Raises Refusal."""
         device, program = self._device, self._device.flash.program
         if program.state != settings.VALID:
             raise Refusal(INVALID_FIELD)
@@ -307,8 +321,10 @@ class Imc:
         if device.axes != program.axes:
             raise Refusal(BAD_AXES)
         self._require_sound(program)
-        signal_error(device, error=False)
-        self._executor.start(Task(run_program(device, commands.CNC), answers=answers, program=True))
+
+    def _start_program(self, *, answers: bool) -> None:
+        signal_error(self._device, error=False)
+        self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
     def _require_sound(self, program: settings.Program) -> None:
         """Raise Refusal(G) unless this firmware would store every line: the image may come from another one."""

@@ -1,7 +1,6 @@
-"""The controller as a machine: counters, references, settings, outputs. Knows neither lines nor replies to them.
+"""The controller as a machine: motion, counters, references, settings, outputs. Knows neither lines nor replies.
 
-Counters count what the step streams make. `counts` at any time is what they were when the present run began plus what
-the run has made since; they jump only where a CounterSet says so.
+Counters count what motions make, and jump only where a CounterSet says so.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Reply
+from isel_twin.firmware.executor import Executor
 from isel_twin.firmware.imc import settings as flash_image
 from isel_twin.firmware.imc.limits import LimitSwitches
 from isel_twin.firmware.imc.ports import Inputs, Outputs
@@ -29,7 +29,7 @@ from isel_twin.firmware.imc.replies import (
 from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
-from isel_twin.motion import Displacement, StepRun, TimeLaw, trapezoid
+from isel_twin.motion import Displacement, TimeLaw, trapezoid
 from isel_twin.units import MILLISECOND_NS
 
 POSITION_LIMIT = 1 << 23
@@ -42,14 +42,13 @@ class Device:
     def __init__(self, profile: Profile, flash: Flash | None, inputs: Inputs, events: list[Event]) -> None:
         """flash: what it holds (None: cannot be read); events: where everything that happens is noted."""
         self.profile = profile
+        self.executor = Executor(AXES)
         self.flash = flash or Flash(flash_image.default_settings(profile))
         self.settings = self.flash.settings
         self.inputs = inputs
         self.limits = LimitSwitches(inputs, lambda: self.settings, profile.debounce_ms * MILLISECOND_NS)
         self.outputs = Outputs(lambda name, value: events.append(Output(name, value)))
         self.safety = State.FAULT
-        self.now_ns = 0
-        self.run: StepRun | None = None
         self.number = 0
         self.axes = 0
         self.referenced = [False] * AXES
@@ -58,38 +57,23 @@ class Device:
         self.port_condition: tuple[int, int, int] | None = None
         """Port, mask, value that ends the next move of a stored program (3.2.7)."""
         self._events = events
-        self._base: Displacement = (0, 0, 0, 0)
 
-    # ---- step streams and counters ----------------------------------------------------------------------------------
+    # ---- time and counters ------------------------------------------------------------------------------------------
+
+    @property
+    def now_ns(self) -> int:
+        """The present."""
+        return self.executor.now_ns
 
     @property
     def counts(self) -> Displacement:
         """Counters X, Y, Z, A now."""
-        return self._base if self.run is None else _sum(self._base, self.run.displacement(self.now_ns))
-
-    def finish_run(self) -> int:
-        """The stream ends here and now; return the path ticks made."""
-        assert self.run is not None
-        ticks = self.run.count(self.now_ns)
-        self._base = self.counts
-        self.run = None
-        return ticks
+        return self.executor.counts
 
     def set_counter(self, axis: int, value: int) -> None:
         """Set a counter without a step."""
-        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self.executor.set_counter(axis, value)
         self._events.append(CounterSet(axis, value))
-
-    def heading(self, axis: int) -> int:
-        """Counter direction (+1, -1, 0) in which the present run moves an axis, over its last ticks."""
-        if self.run is None:
-            return 0
-        path, made = self.run.path, self.run.count(self.now_ns)
-        for begin in (max(made - 100, 0), 0):  # a slow axis may not have stepped within the last 100 ticks
-            steps = path.displacement(made)[axis] - path.displacement(begin)[axis]
-            if steps:
-                return 1 if steps > 0 else -1
-        return 0
 
     @property
     def direction(self) -> Displacement:
@@ -118,6 +102,11 @@ class Device:
     def note(self, event: SafetyEvent) -> None:
         """Take a step of the safety state machine."""
         self.safety = TRANSITIONS.get((self.safety, event), self.safety)
+
+    def limit_struck(self) -> None:
+        """A limit switch has ended a motion: moves are forbidden, positions are lost."""
+        self.note(SafetyEvent.LIMIT_STRUCK)
+        self.lose_references()
 
     def require_axes(self) -> None:
         """Raise Refusal(4) unless axes are set."""

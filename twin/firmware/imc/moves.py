@@ -1,19 +1,23 @@
 """Moves, straight and round: from parameters to legs, and the activity that travels them.
 
+    numbers --plan_...--> legs --follow--> activity
+            refuses                may end early: limit switch, fault, stop
+
 A leg is a path with one time law. A relative move in 2.5D is up to three legs: X and Y together, Z by z1, Z by z2; with
 an A axis its way is the last leg. In 3D it is one leg, at the speed given for X (F23). The next leg starts at the time
-of the last pulse of the one before.
+of the last pulse of the one before. Everything a move can be refused for is looked at when it is planned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
-from isel_twin.firmware.imc.activity import Activity, Travel
+from isel_twin.firmware.activity import Activity, Ended, Request, Travel
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
-from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, Refusal
+from isel_twin.firmware.imc.purpose import Reference, Until
+from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
 from isel_twin.motion import Displacement, Path, TimeLaw, helix, line
 
 XYZ = 7
@@ -29,15 +33,53 @@ class Leg:
     law: Callable[[int], TimeLaw]
 
 
-def travel(legs: Iterable[Leg], until: Callable[[], bool] | None = None) -> Activity:
+# ---- travelling ----------------------------------------------------------------------------------------------------
+
+
+def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity:
     """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it."""
     for leg in legs:
         made = 0
         while made < leg.path.ticks:
-            ended = yield Travel(leg.path, leg.law(leg.path.ticks - made), made, until)
+            ended = yield from set_off(device, Travel(leg.path, leg.law(leg.path.ticks - made), made, until))
             if ended.by_event:
                 return
             made = ended.ticks
+
+
+def set_off(device: Device, way: Travel) -> Generator[Request, Ended, Ended]:
+    """Make a travel, unless its condition holds already. Raises Refusal(2) if it leads onto a struck switch."""
+    purpose = way.purpose
+    if isinstance(purpose, Until) and purpose.condition():
+        return Ended(way.first, by_event=True)
+    seeks = isinstance(purpose, Reference) and purpose.seek is not None
+    if not seeks and _blocked(device, way):
+        device.limit_struck()
+        raise Refusal(LIMIT_SWITCH)
+    return (yield way)
+
+
+def _blocked(device: Device, way: Travel) -> bool:
+    """Would this travel drive an axis further onto a switch it stands on?"""
+    last = way.first + way.law.ticks
+    return any(
+        device.guards(axis) and device.limits.blocks(axis, _sense(way.path, way.first, last, axis))
+        for axis in device.axis_list
+    )
+
+
+SETTING_OFF = 100
+"""Ticks that tell which way a curved path sets off."""
+
+
+def _sense(path: Path, first: int, last: int, axis: int) -> int:
+    """Direction (+1, -1, 0) in which an axis sets off: over the first ticks, or over all if it rests in those."""
+    begin = path.displacement(first)[axis]
+    for k in (min(first + SETTING_OFF, last), last):
+        steps = path.displacement(k)[axis] - begin
+        if steps:
+            return 1 if steps > 0 else -1
+    return 0
 
 
 # ---- parameters ----------------------------------------------------------------------------------------------------
@@ -75,23 +117,29 @@ def speed(device: Device) -> Number:
 # ---- linear moves --------------------------------------------------------------------------------------------------
 
 
-def relative_move(device: Device, *values: int) -> Activity:
+def follow(device: Device, legs: Sequence[Leg]) -> Activity:
+    """Travel what has been planned; the port condition of a stored program is used up by that (3.2.7)."""
+    condition, device.port_condition = device.port_condition, None
+    return travel(device, legs, None if condition is None else _until(device, *condition))
+
+
+def plan_relative(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     """`@0A`, `0`: by the given steps."""
     steps = dict(zip(device.axis_list, values[0::2], strict=False))
     second_z = values[6] if device.axes == XYZ else 0
-    return _linear(device, steps, values[1::2], second_z)
+    return _plan_linear(device, steps, values[1::2], second_z)
 
 
-def absolute_move(device: Device, *values: int) -> Activity:
+def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     """`@0M`, `m`: to the given positions, counted from the virtual zero."""
     steps = {
         axis: target + device.virtual_zero[axis] - device.counts[axis]
         for axis, target in zip(device.axis_list, values[0::2], strict=False)
     }
-    return _linear(device, steps, values[1::2], 0)
+    return _plan_linear(device, steps, values[1::2], 0)
 
 
-def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> Activity:
+def _plan_linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> tuple[Sequence[Leg]]:
     device.require_move()
     speed_of = dict(zip(device.axis_list, speeds, strict=False))
     if device.three_d:
@@ -106,8 +154,7 @@ def _linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second
     ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
     device.require_room(*(as_steps(way) for way, _ in ways))
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
-    legs = [straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways]
-    return travel(legs, take_condition(device))
+    return ([straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways],)
 
 
 def as_steps(way: dict[int, int]) -> Displacement:
@@ -129,22 +176,18 @@ def until_port_parameters(device: Device) -> tuple[Number, ...]:
     return (Number(0, 3), byte, byte, speed(device)) + (Number(),) * len(device.axis_list)
 
 
-def move_until_port(device: Device, port: int, mask: int, value: int, speed_hz: int, *steps: int) -> Activity:
+def plan_until_port(
+    device: Device, port: int, mask: int, value: int, speed_hz: int, *steps: int
+) -> tuple[Sequence[Leg], Until]:
     """`@0Z`: straight on until the masked bits of an input port have the given value (2.2.30)."""
     device.require_move()
     way = as_steps(dict(zip(device.axis_list, steps, strict=True)))
     device.require_room(way)
-    return travel([straight_leg(device, way, speed_hz)], _condition(device, port, mask, value))
+    return [straight_leg(device, way, speed_hz)], _until(device, port, mask, value)
 
 
-def take_condition(device: Device) -> Callable[[], bool] | None:
-    """The port condition set by `6` for the next move (3.2.7), used up."""
-    condition, device.port_condition = device.port_condition, None
-    return None if condition is None else _condition(device, *condition)
-
-
-def _condition(device: Device, port: int, mask: int, value: int) -> Callable[[], bool]:
-    return lambda: (device.inputs.port(port) ^ value) & mask == 0
+def _until(device: Device, port: int, mask: int, value: int) -> Until:
+    return Until(lambda: (device.inputs.port(port) ^ value) & mask == 0)
 
 
 # ---- arcs ----------------------------------------------------------------------------------------------------------
@@ -184,7 +227,7 @@ def check_arc(device: Device, *values: int) -> None:
         raise Refusal(BAD_AXES)
 
 
-def arc(device: Device, length: int, speed_hz: int, *rest: int) -> Activity:
+def plan_arc(device: Device, length: int, speed_hz: int, *rest: int) -> tuple[Sequence[Leg]]:
     """`@0y`, `@0w`, `y`, `w`: an arc in the plane of `@0e`, the way round of `@0f`; with S3 a helix."""
     device.require_move()
     check_arc(device, length, speed_hz, *rest)
@@ -194,4 +237,4 @@ def arc(device: Device, length: int, speed_hz: int, *rest: int) -> Activity:
     if length:
         device.require_reference((first, second, *((other,) if third else ())))
     device.require_room(path.displacement(length))
-    return travel([Leg(path, device.law(speed_hz))], take_condition(device))
+    return ([Leg(path, device.law(speed_hz))],)

@@ -14,9 +14,10 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from isel_twin.firmware.imc.activity import Activity, Listen, Pause
+from isel_twin.firmware.activity import Activity, Listen, Pause
 from isel_twin.firmware.imc.adjust import WHOLE_BYTE
 from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.purpose import WAITING
 from isel_twin.firmware.imc.replies import BAD_NUMBER, INVALID_FIELD, MEMORY_FULL, Refusal
 from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, Program
 from isel_twin.units import MILLISECOND_NS
@@ -44,13 +45,18 @@ class Loop:
 # ---- storing -------------------------------------------------------------------------------------------------------
 
 
+def admit_recording(device: Device) -> None:
+    """`@0i`: axes are set (4), the memory is empty (G)."""
+    device.require_axes()
+    if device.flash.program.state != EMPTY:
+        raise Refusal(INVALID_FIELD)
+
+
 class Recorder:
-    """Takes the lines between `@0i` and `9`."""
+    """Takes the lines between `@0i` and `9`. A line with an error ends the field and spoils it (3.1)."""
 
     def __init__(self, device: Device) -> None:
-        """Begin a data field. Raises Refusal(G) if the memory is not empty."""
-        if device.flash.program.state != EMPTY:
-            raise Refusal(INVALID_FIELD)
+        """Begin a data field."""
         self._device = device
         self._lines: list[Line] = []
         self._depth: list[int] = []
@@ -162,7 +168,7 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
             target = _next(number, result, loops, device.profile.loop_depth)
             if target <= number:
                 if device.now_ns == last_branch_ns:
-                    yield Pause(device.profile.cycle_ms * MILLISECOND_NS, stoppable=True)
+                    yield Pause(device.profile.cycle_ms * MILLISECOND_NS, WAITING)
                 last_branch_ns = device.now_ns
             number = target
     finally:
@@ -170,7 +176,7 @@ def run_program(device: Device, table: Mapping[str, Any]) -> Activity:
 
 
 def _carry_out(device: Device, command: Any, values: tuple[int, ...]) -> Activity:
-    result = command.do(device, *values)
+    result = command.do(device, *command.admitted(device, values))
     if isinstance(result, Generator):
         result = yield from result
     return result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import OK, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import State
@@ -23,25 +25,20 @@ def read_port(device: Device, port: int) -> str:
     return f"{OK}{device.inputs.port(port):02X}"
 
 
-def diagnosis(device: Device, text: str) -> str:
-    """`@0D`: `Rp` and `Rn`, limit switches struck in positive and negative direction; `S0`, status (F26).
+def check_diagnosis(device: Device, text: str) -> None:
+    """Only what DIAGNOSES lists can be asked for (5)."""
+    if text.strip(" ") not in DIAGNOSES:
+        raise Refusal(SYNTAX)
 
-    Status bits: 0 stages on, 1 axes set, 2 all of them referenced, 3 limit switch struck, 4 fault, 5 3D interpolation,
-    6 test mode, 7 valid program.
-    """
-    match text.strip(" "):
-        case "Rp":
-            value = _blocked(device, 1)
-        case "Rn":
-            value = _blocked(device, -1)
-        case "S0":
-            value = _status(device)
-        case _:
-            raise Refusal(SYNTAX)
-    return f"{OK}{value:02X}"
+
+def diagnosis(device: Device, text: str) -> str:
+    """`@0D`: a byte as two hexadecimal digits (2.2.6)."""
+    return f"{OK}{DIAGNOSES[text.strip(' ')](device):02X}"
 
 
 def _status(device: Device) -> int:
+    """Bits: 0 stages on, 1 axes set, 2 all of them referenced, 3 limit switch struck, 4 fault, 5 3D interpolation,
+    6 test mode, 7 valid program (F26)."""
     flags = (
         device.outputs["stages"],
         device.axes,
@@ -57,6 +54,14 @@ def _status(device: Device) -> int:
 
 def _blocked(device: Device, direction: int) -> int:
     return sum(device.limits.blocks(axis, direction) << axis for axis in range(AXES))
+
+
+DIAGNOSES: Mapping[str, Callable[[Device], int]] = {
+    "Rp": lambda device: _blocked(device, 1),
+    "Rn": lambda device: _blocked(device, -1),
+    "S0": _status,
+}
+"""Limit switches struck in positive and in negative direction, one bit an axis; status."""
 
 
 STATUS_LINES: tuple[tuple[tuple[str, tuple[str, ...]], ...], ...] = (

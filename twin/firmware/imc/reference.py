@@ -14,9 +14,10 @@ for axes named by `@0IR`. Whichever switch of the axis opens on the way is its r
 
 from __future__ import annotations
 
-from isel_twin.firmware.imc.activity import Activity, Pause, Travel
+from isel_twin.firmware.activity import Activity, Pause, Travel
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.moves import as_steps
+from isel_twin.firmware.imc.moves import as_steps, set_off
+from isel_twin.firmware.imc.purpose import REFERENCE, Reference
 from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
 from isel_twin.firmware.imc.safety import Event
 from isel_twin.motion import constant, line
@@ -30,7 +31,6 @@ FARTHEST = (1 << 23) - 1
 
 def reference_run(device: Device, mask: int) -> Activity:
     """`@0R`, `7`: find the reference points of the axes in `mask`. In test mode they are where the axes stand."""
-    device.require_power()
     device.note(Event.REFERENCE_BEGUN)
     device.set_modal(three_d=False)
     axes = [axis for axis in ORDER if mask >> axis & 1]
@@ -48,7 +48,6 @@ def _reference_run(device: Device, axes: list[int]) -> Activity:
 
 def run_free(device: Device, mask: int) -> Activity:
     """`@0F`: run the axes in `mask` off the switches they stand on; they must be referenced afterwards."""
-    device.require_power()
     axes = [axis for axis in ORDER if mask >> axis & 1]
     for axis in axes:
         device.referenced[axis] = False
@@ -70,10 +69,11 @@ def _find_switch(device: Device, axis: int) -> Activity:
         raise Refusal(LIMIT_SWITCH)
     if not device.limits.blocks(axis, direction):
         path = line(as_steps({axis: direction * FARTHEST}))
-        ended = yield Travel(path, device.law(device.reference_hz(axis))(path.ticks), reference=True, seek=axis)
+        law = device.law(device.reference_hz(axis))(path.ticks)
+        ended = yield from set_off(device, Travel(path, law, purpose=Reference(seek=axis)))
         if not ended.by_event:
             raise Refusal(LIMIT_SWITCH)
-        yield Pause(device.profile.settle_ms * MILLISECOND_NS, reference=True)
+        yield Pause(device.profile.settle_ms * MILLISECOND_NS, REFERENCE)
     yield from _leave(device, axis, -direction)
 
 
@@ -84,8 +84,9 @@ def _leave(device: Device, axis: int, direction: int) -> Activity:
     for _ in range(FARTHEST):
         if not device.limits.struck(axis):
             break
-        yield Travel(step, constant(1, half_hz), reference=True)
-        yield Pause(SECOND_NS // half_hz, reference=True)
+        yield from set_off(device, Travel(step, constant(1, half_hz), purpose=REFERENCE))
+        yield Pause(SECOND_NS // half_hz, REFERENCE)
     free = line(as_steps({axis: direction * device.settings.run_free_steps[axis]}))
     if free.ticks:
-        yield Travel(free, device.law(device.reference_hz(axis))(free.ticks), reference=True)
+        law = device.law(device.reference_hz(axis))(free.ticks)
+        yield from set_off(device, Travel(free, law, purpose=REFERENCE))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from isel_twin.firmware.activity import Unfinished
+
 OK = "0"
 BAD_NUMBER = "1"
 LIMIT_SWITCH = "2"
@@ -22,8 +24,8 @@ ALL = frozenset("0123456789DFGHR")
 """Every code this family of controllers uses; A, B, C and E belong to other controllers."""
 
 
-class Refusal(Exception):
-    """A command is not carried out, or ends early; `code` is the reply."""
+class Refusal(Unfinished):
+    """A command is not carried out, or its activity ends early; `code` is the reply."""
 
     def __init__(self, code: str) -> None:
         super().__init__(code)

@@ -1,11 +1,13 @@
 """The iSMIF stepper interface (20 commands, a job memory of 64 KB, three axes), after its manual.
 
+    interface.py       the border to host, input and clock: implements isel_twin.controller.Controller
     commands.py        what a line says
-    configuration.py   what can be set
+    jobs.py            lines to stored commands, one carried out after the other; pause, halt, failures
     memory.py          the job memory
+    actions.py         what stored commands do: vector, waiting time, reference run
+    configuration.py   what can be set
     moves.py           ramp law, full steps
     signals.py         what the 15-pin socket carries: phase patterns, clock and direction
-    device.py          what the interface does
 
 docs/ismif.md tells what the manual leaves open and the ramp law in closed form.
 """
@@ -15,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from isel_twin.firmware.ismif.device import Ismif
+from isel_twin.firmware.ismif.interface import Ismif
 
 __all__ = ["Ismif", "create"]
 

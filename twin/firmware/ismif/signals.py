@@ -28,7 +28,7 @@ PHASES = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], 
 def phase_patterns(delta: NDArray[Any], start: tuple[int, int, int] = (0, 0, 0)) -> NDArray[np.int8]:
     """int8 [n, 3, 2]: currents of X, Y, Z in windings A and B after each tick of a stream.
 
-    delta: int8 [n, 4], ticks in half steps of the stage (a full step is two of them); start: half steps made before.
+    delta: int8 [n, 4], half steps of the stage at each tick (a full step: two); start: half steps made before.
     """
     index = np.asarray(start, dtype=np.int64) + np.cumsum(delta[:, :3], axis=0, dtype=np.int64)
     patterns: NDArray[np.int8] = PHASES[index % len(PHASES)]
@@ -38,6 +38,7 @@ def phase_patterns(delta: NDArray[Any], start: tuple[int, int, int] = (0, 0, 0))
 def clock_and_direction(delta: NDArray[Any]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """bool [n, 3] twice: does X, Y, Z get a clock pulse at this tick, and is its direction line high (plus)?
 
+    delta: int8 [n, 4]; a step is one pulse, however many half steps the stage makes of it.
     The direction line keeps the last direction while an axis rests, and is high before its first step.
     """
     steps = np.asarray(delta, dtype=np.int8)[:, :3]

@@ -1,9 +1,9 @@
-"""Runs and their record: what has been stepped by when, stops, resumed motions, and the arrays made of it."""
+"""Step runs: what has been stepped by when, stops, resumed motions, and what continues what."""
 
 from __future__ import annotations
 
 import itertools
-import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from isel_twin.motion import StepRun, Steps, circle, constant, line, trapezoid
 START = 7_000_000_000
 
 
-def straight(steps: tuple[int, int, int, int], start_ns: int = START) -> StepRun:
+def straight(steps: tuple[int, ...], start_ns: int = START) -> StepRun:
     """A line at 10 kHz with ramps."""
     path = line(steps)
     return StepRun(path, trapezoid(path.ticks, 10_000, 400, 100_000), start_ns)
@@ -29,17 +29,18 @@ def total(run: StepRun) -> list[int]:
 
 def test_a_run_is_a_path_in_time() -> None:
     run = straight((800, -2000, 3, 0))
-    t_ns, code = run.window(0, 2000)
+    t_ns, delta = run.window(0, 2000)
     assert t_ns.tolist() == [START + t for t in times_ns(2000, 10_000, 400, 100_000)]
-    assert code[:, 1].tolist() == [-1] * 2000
+    assert delta[:, 1].tolist() == [-1] * 2000
     assert (run.last, run.end_ns) == (2000, t_ns[-1])
-    assert (t_ns.dtype, code.dtype) == (np.int64, np.uint8)
+    assert (t_ns.dtype, delta.dtype, delta.shape) == (np.int64, np.int8, (2000, 4))
+    assert (run.axes, run.lead_ns) == (4, 0)
 
 
 def test_displacement_counts_the_ticks_made() -> None:
     run = straight((800, -2000, 3, 0))
-    t_ns, code = run.window(0, 2000)
-    made = np.cumsum(code.astype(int), axis=0)
+    t_ns, delta = run.window(0, 2000)
+    made = np.cumsum(delta.astype(int), axis=0)
     for tick in (1, 2, 777, 2000):
         t = int(t_ns[tick - 1])
         assert run.count(t) == tick
@@ -56,7 +57,7 @@ steps = st.tuples(*[st.integers(-3000, 3000)] * 4).filter(any)
 @settings(deadline=None, max_examples=60)
 def test_stopped_and_resumed_moves_make_exactly_the_commanded_steps(n: tuple[int, ...], stops: list[float]) -> None:
     path, first, start = line(n), 0, START
-    record = Steps()
+    record = Steps(4)
     for part in stops:
         planned = StepRun(path, trapezoid(path.ticks - first, 10_000, 400, 100_000), start, first)
         record.append(planned)
@@ -92,14 +93,14 @@ def test_a_limit_switch_ends_the_stream_at_once() -> None:
 def test_a_run_that_begins_within_its_path() -> None:
     path = circle(3200, -200, 400, 0, -1, 1, False)
     run = StepRun(path, constant(1200, 1000), START, first=2000)
-    t_ns, code = run.window(2500, 2503)
+    t_ns, delta = run.window(2500, 2503)
     assert t_ns.tolist() == [START + k * 1_000_000 for k in (501, 502, 503)]
-    assert code.tolist() == path.deltas(2500, 2503).tolist()
+    assert delta.tolist() == path.deltas(2500, 2503).tolist()
     assert run.displacement(10**12) == tuple(-n for n in path.displacement(2000))
     assert (run.count(0), run.last) == (2000, 3200)
 
 
-def test_a_profile_must_fit_its_path() -> None:
+def test_a_law_must_fit_its_path() -> None:
     with pytest.raises(ValueError, match="path of 10"):
         StepRun(line((10, 0, 0, 0)), constant(11, 1000), 0)
     with pytest.raises(ValueError, match="path of 10"):
@@ -112,80 +113,28 @@ def test_runs_are_values() -> None:
     assert straight((1, 2, 3, 4)) != straight((1, 2, 3, 5))
 
 
-# --- record ----------------------------------------------------------------------------------------------------------
+def test_what_continues_a_run_has_at_most_another_future() -> None:
+    run = straight((800, -2000, 3, 0))
+    t = START + 100_000_000
+    again = StepRun(line((800, -2000, 3, 0)), trapezoid(2000, 5_000, 400, 100_000), START)
+    for other in (run, run.stopped(t), run.cut(t), run.stopped(t).cut(t + 1), again):
+        assert other.continues(run)
+        assert run.continues(other)
+    for another in (
+        replace(run, start_ns=START + 1),
+        StepRun(run.path, constant(1999, 1000), START, first=1),
+        straight((800, -2000, 4, 0)),
+        straight((800, -2000, 3)),
+    ):
+        assert not another.continues(run)
+        assert not run.continues(another)
 
 
-def square() -> Steps:
-    """Four lines, a millisecond between them."""
-    record, start = Steps(), START
-    for x, y in ((500, 0), (0, 400), (-500, 0), (0, -400)):
-        run = straight((x, y, 0, 0), start)
-        record.append(run)
-        start = run.end_ns + 1_000_000
-    return record
-
-
-def test_record_of_a_square() -> None:
-    record = square()
-    assert len(record) == 1800
-    assert (record.t_ns.dtype, record.t_ns.shape) == (np.int64, (1800,))
-    assert (record.delta.dtype, record.delta.shape) == (np.int8, (1800, 4))
-    assert (np.diff(record.t_ns) > 0).all()
-    assert np.abs(record.delta).sum(axis=0).tolist() == [1000, 800, 0, 0]
-    assert record.delta.sum(axis=0).tolist() == [0, 0, 0, 0]
-    assert record.t_ns[0] == START + times_ns(500, 10_000, 400, 100_000)[0]
-    assert len(record.runs) == 4
-
-
-@pytest.mark.parametrize("size", [1, 7, 500, 10_000])
-def test_chunks_are_the_stream_in_pieces(size: int) -> None:
-    record = square()
-    pieces = list(record.chunks(size))
-    assert max(len(t) for t, _ in pieces) <= size
-    assert np.concatenate([t for t, _ in pieces]).tolist() == record.t_ns.tolist()
-    assert np.concatenate([d for _, d in pieces]).tolist() == record.delta.tolist()
-
-
-def test_only_what_has_happened() -> None:
-    record = square()
-    times = record.t_ns
-    for t in (START, int(times[0]), int(times[499]) + 5, int(times[900]), int(times[900]) - 1, int(times[-1])):
-        seen = record.until(t)
-        assert seen.t_ns.tolist() == times[times <= t].tolist()
-        assert seen.delta.tolist() == record.delta[: len(seen)].tolist()
-    assert len(record.until(0)) == 0
-    assert len(record) == 1800
-
-
-def test_runs_do_not_overlap() -> None:
-    record = square()
-    with pytest.raises(ValueError, match="before the last one ends"):
-        record.append(straight((5, 0, 0, 0), START))
-
-
-def test_nothing_recorded() -> None:
-    empty = Steps()
-    assert (len(empty), empty.t_ns.shape, empty.delta.shape) == (0, (0,), (0, 4))
-    assert list(empty.chunks()) == []
-    assert len(empty.until(5)) == 0
-
-
-def test_an_hour_of_motion_needs_little_memory() -> None:
-    """36 million ticks in 720 runs of 5 s at 10 kHz, kept and read through once: below 1 MB stays."""
-
-    def size(thing: object, seen: set[int]) -> int:
-        if id(thing) in seen:
-            return 0
-        seen.add(id(thing))
-        names = getattr(type(thing), "__slots__", ())
-        parts = [getattr(thing, name) for name in names] if names else list(thing) if isinstance(thing, tuple) else []
-        return sys.getsizeof(thing) + sum(size(part, seen) for part in parts)
-
-    record, start = Steps(), 0
-    for k in range(720):
-        run = StepRun(line((50_000, k, 0, 0)), constant(50_000, 10_000), start)
-        record.append(run)
-        start = run.end_ns
-    assert start == 3600 * 10**9
-    assert sum(t.size for t, _ in record.packed()) == 36_000_000
-    assert size(record.runs, set()) < 1_000_000
+@pytest.mark.parametrize("axes", range(1, 9))
+def test_any_number_of_axes(axes: int) -> None:
+    n = tuple((-1) ** axis * (500 - 60 * axis) for axis in range(axes))
+    run = straight(n)
+    t_ns, delta = run.window(0, 500)
+    assert delta.shape == (500, axes)
+    assert total(run) == list(n)
+    assert run.displacement(int(t_ns[-1])) == n

@@ -1,0 +1,163 @@
+"""The stream as time goes on: what is still to be made, what a replaced motion keeps, and the record beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motion.plans import Table, table
+
+from isel_twin.motion import SetPointRun, StepRun, Stream, constant, line, stream, trapezoid
+
+MS = 1_000_000
+PERIOD = 4 * MS
+
+
+def steps(n: int, start_ns: int = 0, hz: int = 1000) -> StepRun:
+    """n steps of X of three axes."""
+    return StepRun(line((n, 0, 0)), constant(abs(n), hz), start_ns)
+
+
+def make(some: Stream, t_ns: int) -> tuple[list[int], list[list[int]]]:
+    """Make all ticks up to t_ns, as whoever owns the clock does."""
+    times: list[int] = []
+    changes: list[list[int]] = []
+    while True:
+        t, delta = some.until(t_ns)
+        assert len(t) == len(delta)
+        more = len(t) > 0 and some.more_after(len(t))
+        times += t.tolist()
+        changes += delta.tolist()
+        some.make(len(t))
+        if not more:
+            return times, changes
+
+
+def test_nothing_is_made_where_nothing_is_shown() -> None:
+    some = Stream(3)
+    t_ns, delta = some.until(1 << 60)
+    assert (t_ns.dtype, t_ns.shape, delta.shape) == (np.int64, (0,), (0, 3))
+    assert (some.moving, some.lead_ns, some.more_after(0)) == (False, 0, False)
+    assert not some.follow(None, 5)
+    assert len(some.steps(1 << 60)) == 0
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 7, 1 << 15])
+def test_ticks_come_once_and_in_order_however_they_are_expanded(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stream, "CHUNK", chunk)
+    some = Stream(3)
+    assert some.follow(steps(20), 0)
+    assert some.moving
+    made = [make(some, t) for t in (0, 500_000, 3 * MS, 3 * MS, 12 * MS + 1, 1 << 60)]
+    assert [t for times, _ in made for t in times] == [k * MS for k in range(1, 21)]
+    assert [len(times) for times, _ in made] == [0, 0, 3, 0, 9, 8]
+    assert some.steps(12 * MS).t_ns.tolist() == [k * MS for k in range(1, 13)]
+    assert some.follow(None, 20 * MS)
+    assert not some.moving
+    assert some.steps(1 << 60).delta.tolist() == [[1, 0, 0]] * 20
+
+
+def test_only_part_of_what_was_asked_for_may_be_made() -> None:
+    some = Stream(3)
+    some.follow(steps(10), 0)
+    assert some.until(8 * MS)[0].tolist() == [k * MS for k in range(1, 9)]
+    some.make(3)
+    assert some.until(6 * MS)[0].tolist() == [4 * MS, 5 * MS, 6 * MS]
+
+
+def test_a_continued_run_keeps_what_was_made() -> None:
+    """A stop at 40.5 ms in a ramped move of 1000: the ticks made stay made, the rest is that of the stop ramp."""
+    path = line((1000, 0, 0))
+    run = StepRun(path, trapezoid(1000, 10_000, 400, 100_000), 0)
+    some = Stream(3)
+    some.follow(run, 0)
+    before, _ = make(some, 40_500_000)
+    stopped = run.stopped(40_500_000)
+    assert some.follow(stopped, 40_500_000)
+    assert not some.follow(stopped, 40_500_000), "it has been seen"
+    after, _ = make(some, 1 << 60)
+    assert before + after == stopped.window(0, stopped.last)[0].tolist()
+    assert some.steps(1 << 60).t_ns.tolist() == before + after
+    assert len(some.steps(1 << 60).motions) == 1
+
+
+def test_a_run_that_does_not_continue_cuts_the_one_before() -> None:
+    """The same path, begun anew at 5.2 ms: five steps of the first, all of the second."""
+    some = Stream(3)
+    some.follow(steps(20), 0)
+    make(some, 5_200_000)
+    assert some.follow(steps(20, start_ns=5_200_000), 5_200_000)
+    times, _ = make(some, 1 << 60)
+    assert times == [5_200_000 + k * MS for k in range(1, 21)]
+    assert some.steps(1 << 60).t_ns.tolist() == [k * MS for k in range(1, 6)] + times
+    some.follow(None, 1 << 60)
+    assert len(some.steps(1 << 60)) == 25
+
+
+def test_a_run_that_vanishes_is_cut() -> None:
+    some = Stream(3)
+    some.follow(steps(20), 0)
+    make(some, 7 * MS)
+    some.follow(None, 7 * MS)
+    assert some.until(1 << 60)[0].size == 0
+    assert some.steps(1 << 60).t_ns.tolist() == [k * MS for k in range(1, 8)]
+
+
+PLAN = table(*[(k, -k) for k in range(1, 21)])
+
+
+def test_a_replanned_run_of_set_points_keeps_what_was_made() -> None:
+    some = Stream(2)
+    run = SetPointRun(PLAN, PERIOD, 100)
+    some.follow(run, 100)
+    assert some.lead_ns == PERIOD
+    make(some, 100 + 5 * PERIOD)
+    other = replace(run, plan=Table((*PLAN.rows[:5], (7, 7), (1, 1))))
+    some.follow(other, 100 + 5 * PERIOD)
+    times, changes = make(some, 1 << 60)
+    assert times == [100 + 6 * PERIOD, 100 + 7 * PERIOD]
+    assert changes == [[7, 7], [1, 1]]
+    assert some.steps(1 << 60).delta.tolist() == [list(row) for row in other.plan.rows]
+    assert some.steps(1 << 60).delta.dtype == np.int32
+
+
+def test_a_resumed_plan_goes_on_where_it_was_left() -> None:
+    some = Stream(2)
+    run = SetPointRun(PLAN, PERIOD, 0)
+    some.follow(run, 0)
+    make(some, 3 * PERIOD + 1)
+    some.follow(None, 3 * PERIOD + 1)
+    assert some.lead_ns == 0
+    some.follow(SetPointRun(PLAN, PERIOD, 10 * PERIOD, first=3), 10 * PERIOD)
+    times, changes = make(some, 12 * PERIOD)
+    assert times == [11 * PERIOD, 12 * PERIOD]
+    assert changes == [[4, -4], [5, -5]]
+    assert some.steps(12 * PERIOD).delta.tolist() == [list(row) for row in PLAN.rows[:5]]
+
+
+@given(st.lists(st.tuples(st.integers(1, 90), st.sampled_from(["go on", "stop", "cut", "anew", "rest"])), max_size=12))
+@settings(deadline=None, max_examples=100)
+def test_the_record_is_what_was_made(deeds: list[tuple[int, str]]) -> None:
+    """Whatever a controller does: the ticks that were handed out, and no others, are in the record."""
+    some, now, motion = Stream(2), 0, None
+    times: list[int] = []
+    changes: list[list[int]] = []
+    for wait, deed in deeds:
+        now += wait * MS
+        more_times, more_changes = make(some, now)
+        times += more_times
+        changes += more_changes
+        if deed == "anew":
+            motion = SetPointRun(PLAN, PERIOD, now) if wait % 2 else StepRun(line((50, -9)), constant(50, 700), now)
+        elif deed == "rest" or motion is None:
+            motion = None
+        elif deed == "stop":
+            motion = motion.stopped(now)
+        elif deed == "cut":
+            motion = motion.cut(now)
+        some.follow(motion, now)
+    seen = some.steps(now)
+    assert (seen.t_ns.tolist(), seen.delta.tolist()) == (times, changes)

@@ -1,0 +1,65 @@
+"""Who knows what: searches that keep each border where it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from isel_twin.firmware.imc.ports import TERMINALS
+from isel_twin.wiring.cabinet import ELEMENTS, SIGNALS
+
+ROOT = Path(__file__).parents[1]
+COMMON_WORDS = {"start", "stop", "power", "key"}
+"""Words of the cabinet that are English first: `stop` of `run_until`, a key of a mapping."""
+CABINET = {*ELEMENTS, *SIGNALS, "relay", "brake", "stages", "current_lowering", "spindle_runs"} - COMMON_WORDS
+DEMONSTRATION = ROOT / "bridge" / "demo.py"
+"""Shows a session to people: documentation that runs."""
+
+
+def sources(*folders: str) -> Iterator[Path]:
+    for folder in folders:
+        yield from sorted((ROOT / folder).rglob("*.py"))
+
+
+def words(path: Path, pattern: str) -> list[str]:
+    """Lines of a file, docstrings and comments included, in which the pattern is found."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [f"{path.name}:{number}: {line.strip()}" for number, line in enumerate(lines, 1) if re.search(pattern, line)]
+
+
+def code(path: Path) -> str:
+    """A file without docstrings and comments."""
+    text = re.sub(r'""".*?"""', "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"(^|\s)#.*", "", text)
+
+
+def test_the_twin_knows_no_cabinet_and_no_terminal() -> None:
+    names = "|".join(re.escape(name) for name in sorted({*CABINET, *TERMINALS}))
+    assert words(ROOT / "twin" / "twin.py", rf"(?<![\w.])({names})(?!\w)") == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    [p for p in sources("twin", "bridge", "envs") if p != DEMONSTRATION],
+    ids=lambda path: str(path.relative_to(ROOT)),
+)
+def test_a_controllers_language_is_known_in_its_folder_only(path: Path) -> None:
+    """No command, no end of a line, no byte with a meaning outside the firmware folders."""
+    if path.is_relative_to(ROOT / "twin" / "firmware") and path.parent.name != "firmware":
+        return
+    assert re.findall(r'b"[^"]*\\[rx]|@0|\bb"@', code(path)) == []
+
+
+@pytest.mark.parametrize(
+    "path", list(sources("twin/motion", "twin/plant", "twin/trace")), ids=lambda path: str(path.relative_to(ROOT))
+)
+def test_ticks_are_not_packed(path: Path) -> None:
+    assert words(path, r"(?<!\.)\b(en|de)code\(|packed|PAIR|100 ps") == []
+
+
+def test_machines_name_no_terminal() -> None:
+    for path in sorted((ROOT / "models").rglob("*.toml")):
+        assert words(path, "terminal|" + "|".join(re.escape(name) for name in TERMINALS)) == []

@@ -1,0 +1,298 @@
+"""Carries out activities, one at a time, in virtual time; keeps the motion in execution and the counters.
+
+Goal: how something is stopped, set aside and gone on with is the same in every controller and stands here once. What a
+limit switch, a fault or a stop byte *means* is the firmware's business: it calls one of these.
+
+    park         stop ramp   the activity is set aside; `resume` goes on with it, `forget` closes it
+    event        stop ramp   it goes on, with Ended(by_event=True)
+    cut          at once     it goes on, with Ended(by_event=True)
+    break_off    stop ramp   it is closed; whoever started it is told the reason
+    abort        at once     it is closed; whoever started it is told the reason
+    discard      at once     it is closed, and a parked one too; nobody is told
+
+A motion comes down one ramp only. What is called on the way changes what follows it: a park becomes a break-off, never
+the other way; a cut ends the ramp there and then.
+
+Time is `now_ns`. Whoever owns the executor sets it, never backwards, never beyond `next_ns`, and calls `tick` when
+something is `due`. So a motion has ended when the time of its last tick has come *and* `tick` is called: an edge at
+that very time still meets it, because its tick is what caused the edge. A motion that has been stopped or cut ends the
+same way; if nothing of it is left to be made, it is due now.
+
+Counters count what motions make: `counts` is what they were when the present motion began plus what it has made since.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Request, Travel, Unfinished
+from isel_twin.motion import Displacement, Motion
+
+__all__ = ["Executor", "Parked"]
+
+EndedBy = Callable[[Unfinished | None], None]
+"""Told how an activity has ended: None if it returned, else why it did not."""
+
+
+@dataclass(frozen=True)
+class Parked:
+    """An activity set aside: the request it was stopped in, and the result with which it will go on."""
+
+    activity: Activity
+    ended: EndedBy
+    request: Request
+    result: Ended | int | None
+
+
+@dataclass(frozen=True)
+class _Stopping:
+    """What is to become of a motion that has been stopped or cut; without park and reason the activity goes on."""
+
+    by_event: bool = False
+    park: Callable[[], None] | None = None
+    reason: Unfinished | None = None
+
+
+class Executor:
+    """See the module."""
+
+    def __init__(self, axes: int) -> None:
+        """A controller of so many axes, at rest, all counters 0, at time 0."""
+        self.now_ns = 0
+        self.parked: Parked | None = None
+        self._base: Displacement = (0,) * axes
+        self._motion: Motion | None = None
+        self._activity: Activity | None = None
+        self._ended: EndedBy | None = None
+        self._request: Request | None = None
+        self._pause_end_ns: int | None = None
+        self._stopping: _Stopping | None = None
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def counts(self) -> Displacement:
+        """Counters of all axes now."""
+        return self._base if self._motion is None else _sum(self._base, self._motion.displacement(self.now_ns))
+
+    @property
+    def motion(self) -> Motion | None:
+        """The motion in execution."""
+        return self._motion
+
+    @property
+    def request(self) -> Request | None:
+        """What the activity in progress waits for; None at rest."""
+        return self._request
+
+    @property
+    def purpose(self) -> object:
+        """What that request is for, in the firmware's terms."""
+        return None if self._request is None else self._request.purpose
+
+    @property
+    def busy(self) -> bool:
+        """An activity is in progress; a parked one is not."""
+        return self._activity is not None
+
+    @property
+    def stopping(self) -> bool:
+        """The motion in execution has been stopped or cut."""
+        return self._stopping is not None
+
+    @property
+    def next_ns(self) -> int | None:
+        """When something is due; None if only the outside can change anything."""
+        end_ns = self._pause_end_ns if self._motion is None else self._motion.end_ns
+        return None if end_ns is None else max(end_ns, self.now_ns)
+
+    @property
+    def due(self) -> bool:
+        """Something is due now."""
+        next_ns = self.next_ns
+        return next_ns is not None and next_ns <= self.now_ns
+
+    # ---- counters ---------------------------------------------------------------------------------------------------
+
+    def set_counter(self, axis: int, value: int) -> None:
+        """Set a counter without a tick; no motion is in execution."""
+        assert self._motion is None
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+
+    # ---- going on ---------------------------------------------------------------------------------------------------
+
+    def start(self, activity: Activity, ended: EndedBy) -> None:
+        """Begin an activity, at once; none is in progress. `ended` is told how it has ended, unless it is discarded or
+        forgotten."""
+        assert self._activity is None
+        self._activity, self._ended = activity, ended
+        self._go_on(None)
+
+    def tick(self) -> None:
+        """Do what is due now: end the motion or the pause, and what follows from that without taking time."""
+        if not self.due:
+            return
+        if self._motion is None:
+            self._go_on(None)
+            return
+        stopping = self._stopping or _Stopping()
+        result = Ended(self._end_motion(), stopping.by_event)
+        if stopping.reason is not None:
+            self._finish(stopping.reason)
+        elif stopping.park is not None:
+            self._set_aside(result, stopping.park)
+        else:
+            self._go_on(result)
+
+    def hear(self, byte: int) -> None:
+        """Give the activity the byte it listens for."""
+        assert isinstance(self._request, Listen)
+        self._go_on(byte)
+
+    def replace(self, motion: Motion) -> None:
+        """Give the motion in execution another future: look-ahead, another speed. `motion` continues it and is not in
+        a stop ramp."""
+        assert self._motion is not None
+        assert self._stopping is None
+        assert motion.continues(self._motion)
+        self._motion = motion
+
+    # ---- stopping ---------------------------------------------------------------------------------------------------
+
+    def park(self, parked: Callable[[], None]) -> None:
+        """Set the activity aside where it is; `parked` is called when that is done: now, or after the stop ramp.
+
+        Does nothing at rest, or in a stop ramp that has a reason to end the activity.
+        """
+        if self._motion is not None:
+            self._stop()
+            assert self._stopping is not None
+            if self._stopping.reason is None:
+                self._stopping = replace(self._stopping, park=parked)
+        elif self._pause_end_ns is not None:
+            self._set_aside(self._pause_end_ns - self.now_ns, parked)
+        elif self._activity is not None:
+            self._set_aside(None, parked)
+
+    def resume(self) -> None:
+        """Go on with the parked activity; none is in progress."""
+        assert self._activity is None
+        assert self.parked is not None
+        parked, self.parked = self.parked, None
+        self._activity, self._ended = parked.activity, parked.ended
+        self._go_on(parked.result)
+
+    def forget(self) -> None:
+        """The parked activity, if there is one, is closed; nobody is told."""
+        if self.parked is not None:
+            self.parked.activity.close()
+            self.parked = None
+
+    def event(self) -> None:
+        """What the motion was made for has happened: it ends with the stop ramp and the activity goes on.
+
+        A motion that is being stopped already keeps what is to become of it.
+        """
+        if self._motion is not None:
+            self._stop()
+            self._note_event()
+
+    def cut(self) -> None:
+        """The same without a ramp: the last tick made is the last one. A parked motion counts as ended by it, too."""
+        if self._motion is not None:
+            self._motion = self._motion.cut(self.now_ns)
+            self._note_event()
+        elif self.parked is not None and isinstance(self.parked.result, Ended):
+            self.parked = replace(self.parked, result=replace(self.parked.result, by_event=True))
+
+    def break_off(self, reason: Unfinished) -> None:
+        """End the activity, after the stop ramp if a motion is in execution. The latest reason holds."""
+        if self._motion is not None:
+            self._stop()
+            assert self._stopping is not None
+            self._stopping = replace(self._stopping, reason=reason)
+        else:
+            self.abort(reason)
+
+    def abort(self, reason: Unfinished) -> None:
+        """End the activity at once; the last tick made is the last one."""
+        if self._motion is not None:
+            self._end_motion()
+        if self._activity is not None:
+            self._finish(reason)
+
+    def discard(self) -> None:
+        """Everything ends at once, the parked activity too, and nobody is told. Counters keep what has been made."""
+        if self._motion is not None:
+            self._end_motion()
+        if self._activity is not None:
+            self._release().close()
+        self.forget()
+
+    # ---- inside -----------------------------------------------------------------------------------------------------
+
+    def _go_on(self, result: Ended | int | None) -> None:
+        """Let the activity go on with the result of its request, up to its next one that takes time."""
+        while self._activity is not None:
+            self._request = self._pause_end_ns = self._stopping = None
+            try:
+                request = self._activity.send(result)
+            except StopIteration:
+                self._finish(None)
+                return
+            except Unfinished as reason:
+                self._finish(reason)
+                return
+            self._request = request
+            match request:
+                case Pause(ns):
+                    self._pause_end_ns = self.now_ns + ns
+                case Make() | Travel():
+                    motion = request.begin(self.now_ns)
+                    if motion.first == motion.last:
+                        result = Ended(motion.last)
+                        continue
+                    self._motion = motion
+            return
+
+    def _stop(self) -> None:
+        """Put the motion on its stop ramp, once."""
+        assert self._motion is not None
+        if self._stopping is None:
+            self._motion = self._motion.stopped(self.now_ns)
+            self._stopping = _Stopping()
+
+    def _note_event(self) -> None:
+        self._stopping = replace(self._stopping or _Stopping(), by_event=True)
+
+    def _end_motion(self) -> int:
+        """The motion is over; return the number of its last tick made."""
+        assert self._motion is not None
+        ticks = self._motion.count(self.now_ns)
+        self._base, self._motion = self.counts, None
+        return ticks
+
+    def _set_aside(self, result: Ended | int | None, parked: Callable[[], None]) -> None:
+        assert self._ended is not None
+        assert self._request is not None
+        ended, request = self._ended, self._request
+        self.parked = Parked(self._release(), ended, request, result)
+        parked()
+
+    def _finish(self, reason: Unfinished | None) -> None:
+        assert self._ended is not None
+        ended = self._ended
+        self._release().close()
+        ended(reason)
+
+    def _release(self) -> Activity:
+        """Nothing is in progress any more; return what was."""
+        assert self._activity is not None
+        activity = self._activity
+        self._activity = self._ended = self._request = self._pause_end_ns = self._stopping = None
+        return activity
+
+
+def _sum(a: Displacement, b: Displacement) -> Displacement:
+    return tuple(m + n for m, n in zip(a, b, strict=True))

@@ -1,0 +1,240 @@
+"""What may happen to a command or program in progress, and what it means. How it is done is the executor's business.
+
+One task at a time:
+
+    its activity ends            `0`, or the code of its Refusal
+    stop (253, stop key)         stop ramp, `F`, parked; a start resumes it. A reference run is broken off
+    break (255, port abort)      stop ramp, its code, gone
+    condition come true          stop ramp, goes on
+    reference switch             ends the search at once, goes on
+    limit switch                 ends at once, `2`
+    power lost                   ends at once, `9`
+
+A change of an input is looked at when it comes, as far as it concerns safety or the motion; the hood, and the ports a
+stored program watches, once a cycle (F31).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from isel_twin.firmware.activity import Activity, Listen, Unfinished
+from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.limits import axis_of
+from isel_twin.firmware.imc.ports import LIMIT_PORT
+from isel_twin.firmware.imc.purpose import WAITING, Reference, Until
+from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, OK, STOPPED, Refusal
+from isel_twin.firmware.imc.safety import State, hood_safe, powered
+from isel_twin.firmware.imc.settings import Watch
+from isel_twin.motion import Motion, StepRun
+from isel_twin.units import MILLISECOND_NS
+
+
+@dataclass
+class Task:
+    """What is in progress. `answers`: its end is reported to the host; `program`: it is the stored program."""
+
+    answers: bool
+    program: bool
+
+
+class Supervisor:
+    """Watches over what a device does; `reply(text)` sends to the host."""
+
+    def __init__(self, device: Device, reply: Callable[[str], None]) -> None:
+        self._device = device
+        self._executor = device.executor
+        self._reply = reply
+        self.task: Task | None = None
+        self.parked: Task | None = None
+        """A stopped task that can be resumed."""
+        self._cycle_ns: int | None = None
+
+    # ---- starting and ending ----------------------------------------------------------------------------------------
+
+    def start(self, activity: Activity, *, answers: bool, program: bool = False) -> None:
+        """Begin a task; there is none in progress."""
+        self.task = Task(answers, program)
+        self._executor.start(activity, self._ended)
+
+    def resume(self, *, answers: bool) -> None:
+        """Go on with the parked task. answers: the host has asked for it and wants to know the end."""
+        assert self.parked is not None
+        self.task, self.parked = self.parked, None
+        self.task.answers |= answers
+        self._executor.resume()
+
+    def forget_parked(self) -> None:
+        """The rest of a stopped motion or program is forgotten."""
+        self.parked = None
+        self._executor.forget()
+
+    def discard(self) -> None:
+        """Reset: whatever there is ends at once and says nothing."""
+        self.task = self.parked = None
+        self._executor.discard()
+
+    def _ended(self, reason: Unfinished | None) -> None:
+        """The task has ended."""
+        assert self.task is not None
+        assert reason is None or isinstance(reason, Refusal)
+        task, self.task = self.task, None
+        code = OK if reason is None else reason.code
+        if task.program:
+            signal_error(self._device, code != OK)
+        if task.answers:
+            self._reply(code)
+
+    def _parked(self) -> None:
+        """The task stands, and waits for a start."""
+        self.parked, self.task = self.task, None
+        self._reply(STOPPED)
+
+    # ---- time -------------------------------------------------------------------------------------------------------
+
+    @property
+    def next_ns(self) -> int | None:
+        """When something is due."""
+        times = (self._executor.next_ns, self._cycle_ns)
+        return min((max(t, self._device.now_ns) for t in times if t is not None), default=None)
+
+    @property
+    def due(self) -> bool:
+        """Something is due now."""
+        return self.next_ns is not None and self.next_ns <= self._device.now_ns
+
+    @property
+    def moving(self) -> bool:
+        """Axes are in motion, or stand still for a moment within a reference run."""
+        return self._executor.motion is not None or isinstance(self._executor.purpose, Reference)
+
+    def tick(self) -> None:
+        """Do what is due at the device's time."""
+        if self._cycle_ns is not None and self._device.now_ns >= self._cycle_ns:
+            self._cycle_ns = None
+            self._supervise()
+        else:
+            self._executor.tick()
+
+    def _supervise(self) -> None:
+        """Once a cycle: the hood while something moves; in a stored program the ports of 4.2.11 to 4.2.14."""
+        if self.moving and not hood_safe(self._device.inputs):
+            self._power_lost()
+        elif self.task is not None and self.task.program:
+            code = watched(self._device)
+            if code == FAULT:
+                self._power_lost()
+            elif code is not None:
+                self.break_off(code)
+
+    # ---- the host's bytes, the keys ---------------------------------------------------------------------------------
+
+    @property
+    def listening(self) -> bool:
+        """The stored program waits for a byte."""
+        return isinstance(self._executor.request, Listen)
+
+    def hear(self, byte: int) -> None:
+        """Give the waiting program its byte."""
+        self._executor.hear(byte)
+
+    def stop(self) -> None:
+        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off."""
+        executor = self._executor
+        if isinstance(executor.purpose, Reference):
+            self.break_off()
+        elif executor.motion is not None:
+            if not executor.stopping:
+                executor.park(self._parked)
+        elif self.listening or executor.purpose == WAITING:
+            executor.park(self._parked)
+
+    def stop_key(self) -> None:
+        """The stop key; on the way to a reference switch it stands for the switch (2.2.22)."""
+        purpose = self._executor.purpose
+        if isinstance(purpose, Reference) and purpose.seek is not None and not self._executor.stopping:
+            self._executor.cut()
+        else:
+            self.stop()
+
+    def break_off(self, code: str = STOPPED) -> None:
+        """Byte 255, or a port that ends the program: stop ramp, answer `code`, forget the rest."""
+        if self.task is None:
+            self.forget_parked()
+        elif self.moving or self.task.program:
+            self._executor.break_off(Refusal(code))
+
+    # ---- inputs -----------------------------------------------------------------------------------------------------
+
+    def input_changed(self, port: int, bit: int) -> None:
+        """React to an input that has just changed, as far as it concerns safety or the motion in progress."""
+        device = self._device
+        if port == LIMIT_PORT:
+            self._limit_changed(bit)
+        if device.safety is not State.FAULT and not powered(device.inputs):
+            self._power_lost()
+        self._check_condition()
+        if self.task is not None and self._cycle_ns is None:
+            self._cycle_ns = device.now_ns + device.profile.cycle_ms * MILLISECOND_NS
+
+    def _check_condition(self) -> None:
+        """End a move whose condition has come true, with the stop ramp."""
+        executor = self._executor
+        if executor.motion is None or executor.stopping:
+            return
+        if isinstance(executor.purpose, Until) and executor.purpose.condition():
+            executor.event()
+
+    def _power_lost(self) -> None:
+        """Fault: everything ends at once and answers 9."""
+        concerned = self.task is not None and (self.moving or self.task.program)
+        self.forget_parked()
+        self._device.shut_down()
+        if concerned:
+            self._executor.abort(Refusal(FAULT))
+
+    def _limit_changed(self, bit: int) -> None:
+        device, run, axis = self._device, self._executor.motion, axis_of(bit)
+        if not device.limits.edge(bit, device.now_ns) or run is None:
+            return
+        device.limits.found(bit, heading(run, device.now_ns, axis) * device.direction[axis])
+        if self._executor.purpose == Reference(seek=axis):
+            self._executor.cut()
+        elif device.guards(axis):
+            device.limit_struck()
+            self.forget_parked()
+            self._executor.abort(Refusal(LIMIT_SWITCH))
+
+
+def heading(run: Motion, now_ns: int, axis: int) -> int:
+    """Counter direction (+1, -1, 0) in which a step run moves an axis, over its last ticks."""
+    assert isinstance(run, StepRun)
+    path, made = run.path, run.count(now_ns)
+    for begin in (max(made - 100, 0), 0):  # a slow axis may not have stepped within the last 100 ticks
+        steps = path.displacement(made)[axis] - path.displacement(begin)[axis]
+        if steps:
+            return 1 if steps > 0 else -1
+    return 0
+
+
+def watched(device: Device) -> str | None:
+    """What the ports watched in CNC mode demand: 9 (emergency), H (hood), F (abort), None (nothing)."""
+    settings = device.settings
+    watches: tuple[tuple[Watch, str], ...] = (
+        (settings.emergency, FAULT),
+        (settings.hood, HOOD_OPEN),
+        (settings.abort, STOPPED),
+    )
+    for (port, mask, value), code in watches:
+        if (device.inputs.port(port) ^ value) & mask:
+            return code
+    return None
+
+
+def signal_error(device: Device, error: bool) -> None:
+    """Write the error signal of 4.2.12: the value after an error, its complement while all is well."""
+    _, mask, value = device.settings.error_signal
+    level = value if error else ~value
+    if mask:
+        device.outputs["user"] = device.outputs["user"] & ~mask | level & mask

@@ -1,0 +1,256 @@
+"""What the iSMIF's stored commands do, and what they do it with: settings, counters, signals, the reference input.
+
+A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13), as
+`_reference_axis` says it again in Python:
+
+    position   switch  |  travel ->
+               #########
+       rest            |          50 ms
+       search          |<----------------------------- until the input goes low, stopped there
+       rest            |          50 ms
+       free run        |--->                           until the input goes high, stopped there
+       rest            |          50 ms
+       offset              |--->0                      #O steps, then the counter is set to 0
+
+A search or a free run whose way ends before the input changes has failed, and its command with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from isel_twin.controller import CounterSet, Event, Output
+from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
+from isel_twin.firmware.executor import Executor, Parked
+from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Command, Target
+from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
+from isel_twin.firmware.ismif.moves import FullSteps, ramp
+from isel_twin.motion import line
+from isel_twin.units import MILLISECOND_NS
+
+AXES = range(3)
+COUNTERS = 4
+"""X, Y, Z, and one that nothing moves."""
+REST_NS = 50 * MILLISECOND_NS
+"""Standstill before each motion of a reference run: the carriage settles, the switch stops bouncing (S8)."""
+SEARCH_LIMIT = 200_000
+FREE_LIMIT = 4_000
+"""Half steps after which a search or a free run has failed (S8)."""
+
+
+class Standing(Enum):
+    """What a pause is for."""
+
+    WAITING = "waiting time of the job"
+    RESTING = "rest of a reference run"
+
+
+@dataclass(frozen=True)
+class Search:
+    """A motion that ends at once when the reference input has this level."""
+
+    level: bool
+
+
+class Failure(Unfinished):
+    """The command cannot be carried out (to its end): its job is dropped (S1)."""
+
+
+class Actions:
+    """See the module. Counters count half steps of the stage, whatever F says (S4)."""
+
+    def __init__(self, events: list[Event], error_ppm: int) -> None:
+        """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
+        self.executor = Executor(COUNTERS)
+        self.configuration = Configuration()
+        self.input = True
+        self._events = events
+        self._error_ppm = error_ppm
+        self._known = [False for _ in AXES]
+        self._pen = 0
+
+    def carry_out(self, command: Command) -> Activity | None:
+        """Do what a stored command says, or return the activity that does."""
+        match command.code:
+            case "L":
+                return self._vector(*command.arguments)
+            case "$H":
+                return self._reference_run(*command.arguments)
+            case "W":
+                return self._wait(*command.arguments)
+            case "A":
+                self._set_signal(*command.arguments)
+            case code if code in SETTINGS:
+                self._configure(command)
+        return None
+
+    # ---- what takes time --------------------------------------------------------------------------------------------
+
+    def _wait(self, ms: int) -> Activity:
+        """6.20."""
+        yield from _stand(ms * MILLISECOND_NS, Standing.WAITING)
+
+    def _vector(self, index: int, *targets: Target) -> Activity:
+        """6.14: all axes together, led by the longest way. Z of a plotter is the relay, switched first (S12)."""
+        steps = [0, 0, 0]
+        ends = [self.position_steps(axis) for axis in AXES]
+        for target in targets:
+            start = ends[target.axis]
+            ends[target.axis] = target.steps + (start if target.relative else 0)
+            steps[target.axis] = ends[target.axis] - start
+        if any(abs(end) > STEPS_LIMIT for end in ends):
+            raise Failure
+        if self.configuration.plotter:
+            self._set_pen(ends[2])
+            steps[2] = 0
+        yield from self._travel((steps[0], steps[1], steps[2]), index)
+
+    def _reference_run(self, axes: tuple[int, ...]) -> Activity:
+        """6.13: each axis in turn. Z of a plotter has nothing to search for, its pen is lifted first (S12)."""
+        for axis in axes:
+            self._known[axis] = False
+        motors = [axis for axis in axes if not self._is_pen(axis)]
+        if len(motors) < len(axes):
+            self._set_pen(0)
+        for axis in motors:
+            yield from self._reference_axis(axis)
+
+    def _reference_axis(self, axis: int) -> Activity:
+        settings, unit = self.configuration.reference[axis], self.configuration.half_steps
+        towards = 1 if settings.positive else -1
+        yield from _stand(REST_NS, Standing.RESTING)
+        yield from self._travel(_along(axis, SEARCH_LIMIT // unit * towards), settings.search, Search(False))
+        yield from _stand(REST_NS, Standing.RESTING)
+        yield from self._travel(_along(axis, FREE_LIMIT // unit * -towards), settings.free, Search(True))
+        yield from _stand(REST_NS, Standing.RESTING)
+        yield from self._travel(_along(axis, settings.offset * -towards), settings.offset_speed)
+        self._set_counter(axis, 0)
+        self._known[axis] = True
+
+    def _travel(self, steps: tuple[int, int, int], index: int, search: Search | None = None) -> Activity:
+        """Along a straight line of `steps`, or to the change of the input. Raises Failure if that does not come."""
+        settings = self.configuration
+        straight = line((*steps, 0))
+        path = FullSteps(straight) if settings.half_steps == 2 else straight
+        made = 0
+        while made < path.ticks and not (search is not None and self.input == search.level):
+            speed_hz = settings.speed_hz[index]
+            law = ramp(path.ticks - made, speed_hz, settings.start_hz, settings.ramp_ms, self._error_ppm)
+            ended = yield Travel(path, law, made, search)
+            if ended.by_event:
+                return
+            made = ended.ticks
+            if search is not None and made == path.ticks:
+                raise Failure
+
+    # ---- what ends it -----------------------------------------------------------------------------------------------
+
+    def set_input(self, level: bool) -> None:
+        """The reference input has this level now; a search that stands in a pause has found it, too."""
+        self.input = level
+        parked = self.executor.parked
+        purpose = self.executor.purpose if parked is None else parked.request.purpose
+        if purpose == Search(level):
+            self.executor.cut()
+            self.settle()
+
+    def settle(self) -> None:
+        """A motion that has been stopped or cut and has nothing left to make is over in this very call."""
+        if self.executor.stopping and self.executor.due:
+            self.executor.tick()
+
+    # ---- what takes none --------------------------------------------------------------------------------------------
+
+    def power_on(self, level: bool) -> None:
+        """The drive signals come up, nothing is referenced."""
+        self.input = level
+        self.request_power()
+        for name in ("stages", "brake"):
+            self._put(name, 1)
+        self._put("current_lowering", 0)
+        self._put_drive_signals()
+        self._put_safe()
+
+    def reset(self) -> None:
+        """6.16: no motion, no position; the settings stay, the signals go off (S11)."""
+        self.executor.discard()
+        self._known = [False for _ in AXES]
+        self._pen = 0
+        for axis in AXES:
+            self._set_counter(axis, 0)
+        self._put_safe()
+
+    def request_power(self) -> None:
+        """A pulse: the safety relay closes at its rising edge, if nothing speaks against it."""
+        self._put("power_request", 1)
+        self._put("power_request", 0)
+
+    def _configure(self, command: Command) -> None:
+        self.configuration.set(command)
+        if command.code in ("T", "F"):
+            self._put_drive_signals()
+        elif command.code == "Z":
+            self._set_pen(0)
+
+    def _set_signal(self, on: int) -> None:
+        self._put("pin12", on)
+        self._put("spindle", on)
+
+    def _set_pen(self, position: int) -> None:
+        """The plotter's relay is on wherever Z is not 0 (S12)."""
+        self._pen = position
+        self._put("z_relay", int(position != 0))
+
+    def _set_counter(self, axis: int, value: int) -> None:
+        self.executor.set_counter(axis, value)
+        self._events.append(CounterSet(axis, value))
+
+    def _put_drive_signals(self) -> None:
+        self._put("clock_signals", int(self.configuration.clock))
+        self._put("full_steps", int(self.configuration.full_step))
+
+    def _put_safe(self) -> None:
+        self._set_signal(0)
+        self._set_pen(0)
+
+    def _put(self, name: str, level: int) -> None:
+        self._events.append(Output(name, level))
+
+    # ---- what there is to ask ---------------------------------------------------------------------------------------
+
+    @property
+    def position_known(self) -> bool:
+        """Every axis that has a motor has been referenced."""
+        return all(known for axis, known in enumerate(self._known) if not self._is_pen(axis))
+
+    def position_steps(self, axis: int) -> int:
+        """Position of an axis in the steps that commands count in."""
+        if self._is_pen(axis):
+            return self._pen
+        return self.executor.counts[axis] // self.configuration.half_steps
+
+    def _is_pen(self, axis: int) -> bool:
+        return self.configuration.plotter and axis == 2
+
+
+def failed(parked: Parked) -> bool:
+    """Has this command been set aside with a search at the end of its way, and nothing found?"""
+    request, result = parked.request, parked.result
+    return (
+        isinstance(request, Travel)
+        and isinstance(request.purpose, Search)
+        and result == Ended(request.path.ticks, by_event=False)
+    )
+
+
+def _stand(ns: int, purpose: Standing) -> Activity:
+    """Let time pass; a pause makes it longer (S10)."""
+    left: int | None = ns
+    while left is not None:
+        left = yield Pause(left, purpose)
+
+
+def _along(axis: int, steps: int) -> tuple[int, int, int]:
+    x, y, z = (steps if axis == i else 0 for i in AXES)
+    return x, y, z

@@ -1,0 +1,195 @@
+"""The iSMIF stepper interface: its border to host, input and clock, and the commands that are carried out at once.
+
+    host bytes --> lines --> master commands (@), at once
+                       `---> jobs --> actions --> motion, signals
+    pin 11 ----------------------------^
+    clock -----> ends of motions and waiting times
+
+The status (6.3) is read off the state, it is not kept beside it. Sections are those of the manual; S1, S2 ... are in
+docs/decisions.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from isel_twin.controller import Event, Reply, SerialFormat
+from isel_twin.firmware.ismif.actions import Actions, Standing
+from isel_twin.firmware.ismif.commands import AXIS_LETTERS, LINE_LIMIT, CommandError
+from isel_twin.firmware.ismif.jobs import ACKNOWLEDGED, Jobs, read
+from isel_twin.motion import Displacement, Motion
+
+VERSION = "SMC-ISMIF 1.00"
+FORMAT = SerialFormat(19_200)
+CR, LF, START = b"\r", b"\n", b"\x01"
+REFERENCE_INPUT = "pin11"
+
+
+class Ismif:
+    """Implements `isel_twin.controller.Controller`. Counters count half steps of the stage, whatever F says (S4)."""
+
+    serial_format = FORMAT
+    direction = (1, 1, 1, 1)
+
+    def __init__(self, *, error_ppm: int = 0) -> None:
+        """`error_ppm`: how far the output frequency is off, in millionths (S5)."""
+        self._events: list[Event] = []
+        self._line = bytearray()
+        self._actions = Actions(self._events, error_ppm)
+        self._executor = self._actions.executor
+        self._jobs = Jobs(self._actions, self._reply)
+        self._masters: Mapping[str, Callable[..., bytes]] = {
+            "@R": self._reset,
+            "@V": self._version,
+            "@X": self._status,
+            "@L": self._position,
+            "@B": self._halt,
+            "@S": self._stop,
+            "@A": self._pause,
+            "@C": self._continue,
+        }
+
+    # ---- the border -------------------------------------------------------------------------------------------------
+
+    @property
+    def counts(self) -> Displacement:
+        """Half steps of X, Y, Z from the zero point at the time of the last call; A is always 0."""
+        return self._executor.counts
+
+    @property
+    def run(self) -> Motion | None:
+        """The motion in execution."""
+        return self._executor.motion
+
+    @property
+    def next_ns(self) -> int | None:
+        """End of the motion or of the waiting time in progress."""
+        return self._executor.next_ns
+
+    @property
+    def idle(self) -> bool:
+        """Nothing moves and nothing will before the host or the operator does something; a pause counts as idle."""
+        return self.run is None and self._jobs.idle
+
+    @property
+    def fault(self) -> bool:
+        """The third character of the status, which no answer but that of `@X` shows (S15)."""
+        return self._jobs.error
+
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
+        """Mains on. An input that is not wired reads high."""
+        self._executor.now_ns = t_ns
+        self._actions.power_on(levels.get(REFERENCE_INPUT, True))
+
+    def receive(self, t_ns: int, data: bytes) -> None:
+        """Bytes from the host: CR ends a line, 01h ends it and starts the job, LF is not there."""
+        self.advance(t_ns)
+        for byte in data:
+            if byte in (CR[0], START[0]):
+                line, self._line = bytes(self._line), bytearray()
+                self._receive_line(line, byte == START[0])
+            elif byte != LF[0] and len(self._line) < LINE_LIMIT:  # one byte too long says enough
+                self._line.append(byte)
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        """Pin 11 matters during a reference run only (S8)."""
+        self.advance(t_ns)
+        if terminal == REFERENCE_INPUT:
+            self._actions.set_input(level)
+            self._jobs.work()
+
+    def advance(self, t_ns: int) -> None:
+        """Pulses up to t_ns; then what is due."""
+        self._executor.now_ns = t_ns
+        self._executor.tick()
+        self._jobs.work()
+
+    def take(self) -> list[Event]:
+        """Events since the last call."""
+        events = self._events[:]
+        self._events.clear()
+        return events
+
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """All position switches in series on the one reference input (S8)."""
+        return {REFERENCE_INPUT: tuple(f"limit_{letter.lower()}{end}" for letter in AXIS_LETTERS for end in (1, 2))}
+
+    def machine_overrides(self) -> Mapping[str, Any]:
+        """Half-step stages of the size that was built for these machines (S7)."""
+        return {"axes.all.steps_per_rev": 400, "axes.all.stage.supply": 32.0, "axes.all.stage.current": 2.0}
+
+    # ---- lines ------------------------------------------------------------------------------------------------------
+
+    def _receive_line(self, line: bytes, starts: bool) -> None:
+        """A master command that ends with 01h also starts what is stored."""
+        if line.lstrip(b" ").startswith(b"@"):
+            self._carry_out_master(line)
+            line = b""
+        elif not line.strip(b" "):
+            line = b""
+        self._jobs.receive(line, starts)
+        self._jobs.work()
+
+    def _carry_out_master(self, line: bytes) -> None:
+        try:
+            command = read(line)
+        except CommandError:
+            self._jobs.error = True
+            self._reply(ACKNOWLEDGED)
+            return
+        self._reply(self._masters[command.code](*command.arguments))
+
+    def _reply(self, data: bytes) -> None:
+        self._events.append(Reply(data + CR))
+
+    # ---- master commands --------------------------------------------------------------------------------------------
+
+    def _version(self) -> bytes:
+        """6.2."""
+        return f"@V {VERSION}".encode()
+
+    def _status(self) -> bytes:
+        """6.3. A reference run is not a job, and moves from its beginning to its end (S9)."""
+        jobs = self._jobs
+        bits = (
+            self.run is not None or (jobs.referencing and not jobs.paused),
+            self._executor.purpose is Standing.WAITING,
+            jobs.error,
+            not self._actions.position_known,
+            jobs.referencing,
+            jobs.in_progress and not jobs.referencing,
+        )
+        return b"@X" + b"".join(b"1" if bit else b"0" for bit in bits)
+
+    def _position(self, axis: int) -> bytes:
+        """6.4."""
+        return f"@L{AXIS_LETTERS[axis]}{self._actions.position_steps(axis)}".encode()
+
+    def _halt(self) -> bytes:
+        """6.15."""
+        self._jobs.halt()
+        return ACKNOWLEDGED
+
+    def _pause(self) -> bytes:
+        """6.17."""
+        self._jobs.pause()
+        return ACKNOWLEDGED
+
+    def _continue(self) -> bytes:
+        """6.18."""
+        self._jobs.paused = False
+        return ACKNOWLEDGED
+
+    def _reset(self) -> bytes:
+        """6.1: like 6.16, and the fault is forgotten too; the cabinet is asked for power as at power-on (S11)."""
+        self._jobs.error = False
+        self._stop()
+        self._actions.request_power()
+        return ACKNOWLEDGED
+
+    def _stop(self) -> bytes:
+        """6.16: no ramp, no job, no position; the settings stay, the signals go off (S11)."""
+        self._jobs.clear()
+        self._actions.reset()
+        return ACKNOWLEDGED

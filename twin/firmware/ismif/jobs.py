@@ -1,0 +1,194 @@
+"""Jobs: lines become stored commands, stored commands are carried out one after the other (5.2), and what stops them.
+
+    line ---> receive queue ---> job memory ---released---> the command in progress ---> 02h when its job is over
+              no room: waits     wrong: its job is void     fails: its job is dropped
+                                                            @A pause, @C go on, @B leave it, @S everything
+
+Sections are those of the manual; S1, S2 ... are in docs/decisions.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from isel_twin.firmware.activity import Unfinished
+from isel_twin.firmware.ismif.actions import Actions, Failure, Standing, failed
+from isel_twin.firmware.ismif.commands import LINE_LIMIT, Command, CommandError, parse
+from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
+
+ACKNOWLEDGED, READY, FULL = b"", b"\x02", b"\x03"
+"""Replies, each with its CR."""
+
+
+class Halted(Unfinished):
+    """The host has ended the command in progress (6.15)."""
+
+
+class Jobs:
+    """See the module; `reply(data)` sends a reply and its CR to the host."""
+
+    def __init__(self, actions: Actions, reply: Callable[[bytes], None]) -> None:
+        self.error = False
+        """Third character of the status: something has gone wrong since the last reset."""
+        self.paused = False
+        self._actions = actions
+        self._executor = actions.executor
+        self._reply = reply
+        self._memory = JobMemory()
+        self._waiting_lines = ReceiveQueue()
+        self._void = False
+        self._told_full = False
+        self._entry: Entry | None = None
+
+    # ---- lines to memory --------------------------------------------------------------------------------------------
+
+    def receive(self, line: bytes, starts: bool) -> None:
+        """A line that is no master command, without its end; `starts`: it came with 01h."""
+        if line or starts:
+            self.error |= not self._waiting_lines.append(line, starts)
+            self._store_lines()
+
+    def _store_lines(self) -> None:
+        """Take lines into the memory as long as they fit; the others stay in the line's queue, unanswered (S2)."""
+        while self._waiting_lines:
+            line, starts = self._waiting_lines.head
+            if line is None:
+                self._waiting_lines.take()
+                self._void_job()
+                continue
+            if len(line) + 1 > self._memory.free:
+                return
+            self._waiting_lines.take()
+            command = self._checked(line)
+            if command is not None or starts:
+                self._memory.store(Entry(command, len(line) + 1, starts))
+            if starts:
+                self._void = False
+            if self._memory.full:
+                self._told_full = True
+            if starts or self._memory.full:
+                self._memory.release()
+            if line:
+                self._reply(FULL if self._memory.full else ACKNOWLEDGED)
+
+    def _checked(self, line: bytes) -> Command | None:
+        """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
+        command = None
+        try:
+            command = read(line) if line else None
+        except CommandError:
+            self._void_job()
+        return None if self._void else command
+
+    def _void_job(self) -> None:
+        """Forget what is stored of the job that is being received, and the rest of it up to its 01h (S1)."""
+        self.error = self._void = True
+        self._memory.drop_stored()
+
+    # ---- memory to commands -----------------------------------------------------------------------------------------
+
+    def work(self) -> None:
+        """Carry out what can be carried out now, until something takes time or nothing is left."""
+        while not self.paused:
+            if self._executor.parked is not None:
+                self._executor.resume()
+            elif self._executor.busy:
+                return
+            elif self._entry is not None:
+                self._end_command(self._entry)
+            elif self._memory.released:
+                self._begin_command(self._memory.take())
+            else:
+                return
+
+    def _begin_command(self, entry: Entry) -> None:
+        self._entry = entry
+        self._use_room()
+        activity = None if entry.command is None else self._actions.carry_out(entry.command)
+        if activity is not None:
+            self._executor.start(activity, self._ended)
+
+    def _use_room(self) -> None:
+        """Commands have left the memory: take in waiting lines, or tell the host."""
+        self._store_lines()
+        if self._told_full and self._memory.free >= ROOM:
+            self._told_full = False
+            self._reply(READY)
+
+    def _end_command(self, entry: Entry) -> None:
+        self._entry = None
+        if entry.ends_job:
+            self._reply(READY)
+
+    def _ended(self, reason: Unfinished | None) -> None:
+        """The activity of the command in progress is over; `work` ends the command."""
+        if isinstance(reason, Failure):
+            self._fail()
+
+    def _fail(self) -> None:
+        """A command cannot be carried out: the rest of its job is dropped, in the memory and still to come (S1)."""
+        self.error = True
+        while self._entry is not None and not self._entry.ends_job and self._memory.released:
+            self._entry = self._memory.take()
+        if self._entry is not None and self._entry.ends_job:
+            self._entry = Entry(None, 0, ends_job=True)
+        else:  # a full memory has started it: its 01h is not in the memory yet, and gets the 02h
+            self._entry = None
+            self._void_job()
+        self._use_room()
+
+    # ---- what stops them --------------------------------------------------------------------------------------------
+
+    def pause(self) -> None:
+        """6.17: ramp down and stand; a waiting time stands still too (S10)."""
+        if not self.paused:
+            self.paused = True
+            self._executor.park(self._stands)
+            self._actions.settle()
+
+    def _stands(self) -> None:
+        """A search that came to the end of its way while it slowed down has failed, in the pause or not."""
+        if self._executor.parked is not None and failed(self._executor.parked):
+            self._executor.resume()
+
+    def halt(self) -> None:
+        """6.15: this motion is over, the next command follows; a waiting time of the job is not a motion."""
+        parked = self._executor.parked
+        purpose = self._executor.purpose if parked is None else parked.request.purpose
+        if purpose is Standing.WAITING:
+            return
+        self._executor.forget()
+        self._executor.break_off(Halted())
+        self._actions.settle()
+
+    def clear(self) -> None:
+        """6.16: every job is forgotten, and a pause ends; the error character stays."""
+        self.paused = False
+        self._entry = None
+        self._memory.clear()
+        self._waiting_lines.clear()
+        self._void = self._told_full = False
+
+    # ---- what there is to ask ---------------------------------------------------------------------------------------
+
+    @property
+    def referencing(self) -> bool:
+        """A reference run is in progress, from its beginning to its end."""
+        return self._entry is not None and self._entry.command is not None and self._entry.command.code == "$H"
+
+    @property
+    def in_progress(self) -> bool:
+        """Something released has not been carried out yet."""
+        return self._entry is not None or self._memory.released > 0
+
+    @property
+    def idle(self) -> bool:
+        """Nothing will happen before the host or the operator does something; a pause counts as idle."""
+        return self.paused or not (self.in_progress or self._waiting_lines)
+
+
+def read(line: bytes) -> Command:
+    """Read a line; one that has reached LINE_LIMIT has lost its end. Raises CommandError."""
+    if len(line) >= LINE_LIMIT:
+        raise CommandError(f"a line of {LINE_LIMIT} bytes or more")
+    return parse(line)
