@@ -161,3 +161,54 @@ def test_wrong_inputs_are_named_in_one_line() -> None:
         twin.set_input("hod", "open")
     with pytest.raises(ScenarioError, match=r"input 'hood' cannot be 'ajar'; it can be: closed, open, forced"):
         twin.set_input("hood", "ajar")
+
+
+def test_more_events_at_one_instant_than_a_broken_controller_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many there are, they come to an end; what does not is a controller that goes on for ever."""
+    monkeypatch.setattr("isel_twin.twin._ENDLESS", 50)
+    events = "[[event]]\nat = 1.0\nset = { user_0 = 'high' }\n[[event]]\nat = 1.0\nset = { user_0 = 'low' }\n"
+    twin = twin_with(tmp_path, 60 * events + "[[event]]\nat = 1.0\nset = { user_1 = 'high' }\n")
+    twin.run(2.0)
+    assert (twin.inputs["user_0"], twin.inputs["user_1"]) == ("low", "high")
+    assert twin.query("@0b0") == "002"
+
+
+def test_a_controller_that_does_not_come_to_an_end_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("isel_twin.twin._ENDLESS", 50)
+    twin = twin_with(tmp_path, 60 * "[[event]]\nat = 1.0\nset = { user_0 = 'high' }\n")
+    monkeypatch.setattr(twin._line, "at_controller", lambda t_ns: b"x")
+    with pytest.raises(RuntimeError, match="does not come to an end at 1000000000 ns"):
+        twin.run(2.0)
+
+
+@pytest.mark.parametrize(("plant", "idle"), [("kinematic", 2), ("mujoco", 0)])
+def test_what_needs_physics_is_said_and_counted_without(
+    tmp_path: Path, plant: str, idle: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A force of zero and a phase that comes back end what was, or was not, before."""
+    twin = twin_with(
+        tmp_path,
+        """
+        [[event]]
+        at = 1.0
+        force_n = { x = 50.0 }
+        [[event]]
+        at = 2.0
+        force_n = { x = 0.0 }
+        phase_lost = { y = "" }
+        set = { hood = "open" }
+        [[event]]
+        at = 3.0
+        phase_lost = { y = "a" }
+        """,
+        plant,
+    )
+    said = f"{tmp_path}/scenario.toml: 2 of 3 events push a carriage or interrupt a motor phase"
+    assert [record.getMessage().startswith(said) for record in caplog.records] == [True] * bool(idle)
+    assert (twin.events_left, twin.events_without_effect) == (3, 0)
+    twin.run(2.5)
+    assert (twin.events_left, twin.events_without_effect) == (1, min(idle, 1))
+    twin.run(2.5)
+    assert (twin.events_left, twin.events_without_effect) == (0, idle)

@@ -67,6 +67,10 @@ WELL = Verdict(
         ({}, True, (False, False, False, False)),
         ({"refused": 1}, False, (False, False, False, False)),
         ({"controller_fault": True}, False, (False, False, False, False)),
+        ({"flash_fault": True}, False, (False, False, False, False)),
+        ({"unsent": 1}, False, (False, False, False, False)),
+        ({"interrupted": True}, False, (False, False, False, False)),
+        ({"events_after_end": 3, "events_without_effect": 2}, True, (False, False, False, False)),
         ({"faults": {"limit_x1": "broken"}}, True, (False, False, False, False)),
         ({"lost_steps": (0.0, -16.0, 0.0, 0.0)}, False, (False, True, False, False)),
         ({"lost_steps": (15.9, -15.9, 15.9, 0.0)}, True, (False, False, False, False)),
@@ -93,6 +97,11 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("position_mm", [50.0, 25.0, 0.0]),
         ("time_ns", 4_500_000_000),
         ("machine", "4030"),
+        ("unsent", 0),
+        ("interrupted", False),
+        ("flash_fault", False),
+        ("events_after_end", 0),
+        ("events_without_effect", 0),
     ]
 
 

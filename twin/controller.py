@@ -37,7 +37,8 @@ group `isel_twin.controllers`; see docs/controllers.md.
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
@@ -228,9 +229,16 @@ class UnknownNameError(ValueError):
     """A controller, machine or other named thing does not exist; the message lists what there is."""
 
 
+class PluginError(ValueError):
+    """A controller or language that is installed does not work; the message is one line that names it and says why."""
+
+
+_GROUP = "isel_twin.controllers"
+
+
 def controller_names() -> list[str]:
     """Names of all installed controllers, sorted."""
-    return sorted(entry.name for entry in importlib.metadata.entry_points(group="isel_twin.controllers"))
+    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
 
 
 def create_controller(
@@ -238,10 +246,25 @@ def create_controller(
 ) -> Controller:
     """Build the controller called `name`, with the flash image it had at its last power-off (None: a new device).
 
-    Raises UnknownNameError if no installed controller has that name.
+    Raises UnknownNameError if no installed controller has that name, PluginError if the one that has does not work, and
+    ValueError for settings that it does not take.
     """
-    for entry in importlib.metadata.entry_points(group="isel_twin.controllers"):
+    for entry in importlib.metadata.entry_points(group=_GROUP):
         if entry.name == name:
-            factory: ControllerFactory = entry.load()
-            return factory(name, flash=flash, settings=settings or {})
+            with plugin_errors("controller", entry):
+                factory: ControllerFactory = entry.load()
+            with plugin_errors("controller", entry, ValueError):
+                return factory(name, flash=flash, settings=settings or {})
     raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
+
+
+@contextmanager
+def plugin_errors(what: str, entry: importlib.metadata.EntryPoint, *passed: type[Exception]) -> Iterator[None]:
+    """Whatever other people's code raises is a PluginError of one line, but for the errors that it may well raise."""
+    try:
+        yield
+    except passed:
+        raise
+    except (Exception, SystemExit) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise PluginError(f"{what} {entry.name!r} ({entry.value}) does not work: {reason}") from error

@@ -31,11 +31,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     A symbolic link is followed, so the link stays and its target is replaced. Devices and pipes (/dev/stdout) cannot be
     replaced and are handed through. Raises OSError.
     """
-    target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():
-        if target.is_dir():
+    given, target = Path(path), Path(os.path.realpath(path))
+    if given.exists() and not given.is_file():  # a pipe behind /dev/stdout has no path of its own
+        if given.is_dir():
             raise IsADirectoryError(21, "is a folder, not a file", str(path))
-        yield target
+        yield given
         return
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:

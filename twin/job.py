@@ -5,8 +5,10 @@
     @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
     <254>                                    text before a <...> is sent as it stands, only what follows is framed
 
-Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1.
-A line is over when the controller has answered and stands still; its reply is everything that came meanwhile.
+Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1. UTF-16
+is refused.
+A line is over when the controller has answered and stands still; its reply is everything that came meanwhile. A line
+that is not over in time ends the job: whatever came later would be taken for the reply to the lines after it.
 
 The controller's language (`isel_twin.language`) knows what a frame is and what a refusal. A controller without one can
 be sent bytes only, and nothing that it answers is known to be a refusal.
@@ -14,13 +16,15 @@ be sent bytes only, and nothing that it answers is known to be a refusal.
 
 from __future__ import annotations
 
+import codecs
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from isel_twin.language import Language, LanguageError, encoded, needed, readable
 from isel_twin.snapshot import snapshot
+from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -55,10 +59,18 @@ class Line:
         """All bytes that are sent."""
         return b"".join(action for action in self.actions if isinstance(action, bytes))
 
+    @property
+    def pauses_ns(self) -> int:
+        """Time of all pauses together."""
+        return sum(action for action in self.actions if isinstance(action, int))
+
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end."""
+    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end.
+
+    complete: all of it was sent, and the controller has answered and stands still. If not, the job ends with it.
+    """
 
     number: int
     command: str
@@ -68,10 +80,16 @@ class Result:
     end_ns: int
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
+    complete: bool = True
 
 
 def decode_job(data: bytes) -> str:
-    """Text of a job file: UTF-8 (with or without byte order mark), or Latin-1 if it is not valid UTF-8."""
+    """Text of a job file: UTF-8 (with or without byte order mark), or Latin-1 if it is not valid UTF-8.
+
+    Raises JobError for UTF-16 and for what is no text at all.
+    """
+    if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -109,7 +127,7 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
             seconds = float(pause[1])
             if seconds > LONGEST_PAUSE_S:
                 raise JobError(f"a pause of more than {LONGEST_PAUSE_S:.0f} s; make it shorter")
-            yield round(seconds * 1e9)
+            yield round(seconds * SECOND_NS)
         else:
             raise JobError(f"<{item}> is neither a byte (<0> to <255>) nor a pause (<0.5s>)")
     if rest:
@@ -118,33 +136,45 @@ def _actions(command: str, language: Language | None, controller: str) -> Iterat
         yield together
 
 
-def play(twin: Twin, lines: Sequence[Line], timeout_s: float) -> Iterator[Result]:
+def play(
+    twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Callable[[], bool] | None = None
+) -> Iterator[Result]:
     """Send the lines one after the other, each when the one before is over.
 
-    timeout_s: virtual seconds after which a line without complete reply counts as refused; the job goes on.
+    timeout_s: virtual seconds after which a line without complete reply is given up; it counts as refused, and the job
+    ends there. stop: asked whenever something has happened; once it returns True, the job ends in the same way.
     """
     language = twin.language
     for line in lines:
+        if stop is not None and stop():
+            return
         time_ns = twin.time_ns
-        reply = _converse(twin, line, timeout_s)
+        complete = _converse(twin, line, timeout_s, stop)
+        reply = twin.read()
         seen = snapshot(twin)
         yield Result(
             number=line.number,
             command=line.command,
             reply=readable(reply) if language is None else language.text(reply),
-            ok=twin.idle and (language is None or language.accepted(line.sent, reply)),
+            ok=complete and (language is None or language.accepted(line.sent, reply)),
             time_ns=time_ns,
             end_ns=seen.time_ns,
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
+            complete=complete,
         )
+        if not complete:
+            return
 
 
-def _converse(twin: Twin, line: Line, timeout_s: float) -> bytes:
+def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+    """Send a line and wait until it is over; return whether it is."""
     for action in line.actions:
         if isinstance(action, bytes):
             twin.write(action)
         else:
-            twin.run_until(twin.time_ns + action)
-    twin.run_until_idle(timeout_s)
-    return twin.read()
+            twin.run_until(twin.time_ns + action, stop)
+            if stop is not None and stop():
+                return False
+    twin.run_until(twin.time_ns + round(timeout_s * SECOND_NS), lambda: twin.idle or (stop is not None and stop()))
+    return twin.idle

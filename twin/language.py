@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from isel_twin.controller import UnknownNameError, controller_names
+from isel_twin.controller import UnknownNameError, controller_names, plugin_errors
 
 Ranges = Mapping[str, tuple[int, int]]
 """Lowest and highest value of each of the `MoveSettings`, by its name."""
@@ -139,12 +139,13 @@ def language_names() -> list[str]:
 def create_language(controller: str) -> Language | None:
     """A fresh language of the controller with this name, None if it has none.
 
-    Raises UnknownNameError if no installed controller has that name either.
+    Raises UnknownNameError if no installed controller has that name either, PluginError if the language does not work.
     """
     for entry in importlib.metadata.entry_points(group=_GROUP):
         if entry.name == controller:
-            factory: LanguageFactory = entry.load()
-            return factory(controller)
+            with plugin_errors("language", entry):
+                factory: LanguageFactory = entry.load()
+                return factory(controller)
     if controller not in (names := controller_names()):
         raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
     return None

@@ -15,10 +15,11 @@ What time means: `time_ns` counts virtual nanoseconds since power-on. It advance
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from isel_twin.controller import (
     CounterSet,
     FlashWrite,
     Output,
+    PluginError,
     Reply,
     SerialFormat,
     UnknownNameError,
@@ -47,7 +49,9 @@ PLANTS = ("mujoco", "kinematic")
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 """While something moves by itself, whoever paces the twin should look again after this time."""
 _ENDLESS = 100_000
-"""Most rounds in which one instant may settle; a controller that needs more is broken."""
+"""Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
+
+log = logging.getLogger("isel_twin")
 
 
 class Source(Protocol):
@@ -100,7 +104,7 @@ class Twin:
         settings = with_overrides(as_built, wanted).controller
         try:
             self._controller = create_controller(controller, flash=flash, settings=settings)
-        except UnknownNameError:
+        except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
@@ -126,7 +130,11 @@ class Twin:
             self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces
         )
         if scenario is not None:
-            self._wiring.schedule(load_scenario(scenario, self._wiring.settable))
+            events = load_scenario(scenario, self._wiring.settable)
+            self._wiring.schedule(events)
+            if not self._plant.physics and (idle := sum(event.physical for event in events)):
+                what = f"{idle} of {len(events)} events push a carriage or interrupt a motor phase"
+                log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
         self._stream = Stream(axes)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
@@ -141,8 +149,10 @@ class Twin:
     # The host's side
 
     def write(self, data: bytes) -> None:
-        """The host sends bytes now."""
-        self._line.from_host(self.time_ns, data, self.serial_format.byte_ns)
+        """The host sends bytes now. Raises TypeError for anything else, such as text."""
+        if not isinstance(data, bytes | bytearray | memoryview):
+            raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
+        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns)
         self._settle()
 
     def read(self) -> bytes:
@@ -152,7 +162,10 @@ class Twin:
     def query(self, text: str, timeout_s: float = 3600.0) -> str:
         """Send a line of text, run until the controller has answered and is idle, return the reply.
 
-        Bytes that were waiting at the host before are dropped. Raises TimeoutError after timeout_s of virtual time,
+        Bytes that were waiting at the host before are dropped. After a TimeoutError what is still to come belongs to
+        this text: `run_until_idle` and `read` it before the next one, or it becomes part of that reply.
+
+        Raises TimeoutError after timeout_s of virtual time,
         LanguageError (ValueError) for a text that cannot be sent or a controller without language: use `write`.
         """
         language = needed(self.language, self.controller_name)
@@ -279,6 +292,16 @@ class Twin:
         return self._wiring.outputs
 
     @property
+    def events_left(self) -> int:
+        """Events of the scenario that are still to come."""
+        return self._wiring.events_left
+
+    @property
+    def events_without_effect(self) -> int:
+        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        return self._wiring.events_without_effect
+
+    @property
     def levels(self) -> Mapping[str, bool]:
         """Electrical level (True: high) of every wired input terminal of the controller."""
         return dict(self._levels)
@@ -313,6 +336,10 @@ class Twin:
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
         self._observe(changed=False)
 
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
+        raise TypeError("a twin cannot be copied or pickled; build another one: the same calls give the same bits")
+
     # The clock
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
@@ -338,7 +365,11 @@ class Twin:
 
     def _settle(self) -> None:
         """Hand over everything that is due at this instant, until nothing more is."""
-        for _ in range(_ENDLESS):
+        rounds, events = 0, self._wiring.events_left
+        while rounds < _ENDLESS:
+            if events != self._wiring.events_left:  # however many events there are, they come to an end
+                rounds, events = 0, self._wiring.events_left
+            rounds += 1
             self._controller.advance(self.time_ns)
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels():

@@ -6,6 +6,9 @@ rest
     steps are lost  <=>  |counter - rotor| >= slip / 2
 
 and anything less is load angle. What was lost and then forgotten, as a reference run set the counter anew, counts too.
+
+Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
+an emergency stop, and had it come after the end of the job, has seen nothing.
 """
 
 from __future__ import annotations
@@ -67,6 +70,16 @@ class Verdict:
     time_ns: int
     """When the verdict was given, the machine at rest."""
     machine: str
+    unsent: int = 0
+    """Commands of the job that were never sent, as it ended before."""
+    interrupted: bool = False
+    """Somebody stopped the job."""
+    flash_fault: bool = False
+    """The flash image handed to the controller could not be read, and has not been written anew."""
+    events_after_end: int = 0
+    """Events of the scenario that were still to come when the last command was over."""
+    events_without_effect: int = 0
+    """Forces and lost phases of the scenario on a plant without physics."""
 
     @property
     def accepted(self) -> int:
@@ -81,8 +94,9 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every command accepted, no step lost, no error left in the controller."""
-        return self.refused == 0 and not any(self.lost) and not self.controller_fault
+        """Every command sent and accepted, no step lost, no error left in the controller."""
+        whole = self.unsent == 0 and not self.interrupted
+        return whole and self.refused == 0 and not any(self.lost) and not self.controller_fault and not self.flash_fault
 
     def summary(self) -> dict[str, Any]:
         """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables."""
@@ -98,12 +112,20 @@ class Verdict:
             "position_mm": [round(position, 6) for position in self.position_mm],
             "time_ns": self.time_ns,
             "machine": self.machine,
+            "unsent": self.unsent,
+            "interrupted": self.interrupted,
+            "flash_fault": self.flash_fault,
+            "events_after_end": self.events_after_end,
+            "events_without_effect": self.events_without_effect,
         }
 
 
-def judge(twin: Twin, results: Sequence[Result]) -> Verdict:
-    """The verdict on the job that had these results on this twin, after SETTLE_S in which it comes to rest."""
-    start_ns = twin.time_ns
+def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:
+    """The verdict on the job that had these results on this twin, after SETTLE_S in which it comes to rest.
+
+    unsent: commands of the job that have no result. interrupted: because somebody stopped it.
+    """
+    start_ns, events_after_end = twin.time_ns, twin.events_left
     twin.run(SETTLE_S)
     seen = snapshot(twin)
     return Verdict(
@@ -122,4 +144,9 @@ def judge(twin: Twin, results: Sequence[Result]) -> Verdict:
         ended_ns=results[-1].end_ns if results else start_ns,
         time_ns=seen.time_ns,
         machine=twin.machine.name,
+        unsent=unsent,
+        interrupted=interrupted,
+        flash_fault=bool(twin.outputs.get("flash_fault")),
+        events_after_end=events_after_end,
+        events_without_effect=twin.events_without_effect,
     )

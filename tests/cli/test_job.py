@@ -136,3 +136,33 @@ def test_what_becomes_of_a_job():
 def test_without_a_language_no_reply_is_a_refusal_and_every_byte_is_shown():
     assert results("@07<13>\n@0x<13>\n", language=False) == [("0", True), ("5", True)]
     assert results("$HZXY<1>", controller="ismif", language=False) == [("<13><2><13>", True)]
+
+
+@pytest.mark.parametrize(("pauses", "total_ns"), [("@07", 0), ("<0.5s> <253> <2 s>", 2_500_000_000)])
+def test_how_long_a_line_pauses(pauses, total_ns):
+    assert parsed(pauses)[0].pauses_ns == total_ns
+
+
+def played(text: str, timeout_s: float, stop=None) -> list[tuple[int, str, bool, int]]:
+    twin = Twin(plant="kinematic")
+    lines = parse_job(text, twin.language, "imc-s8")
+    return [(r.number, r.reply, r.complete, r.end_ns) for r in play(twin, lines, timeout_s, stop)]
+
+
+def test_a_job_ends_with_the_line_that_is_not_over_in_time():
+    """A late reply would be taken for that of the lines which follow."""
+    ended = played("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n@0P\n", 1.0)
+    assert [result[:3] for result in ended] == [(1, "0", True), (2, "0", True), (3, "", False)]
+    assert ended[-1][3] - ended[-2][3] == 1_000_000_000
+
+
+def test_what_has_come_in_time_belongs_to_the_line():
+    assert played("@07<13>@0N7<13>@0A16000,5000,0,30,0,30,0,30\n@0P\n", 1.0)[-1][:3] == (1, "00", False)
+
+
+def test_a_job_can_be_stopped():
+    asked = iter([False] * 4 + [True] * 100)
+    ended = played("@07\n<1000s>\n@0P\n", 1.0, lambda: next(asked))
+    assert ended[0][:2] == (1, "0")
+    assert len(ended) < 3
+    assert played("@07\n", 1.0, lambda: True) == []

@@ -15,6 +15,7 @@ with one line on stderr that says why. Everything heavy is imported by the comma
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -48,6 +49,8 @@ for command in (
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line, then exit."""
     tokens = list(_plain_tokens(sys.argv[1:] if argv is None else argv))
+    if logging.lastResort is not None:  # warnings, unless the command has something else in mind for its log
+        logging.lastResort.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()

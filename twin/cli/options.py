@@ -20,6 +20,8 @@ Interval = Annotated[float, Parameter(help="Time between two samples of a trace,
 
 STANDARD_INPUT = "/dev/stdin"
 """What `-` stands for."""
+STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
+"""Files behind them may be in the way of what is written."""
 
 LONGEST_S = 1e9
 """Longest time a call may name, in virtual seconds, as for the times of a scenario."""
@@ -39,12 +41,17 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
     import os
 
     taken = {path.resolve() for path in kept if path is not None}
+    streams = {file: name for stream, name in STREAMS.items() if (file := Path(stream).resolve()).is_file()}
     for path in paths:
         if path is None:
             continue
+        if str(path) == STANDARD_INPUT:
+            raise CallError("-: is standard input; name a file for what is written")
+        if path.resolve() in streams:
+            raise CallError(f"{path}: is {streams[path.resolve()]} of this call; name another file for what is written")
         if path.is_dir():
             raise CallError(f"{path}: is a folder, not a file")
-        if not os.access(path.parent, os.W_OK):
+        if (path.is_file() or not path.exists()) and not os.access(path.parent, os.W_OK):
             raise CallError(f"{path}: cannot write in folder {path.parent}; choose another place")
         if path.resolve() in taken and not path.is_char_device():
             raise CallError(f"{path}: is named twice in this call; choose another name for what is written")

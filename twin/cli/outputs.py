@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
 WIDE = 160
 """Columns of a table that goes to a file or pipe."""
 
+MANY_SAMPLES = 10_000_000
+"""Samples of a recorder that are worth a word, and so is ten times as many."""
+
+LONG_COMMAND = 56
+"""Characters of a command beyond which it makes its row longer than the others."""
+LONG_REPLY = 25
+"""The same of a reply: a position of four axes."""
+
 
 def console() -> Console:
     """Standard output, as wide as it is or, if it is no terminal, WIDE."""
@@ -30,11 +39,27 @@ def console() -> Console:
     return here if here.is_terminal else Console(width=WIDE)
 
 
+def say(text: str) -> None:
+    """One line for the user beside the results, on standard error."""
+    print(f"isel-twin: {text}", file=sys.stderr, flush=True)
+
+
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
-    """Samples of the twin every interval_s of virtual time, kept until the stack is unwound."""
+    """Samples of the twin every interval_s of virtual time, kept until the stack is unwound; many are said to be so."""
     from isel_twin.trace.recorder import Recorder
 
-    return stack.enter_context(Recorder(twin, round(interval_s * SECOND_NS)))
+    recorder = stack.enter_context(Recorder(twin, round(interval_s * SECOND_NS)))
+    many = MANY_SAMPLES
+
+    def look(_: Twin) -> None:
+        nonlocal many
+        if len(recorder) >= many:
+            size = many * recorder.dtype.itemsize / 1e9
+            say(f"trace: {many:,} samples so far ({size:.2g} GB); a longer --interval makes fewer")
+            many *= 10
+
+    twin.observe(look, round(interval_s * SECOND_NS) * max(1, MANY_SAMPLES // 1000))
+    return recorder
 
 
 class JobOutput(Protocol):
@@ -65,24 +90,36 @@ class JsonOutput:
 
 
 class TableOutput:
-    """A table on stdout, and on a terminal a progress line while the job runs. Use it as a context manager."""
+    """A table on stdout, a row as each command is over, and a line of progress on a terminal. A context manager.
+
+    line     time / s  command              reply                X / mm     Y / mm     Z / mm
+       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000
+
+    Rows are plain text of known columns: a table that fits itself to its contents has to wait for all of them.
+    """
 
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-        from rich.table import Table
 
-        self._console = console()
-        positions = (f"{axis.upper()} / mm" for axis in CARRIAGES)
-        self._table = Table("line", "time / s", "command", "reply", *positions, box=None)
-        for column in (0, 1, 4, 5, 6):
-            self._table.columns[column].justify = "right"
-        messages = Console(stderr=True)
+        self._command = min(max((len(line.command) for line in lines), default=0), LONG_COMMAND)
+        self._number = len(str(lines[-1].number)) if lines else 0
+        out, messages = Console(), Console(stderr=True)
+        self._terminal = out if out.is_terminal else None
+        shown = self._terminal or messages
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-        self._progress = Progress(*columns, console=messages, transient=True, disable=not messages.is_terminal)
+        self._progress = Progress(
+            *columns,
+            console=shown,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=messages.is_terminal,
+            disable=not shown.is_terminal,
+        )
         self._task = self._progress.add_task("", total=len(lines))
-        if messages.is_terminal:
+        if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
+        self._row("line", "time / s", "command", "reply", *(f"{axis.upper()} / mm" for axis in CARRIAGES))
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -96,22 +133,19 @@ class TableOutput:
 
     def result(self, result: Result) -> None:
         """See JobOutput."""
-        from rich.markup import escape
-
         self._progress.advance(self._task)
-        reply = escape(repr(result.reply)[1:-1])
-        self._table.add_row(
+        self._row(
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
-            escape(result.command),
-            reply if result.ok else f"[bold red]{reply or 'none'}[/]",
+            result.command,
+            repr(result.reply)[1:-1] or "none",
             *(f"{position:.3f}" for position in result.position_mm),
+            style="" if result.ok else "bold red",
         )
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""
         self._progress.stop()
-        self._console.print(self._table)
         axes = [axis.upper() for axis in AXIS_NAMES]
         lost = ", ".join(f"{axis} {round(steps, 3):g}" for axis, steps in zip(axes, verdict.lost_steps, strict=False))
         if any(verdict.forgotten_steps):
@@ -119,8 +153,40 @@ class TableOutput:
             lost += f" (and before a reference run: {', '.join(f'{axis} {int(n)}' for axis, n in before if n)})"
         if verdict.controller_fault:
             lost += ", the controller shows an error"
-        words = "[bold green]all well[/]" if verdict.ok else "[bold red]not as it should be[/]"
-        self._console.print(
-            f"\n{words}: {verdict.commands} commands, {verdict.refused} refused, lost steps: {lost}, "
-            f"{verdict.time_ns / SECOND_NS:.3f} s of machine time"
+        if verdict.flash_fault:
+            lost += ", the flash image cannot be read"
+        unsent = f", {verdict.unsent} not sent" if verdict.unsent else ""
+        self._print("")
+        counted = f"{verdict.commands} commands, {verdict.refused} refused{unsent}"
+        self._print(
+            f"{_in_words(verdict)}: {counted}, lost steps: {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
+            style="bold green" if verdict.ok else "bold red",
         )
+
+    def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
+        places = "".join(f"{position:>11}" for position in positions)
+        row = f"{number:>{max(self._number, 4)}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
+        self._print(f"{row}{reply:<{LONG_REPLY}}{places}", style)
+
+    def _print(self, text: str, style: str = "") -> None:
+        if self._terminal is None:
+            print(text, flush=True)
+        else:
+            from rich.text import Text
+
+            self._terminal.print(Text(text, style), soft_wrap=True)
+
+
+def _in_words(verdict: Verdict) -> str:
+    if not verdict.ok:
+        return "not as it should be"
+    idle = []
+    if verdict.events_without_effect:
+        idle.append(f"{_events(verdict.events_without_effect)} without effect (no physics)")
+    if verdict.events_after_end:
+        idle.append(f"{_events(verdict.events_after_end)} after the end of the job")
+    return f"all well, but for the scenario: {', '.join(idle)}" if idle else "all well"
+
+
+def _events(number: int) -> str:
+    return "1 event" if number == 1 else f"{number} events"

@@ -1,9 +1,14 @@
-"""`isel-twin run`: a file of commands in virtual time, and the verdict on it."""
+"""`isel-twin run`: a file of commands in virtual time, and the verdict on it.
+
+A job that is stopped by Ctrl-C, or ends because a line is not over in time, keeps what it has: table, traces, report.
+"""
 
 from __future__ import annotations
 
+import signal
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,9 +27,13 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.job import Line
+
+MOST_SAMPLES = 100_000_000
+"""Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
 
 
 def run(
@@ -51,11 +60,16 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
+    Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
+
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1.
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
     lines = _lines(job, controller)
+    needs_recorder = vcd is not None or trace is not None or report is not None
+    if needs_recorder:
+        _check_samples(lines, interval)
     if report is not None:
         _need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
@@ -68,26 +82,65 @@ def run(
         from isel_twin.trace.write import write_trace
         from isel_twin.verdict import judge
 
-        recorder = outputs.record(twin, interval, stack) if vcd or trace or report else None
+        recorder = outputs.record(twin, interval, stack) if needs_recorder else None
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
-        for result in play(twin, lines, timeout):
-            show.result(result)
-            results.append(result)
-        verdict = judge(twin, results)
+        with _interruption() as stopped:
+            for result in play(twin, lines, timeout, lambda: bool(stopped)):
+                show.result(result)
+                results.append(result)
+        whole = len(results) == len(lines) and results[-1].complete
+        interrupted = not whole and bool(stopped)
+        if not whole:
+            unsent = len(lines) - len(results)
+            where = ""
+            if results:
+                where = f"{'after ' if results[-1].complete else ''}line {results[-1].number}: "
+            why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
+            rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
+            remedy = "" if interrupted else "; --timeout waits longer"
+            outputs.say(f"{_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
+        verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
-        with call_errors():
-            for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
-                if path is not None:
+        for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
+            if path is not None:
+                with call_errors():
                     write_trace(path, twin, recorder, kind)
+        with call_errors(report):
             if report is not None and recorder is not None:
                 from isel_twin.trace.report import write_report
 
                 summary = {**verdict.summary(), **called}
-                write_report(report, f"isel-twin: {job}", twin, recorder, results, summary)
+                write_report(report, f"isel-twin: {_name(job)}", twin, recorder, results, summary)
         show.verdict(verdict, called)
+    if interrupted:
+        return 128 + stopped[0]
     return 0 if verdict.ok else 1
+
+
+@contextmanager
+def _interruption() -> Iterator[list[int]]:
+    """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; the next one acts as ever."""
+    stopped: list[int] = []
+
+    def stop(number: int, _: object) -> None:
+        stopped.append(number)
+        restore()
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    finally:
+        restore()
+
+
+def _lines_are(number: int) -> str:
+    return "1 line is" if number == 1 else f"{number} lines are"
 
 
 def _lines(job: Path, controller: str) -> list[Line]:
@@ -95,13 +148,33 @@ def _lines(job: Path, controller: str) -> list[Line]:
     from isel_twin.job import decode_job, parse_job
     from isel_twin.language import create_language
 
-    with call_errors(job):
+    with call_errors(_name(job)):
         language = create_language(controller)
         data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
         try:
-            return parse_job(decode_job(data), language, controller)
+            lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
-            raise CallError(f"{job}: {error}") from None
+            raise CallError(f"{_name(job)}: {error}") from None
+    if not lines:
+        raise CallError(f"{_name(job)}: there is no command in it")
+    return lines
+
+
+def _name(job: Path) -> str:
+    return "standard input" if str(job) == STANDARD_INPUT else str(job)
+
+
+def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
+    """Refuse a trace that cannot but be too long: the pauses alone make more samples than MOST_SAMPLES."""
+    from isel_twin.verdict import SETTLE_S
+
+    least_s = SETTLE_S + sum(line.pauses_ns for line in lines) / SECOND_NS
+    if least_s / interval_s > MOST_SAMPLES:
+        raise CallError(
+            f"interval {interval_s:g}: the pauses of the job alone, {least_s:g} s, make {least_s / interval_s:.1e} "
+            f"samples; take {least_s / MOST_SAMPLES * 1.01:.3g} or more",
+            option=True,
+        )
 
 
 def _need_matplotlib() -> None:

@@ -25,9 +25,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import BOTH, axis_parameters, axis_states, drop_stale_code, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
@@ -56,7 +56,7 @@ def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return mean
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def follow(parameters, states, command, load_torque_nm, limit):
     """Let the drive parameters[0], states[0] follow a command on a bench without a nut.
 

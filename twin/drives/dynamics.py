@@ -44,9 +44,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
@@ -165,7 +165,7 @@ def axis_states(n: int) -> NDArray[np.void]:
     return states
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _corner(angle_rad):
     """The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between.
 
@@ -176,7 +176,7 @@ def _corner(angle_rad):
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _phase(p, current_a, wanted_a, emf_v):
     """Phase current after a sub-step: what is wanted, or as far as the supply gets it.
 
@@ -192,7 +192,7 @@ def _phase(p, current_a, wanted_a, emf_v):
     return wanted_a
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
     """Advance one drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
@@ -282,7 +282,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     return s.force_n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def at_rest(s):
     """True if the last sub-step changed neither angle nor currents.
 
@@ -292,7 +292,7 @@ def at_rest(s):
     return s.at_rest != 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def stored_energy_j(p, s, nut_position_m):
     """Energy in the rotor, the detent and the nut spring, J (phase currents not counted)."""
     angle = p.pole_pairs * s.theta_rad + p.phase_offset_rad
@@ -311,6 +311,8 @@ def drop_stale_code(function: Any, *files: str) -> None:
     files: the others, this one (`step_axis`) if none is named. Call it once, right after the function is defined.
     """
     cache = function._cache
+    if cache.cache_path is None:  # nothing is kept
+        return
     folder = Path(cache.cache_path)
     stamp = folder / f"{function.__module__}.drives"
     digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files or (__file__,))).hexdigest()

@@ -33,9 +33,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 __all__ = ["Circle", "circle", "helix"]
@@ -187,7 +187,7 @@ def _checkpoints(path: Circle) -> NDArray[np.int64]:
     return states
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _walk(x, y, c, delta, first, second):
     """Make len(delta) ticks from (x, y) with c = x^2 + y^2 - R^2; write the step of each to one of the columns first
     and second; return the state reached.

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
+from isel_twin.compiling import njit
 
 __all__ = ["Displacement", "Line", "Path", "even", "fill_even", "line"]
 
@@ -108,7 +108,7 @@ def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int
         _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_even(delta, axis, i, rest, whole, part, modulus, step):
     """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
     while i < delta.shape[0]:

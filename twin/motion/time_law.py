@@ -28,9 +28,9 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.units import SECOND_NS
 
 __all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "trapezoid"]
@@ -274,7 +274,7 @@ def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) ->
     return _Cruise(first, last, slope // common, offset // common, denominator // common)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_cruise(out, whole, rest, step_whole, step_rest, den):
     """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; the rests are below den."""
     for i in range(out.size):
@@ -362,7 +362,7 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
     return (left > right) - (left < right)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):
     """Fill out[done:] until a time cannot be told from a tie; return the index reached. out[i] is tick k + i."""
     for i in range(done, out.size):

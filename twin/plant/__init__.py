@@ -83,6 +83,8 @@ class Plant(Protocol):
     call. One without them knows no grid.
     """
 
+    physics: bool
+    """Forces from outside and lost motor phases have an effect."""
     time_ns: int
     """Time reached: a multiple of the sub-step, if there are sub-steps."""
 

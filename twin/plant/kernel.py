@@ -34,9 +34,10 @@ import math
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
+from isel_twin.compiling import njit
 from isel_twin.drives import dynamics
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import lead
@@ -127,14 +128,14 @@ def _call_mj_step(typingctx, address, model, data):
     return types.void(types.int64, types.int64, types.int64), build
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _copy(to, values):
     """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
     for i in range(to.shape[0]):
         to[i] = values[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
@@ -142,7 +143,7 @@ def _lower_at(axis):
     return axis.still_since + axis.idle_delay
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _wake(plant, axes):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
@@ -154,13 +155,13 @@ def _wake(plant, axes):
         axes[i].sum_n = axes[i].mean_n * over
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def wake(plants, axes):
     """Something from outside is about to change: nothing may be skipped any more."""
     _wake(plants[0], axes)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -178,7 +179,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
         axis.sum_n = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
@@ -210,7 +211,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
@@ -233,7 +234,7 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def advance(
     plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,

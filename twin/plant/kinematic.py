@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
+from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
@@ -32,7 +32,7 @@ FAR = 1 << 62
 """Microsteps that no axis makes."""
 
 
-@njit(cache=True)
+@njit()
 def _bounds(axes, axis, sense, strike, release, struck):
     """Counts between which, both left out, no switch of an axis changes while nothing is led: int64 [axes], twice."""
     low, high = np.full(axes, -FAR), np.full(axes, FAR)
@@ -49,14 +49,14 @@ def _bounds(axes, axis, sense, strike, release, struck):
     return low, high
 
 
-@njit(cache=True)
+@njit()
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
     """Whether switch s is in another state at t_ns."""
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
 
-@njit(cache=True)
+@njit()
 def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
     """Let the carriages work the switches; say whether one has changed."""
     changed = False
@@ -67,7 +67,7 @@ def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
     return changed
 
 
-@njit(cache=True)
+@njit()
 def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
     """Make steps until a switch changes; commanded and struck change in place. Return (ticks made, whether one has).
 
@@ -102,7 +102,7 @@ def _make_steps(t_ns, delta, commanded, leads, axis, sense, strike, release, str
             return made, True
 
 
-@njit(cache=True)
+@njit()
 def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, release, struck):
     """First time after start_ns at which a switch changes, until_ns + 1 if none does by then; no tick in between.
 
@@ -128,7 +128,7 @@ def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, rel
     return first_ns
 
 
-@njit(cache=True)
+@njit()
 def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
     """Go on from start_ns with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
     made = 0

@@ -24,8 +24,9 @@ LEAD is a numpy structured dtype; in compiled code `leads[i]` is a reference wit
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from isel_twin.compiling import njit
 
 LEAD = np.dtype(
     [
@@ -52,13 +53,13 @@ def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
     return behind_steps
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def behind(lead, t_ns):
     """Microsteps still to come at t_ns, not before the last tick. Exact wherever it is a number with 53 bits."""
     return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def mean_behind(lead, start_ns, end_ns, dt_ns):
     """Integral of `behind` from start_ns to end_ns, over dt_ns."""
     last_ns = min(end_ns, lead.end_ns)
@@ -67,7 +68,7 @@ def mean_behind(lead, start_ns, end_ns, dt_ns):
     return lead.pending * (last_ns - start_ns) * (2 * lead.end_ns - start_ns - last_ns) / (2.0 * lead.lead_ns * dt_ns)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def begin(lead, t_ns, change, lead_ns):
     """A tick at t_ns."""
     lead.pending = behind(lead, t_ns) + change

@@ -54,6 +54,8 @@ def _mj_step_address() -> int:
 class MujocoPlant:
     """Implements `isel_twin.plant.Plant` with motors, screws and MuJoCo."""
 
+    physics = True
+
     def __init__(
         self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:

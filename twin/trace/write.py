@@ -9,6 +9,7 @@ Each kind is imported when it is written: who wants none pays for none.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,9 +34,13 @@ def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | N
 
     kind: one of KINDS; without it, the one that the file name ends in.
     recorder: has watched the twin; an .npz can do without. Raises ValueError for a name that says nothing and for a
-    recorder that is missing, OSError if the file cannot be written.
+    recorder that is missing, OSError about `path` if the file cannot be written.
     """
-    KINDS[kind or trace_kind(path)](path, twin, recorder)
+    write = KINDS[kind or trace_kind(path)]
+    try:
+        write(path, twin, recorder)
+    except OSError as error:  # which may name a temporary file, or none
+        raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(path)) from error
 
 
 def _write_npz(path: Path, twin: Twin, recorder: Recorder | None) -> None:

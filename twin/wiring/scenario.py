@@ -56,6 +56,11 @@ class ScenarioEvent:
     phase_lost: Mapping[int, str] = field(default_factory=dict)
     noise: float | None = None
 
+    @property
+    def physical(self) -> bool:
+        """It pushes a carriage or interrupts a motor phase, which takes a plant with physics."""
+        return any(self.force_n.values()) or any(self.phase_lost.values())
+
 
 def load_scenario(path: str | Path, settable: Mapping[str, tuple[str, ...]]) -> tuple[ScenarioEvent, ...]:
     """Read a scenario file; events sorted by time, in file order at equal times.

@@ -76,6 +76,8 @@ class Wiring:
         self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
         self._scenario: deque[ScenarioEvent] = deque()
+        self.events_without_effect = 0
+        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
@@ -138,6 +140,11 @@ class Wiring:
     def schedule(self, events: Sequence[ScenarioEvent]) -> None:
         """Let these events happen, each at its time; they are sorted by it."""
         self._scenario = deque(events)
+
+    @property
+    def events_left(self) -> int:
+        """Events of the scenario that are still to come."""
+        return len(self._scenario)
 
     def output(self, name: str, value: int) -> None:
         """A controller output has a new level. `outputs_changed` follows when all of an instant have been told."""
@@ -203,6 +210,7 @@ class Wiring:
         self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
 
     def _carry_out(self, event: ScenarioEvent) -> None:
+        self.events_without_effect += event.physical and not self._plant.physics
         for name, state in event.inputs.items():
             self.operate(name, state)
         for axis, force_n in event.force_n.items():

@@ -1,0 +1,355 @@
+"""`isel-twin run`: what is refused before anything begins, what is said at the end, and what survives a Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from isel_twin.cli import main
+
+Call = tuple[int, str, str]
+COMMAND = [sys.executable, "-m", "isel_twin.cli", "run"]
+
+
+@pytest.fixture
+def call(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> Any:
+    """call(job, options...) -> exit code, standard output, standard error, of a job in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(job: str | bytes, *options: str, plant: str = "kinematic") -> Call:
+        (tmp_path / "job.txt").write_bytes(job if isinstance(job, bytes) else job.encode())
+        with pytest.raises(SystemExit) as caught:
+            main(["run", "job.txt", "--plant", plant, *options])
+        assert isinstance(caught.value.code, int)
+        out, err = capsys.readouterr()
+        logged = "".join(f"isel-twin: {record.getMessage()}\n" for record in caplog.records)  # pytest takes the log
+        caplog.clear()
+        return caught.value.code, out, logged + err
+
+    return run
+
+
+def lines_of(out: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Results and summary of `--json`."""
+    *results, summary = [json.loads(line) for line in out.splitlines()]
+    return results, summary
+
+
+# ---- outputs --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [(option, "-") for option in ("--steps", "--vcd", "--trace", "--report")]
+    + [("--vcd", name) for name in ("/dev/stdin", "/dev/fd/0", "precious.txt")],
+)
+def test_nothing_is_written_to_the_file_behind_standard_input(tmp_path: Path, option: str, name: str) -> None:
+    (tmp_path / "job.txt").write_text("@07\n")
+    precious = tmp_path / "precious.txt"
+    precious.write_text("years of work")
+    with precious.open() as stdin:
+        done = subprocess.run(
+            [*COMMAND, "job.txt", "--plant", "kinematic", option, name],
+            stdin=stdin, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+        )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert "standard input" in done.stderr
+    assert precious.read_text() == "years of work"
+
+
+def test_nor_to_the_file_behind_standard_output(tmp_path: Path) -> None:
+    (tmp_path / "job.txt").write_text("@07\n")
+    with (tmp_path / "out.txt").open("w") as stdout:
+        done = subprocess.run(
+            [*COMMAND, "job.txt", "--plant", "kinematic", "--vcd", "/dev/stdout"],
+            stdout=stdout, stderr=subprocess.PIPE, cwd=tmp_path, text=True, check=False, timeout=120,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "standard output" in done.stderr
+
+
+def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+    (tmp_path / "job.txt").write_text("@07\n")
+    done = subprocess.run(
+        [*COMMAND, "job.txt", "--plant", "kinematic", "--vcd", "/dev/stderr"],
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "$timescale" in done.stderr
+
+
+def test_a_minus_for_the_job_is_standard_input_wherever_it_stands(tmp_path: Path) -> None:
+    for words in (["-", "--json"], ["--json", "-"]):
+        done = subprocess.run(
+            [*COMMAND, "--plant", "kinematic", *words],
+            input="@07\n", capture_output=True, text=True, check=False, timeout=120,
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+# ---- job files ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("job", ["", "\n\n", "# nothing but words\n", "   # and blanks"])
+def test_a_job_without_commands_is_refused(call: Any, job: str) -> None:
+    assert call(job) == (2, "", "isel-twin: job.txt: there is no command in it\n")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_a_job_in_utf_16_is_refused(call: Any, encoding: str) -> None:
+    code, out, err = call("# Ångström\n@07\n".encode(encoding))
+    assert (code, out) == (2, "")
+    assert err == (
+        "isel-twin: job.txt: is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>\n"
+    )
+
+
+def test_a_picture_is_no_job(call: Any) -> None:
+    code, _, err = call(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR")
+    assert (code, err.count("\n")) == (2, 1)
+
+
+def test_what_is_wrong_with_standard_input_is_said_of_standard_input(tmp_path: Path) -> None:
+    done = subprocess.run([*COMMAND, "-"], input="@07\n<256>\n", capture_output=True, text=True, check=False)
+    assert done.stderr == (
+        "isel-twin: standard input: line 2: <256> is neither a byte (<0> to <255>) nor a pause (<0.5s>)\n"
+    )
+
+
+# ---- what a reply belongs to ----------------------------------------------------------------------------------------
+
+LATE = "@07\n@0R7\n@0A16000,5000,0,30,0,30,0,30\n@0P\n@0V\n"
+"""The third command takes more than three seconds."""
+
+
+def test_a_reply_that_comes_too_late_is_credited_to_nobody(call: Any) -> None:
+    code, out, err = call("@07\n@0R7\n", "--json")
+    assert code == 0
+    code, out, err = call(LATE.replace("@0R7", "@0N7"), "--timeout", "1", "--json")
+    results, summary = lines_of(out)
+    assert [(result["command"][:3], result["reply"], result["ok"], result["complete"]) for result in results] == [
+        ("@07", "0", True, True),
+        ("@0N", "0", True, True),
+        ("@0A", "", False, False),
+    ]
+    assert (code, summary["ok"], summary["commands"], summary["refused"], summary["unsent"]) == (1, False, 3, 1, 2)
+    assert err == (
+        "isel-twin: job.txt: line 3: no complete reply within 1 s of virtual time; the job ends there and "
+        "2 lines are not sent; --timeout waits longer\n"
+    )
+
+
+def test_the_last_line_may_be_late_as_well(call: Any) -> None:
+    code, out, err = call("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n", "--timeout", "1")
+    assert code == 1
+    assert "not as it should be: 3 commands, 1 refused" in out
+    assert "line 3: no complete reply within 1 s of virtual time; the job ends there; --timeout waits longer" in err
+
+
+# ---- what had no effect ---------------------------------------------------------------------------------------------
+
+
+def test_what_had_no_effect_is_said_and_counted(call: Any, tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text(
+        "[[event]]\nat = 0.0\nforce_n = { x = 50 }\n[[event]]\nat = 0.5\nphase_lost = { y = 'a' }\n"
+        "[[event]]\nat = 90.0\nset = { estop = 'pressed' }\n[[event]]\nat = 5.2\nset = { user_0 = 'high' }\n"
+    )
+    job = "@07\n<5s>\n"
+    code, out, err = call(job, "--scenario", "scenario.toml", "--json")
+    _, summary = lines_of(out)
+    assert (code, summary["ok"]) == (0, True)
+    assert (summary["events_without_effect"], summary["events_after_end"]) == (2, 2)
+    assert err.count("\n") == 1
+    assert "scenario.toml: 2 of 4 events push a carriage or interrupt a motor phase" in err
+
+    code, out, _ = call(job, "--scenario", "scenario.toml")
+    assert code == 0
+    idle = "2 events without effect (no physics), 2 events after the end of the job"
+    assert f"all well, but for the scenario: {idle}" in out
+
+    code, out, err = call("@07\n<91s>\n", "--scenario", "scenario.toml", "--json", plant="mujoco")
+    _, summary = lines_of(out)
+    assert (summary["events_without_effect"], summary["events_after_end"], err) == (0, 0, "")
+
+
+@pytest.mark.parametrize(("job", "code"), [("@07\n", 1), ("@07\n@0IUx\n@0IW\n", 0)], ids=["left", "written anew"])
+def test_a_damaged_flash_image_fails_the_job(call: Any, tmp_path: Path, job: str, code: int) -> None:
+    assert call("@07\n@0IUx\n@0IW\n", "--flash", "flash.bin")[0] == 0
+    image = bytearray((tmp_path / "flash.bin").read_bytes())
+    image[-1] ^= 1
+    (tmp_path / "flash.bin").write_bytes(image)
+    returned, out, _ = call(job, "--flash", "flash.bin", "--json")
+    _, summary = lines_of(out)
+    assert (returned, summary["flash_fault"], summary["ok"]) == (code, bool(code), not code)
+    (tmp_path / "flash.bin").write_bytes(image)
+    _, out, _ = call(job, "--flash", "flash.bin")
+    assert ("the flash image cannot be read" in out) == bool(code)
+
+
+# ---- the table, as it goes ------------------------------------------------------------------------------------------
+
+
+def test_the_table_has_a_row_a_command(call: Any) -> None:
+    _, out, _ = call("@07\n@0R7\n@0P\n@0Q\n<253>\n")
+    head, *rows = out.splitlines()[:6]
+    assert " ".join(head.split()) == "line time / s command reply X / mm Y / mm Z / mm"
+    assert [row.split()[0] for row in rows] == ["1", "2", "3", "4", "5"]
+    answers = [("@07", "0"), ("@0R7", "0"), ("@0P", "0" * 19), ("@0Q", "5"), ("<253>", "none")]
+    assert [tuple(row.split()[2:4]) for row in rows] == answers
+    assert {len(row) for row in rows} == {len(head)}
+    assert head.index("command") == rows[0].index("@07")
+    assert head.index("reply") == rows[2].index("0" * 19)
+
+
+def test_brackets_and_strange_bytes_are_shown_as_they_are(call: Any) -> None:
+    _, out, _ = call("@0[bold]\n@07 [/]\n")
+    assert "@0[bold]" in out
+    assert "@07 [/]" in out
+
+
+def test_each_row_is_there_when_its_command_is_over(tmp_path: Path) -> None:
+    """The job goes on for ever: its third command is a pause of thirty years, with a look every 10 ms."""
+    with started(tmp_path, "@07\n@0R7\n<1000000000s>\n", "--interval", "20") as process:
+        assert process.stdout is not None
+        rows = [process.stdout.readline() for _ in range(3)]
+        assert [row.split()[2] for row in rows[1:]] == ["@07", "@0R7"]
+        assert process.poll() is None
+
+
+def test_five_thousand_rows_cost_little(call: Any) -> None:
+    job = "@0b1\n" * 5000
+    times = []
+    for options in ((), ("--json",)):
+        began = time.process_time()
+        assert call(job, *options)[0] == 0
+        times.append(time.process_time() - began)
+    assert times[0] < times[1] + 2.0, "seconds; it was eight"
+
+
+# ---- Ctrl-C ---------------------------------------------------------------------------------------------------------
+
+FOR_EVER = "@07\n@0R7\n@0A3200,5000,0,30,0,30,0,30\n<1000000000s>\n@0P\n@0P\n"
+
+
+class started:
+    """A process that runs a job, killed at the end of the block if it still runs. Context manager."""
+
+    def __init__(self, folder: Path, job: str, *options: str) -> None:
+        (folder / "job.txt").write_text(job)
+        self.process = subprocess.Popen(
+            [*COMMAND, "job.txt", "--plant", "kinematic", *options],
+            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def __enter__(self) -> subprocess.Popen[str]:
+        return self.process
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_keeps_table_trace_and_report(tmp_path: Path, number: int, code: int) -> None:
+    files = {"--steps": "o.npz", "--vcd": "o.vcd", "--trace": "o.parquet", "--report": "o.html"}
+    options = [word for option in files.items() for word in option]
+    with started(tmp_path, FOR_EVER, "--interval", "20", *options) as process:
+        assert process.stdout is not None
+        rows = [process.stdout.readline() for _ in range(4)]
+        time.sleep(0.5)  # the row is printed just before the next line is sent
+        process.send_signal(number)
+        out, err = process.communicate(timeout=120)
+    assert process.returncode == code
+    assert rows[3].split()[2].startswith("@0A3200")
+    assert out.split()[2:4] == ["<1000000000s>", "none"]
+    assert "not as it should be: 4 commands, 1 refused, 2 not sent" in out
+    assert err == "isel-twin: job.txt: line 4: interrupted; the job ends there and 2 lines are not sent\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"job.txt", *files.values()}
+    assert pq.read_table(tmp_path / "o.parquet")["count_x"][-1].as_py() == 3200
+    assert "@0A3200" in (tmp_path / "o.html").read_text()
+
+
+def test_ctrl_c_keeps_the_summary(tmp_path: Path) -> None:
+    with started(tmp_path, FOR_EVER, "--json", "--vcd", "o.vcd", "--interval", "20") as process:
+        assert process.stdout is not None
+        for _ in range(3):
+            process.stdout.readline()
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=120)
+    results, summary = lines_of(out)
+    assert [result["complete"] for result in results] == [False]
+    assert (process.returncode, summary["interrupted"], summary["unsent"], summary["ok"]) == (130, True, 2, False)
+
+
+# ---- traces of any size ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", ["--vcd", "--trace", "--report"])
+@pytest.mark.parametrize(
+    ("job", "interval", "least"), [("@07\n<1000000s>", "0.001", "0.0101"), ("@07\n", "1e-09", "5.05e-09")]
+)
+def test_a_trace_that_is_too_long_is_refused_before(
+    call: Any, tmp_path: Path, option: str, job: str, interval: str, least: str
+) -> None:
+    began = time.monotonic()
+    code, out, err = call(job, option, "out", "--interval", interval)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"isel-twin: --interval {interval}" in err
+    assert f"take {least} or more" in err
+    assert time.monotonic() - began < 10.0
+    assert not (tmp_path / "out").exists()
+    assert call("@07\n", "--steps", "out", "--interval", interval)[0] == 0, "the stream has no interval"
+
+
+def test_a_trace_that_grows_long_is_said_as_it_grows(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("isel_twin.cli.outputs.MANY_SAMPLES", 1000)
+    code, _, err = call("@07\n<11s>\n", "--trace", "out", "--interval", "1e-3")
+    assert code == 0
+    said = [line for line in err.splitlines() if "samples" in line]
+    assert [line.split()[2] for line in said] == ["1,000", "10,000"]
+    assert "--interval" in said[0]
+
+
+SMALL_FILES = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
+from isel_twin.cli import main
+main()
+"""
+"""What a full disk does, for whoever runs the tests: no file grows beyond 2 kB."""
+
+
+@pytest.mark.parametrize("option", ["--steps", "--vcd", "--trace", "--report"])
+def test_a_file_that_cannot_be_written_is_named_as_the_user_did(tmp_path: Path, option: str) -> None:
+    (tmp_path / "job.txt").write_text("@07\n@0N7\n@0A16000,5000,0,30,0,30,0,30\n")
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL_FILES, "run", "job.txt", "--plant", "kinematic", option, "out"],
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (2, "isel-twin: out: File too large\n")
+    assert "all well" not in done.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {"job.txt"}
+
+
+def test_a_picture_of_a_kind_that_does_not_exist_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        main(["motor", "23HS32-4004S", "--picture", "out.xyz"])
+    assert caught.value.code == 2
+    assert "isel-twin: out.xyz: " in capsys.readouterr().err

@@ -1,0 +1,98 @@
+"""Compiled functions without a folder to keep them in: everything works, and one line says what it costs."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from isel_twin import compiling
+
+ROOT = Path(__file__).parents[1]
+
+SESSION = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import isel_twin.cli
+assert isel_twin.cli.__file__.startswith(sys.argv[1])
+try:
+    isel_twin.cli.main(["motor", "23HS32-4004S"])
+except SystemExit as end:
+    assert not end.code
+from isel_twin.motion import line, StepRun, constant
+run = StepRun(line((3, -2, 0, 0)), constant(3, 1000), 0)
+print(run.window(0, 3)[1].tolist())
+"""
+"""Compiles a path and the bench of a motor: seconds, where a whole twin takes more."""
+
+
+def test_without_any_folder_to_write_in_all_is_compiled_anew(tmp_path: Path) -> None:
+    """As root, too: where the folders should be, there are files."""
+    package = tmp_path / "isel_twin"
+    for source, name in (("twin", "."), ("models", "models"), ("bridge", "bridge")):
+        shutil.copytree(ROOT / source, package / name, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
+    for folder in [package, *package.rglob("*")]:
+        if folder.is_dir():
+            (folder / "__pycache__").write_text("no folder")
+    (tmp_path / "home").write_text("no folder")
+    nowhere = str(tmp_path / "home")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    done = subprocess.run(
+        [sys.executable, "-c", SESSION, str(tmp_path)],
+        env={**environment, "HOME": nowhere, "XDG_CACHE_HOME": nowhere},
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("23HS32-4004S at 48 V")
+    assert done.stdout.endswith("[[1, -1, 0, 0], [1, 0, 0, 0], [1, -1, 0, 0]]\n")
+    assert done.stderr == (
+        "isel-twin: no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR\n"
+    )
+
+
+@pytest.fixture
+def silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if nothing had been said yet."""
+    monkeypatch.setattr(compiling, "_said", False)
+
+
+@pytest.mark.usefixtures("silent")
+def test_code_that_cannot_be_kept_is_used_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A disk that is full is found out when the code is stored."""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", full)
+
+    @compiling.njit()
+    def twice(n):  # type: ignore[no-untyped-def]
+        return 2 * n
+
+    @compiling.njit()
+    def thrice(n):  # type: ignore[no-untyped-def]
+        return n + twice(n)
+
+    with caplog.at_level(logging.WARNING):
+        assert (thrice(7), twice(np.float64(0.5))) == (21, 1.0)
+    assert [record.getMessage() for record in caplog.records] == [
+        "compiled code cannot be kept (No space left on device), so each start compiles it anew; "
+        "name a folder for it by NUMBA_CACHE_DIR"
+    ]
+
+
+def test_what_is_no_matter_of_folders_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("something else")
+
+    monkeypatch.setattr("numba.core.caching.FunctionCache.__init__", fail)
+    with pytest.raises(RuntimeError, match="something else"):
+        compiling.njit()(lambda n: n)

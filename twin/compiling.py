@@ -1,0 +1,61 @@
+"""Compiled functions, kept from one process to the next wherever there is a folder to keep them in.
+
+    @njit(nogil=True, error_model="numpy")         numba's njit with cache=True
+    def advance(...): ...
+
+numba keeps compiled code in `__pycache__` beside the source, else in the user's cache folder, or where NUMBA_CACHE_DIR
+says. If it cannot write there, or the disk is full, it raises. Here the function works all the same, compiled anew in
+each process, and one line of the log says what that costs and what to do.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.core.caching import FunctionCache
+
+__all__ = ["njit"]
+
+log = logging.getLogger("isel_twin")
+
+_said = False
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """numba's njit with these options; what it has compiled is kept if it can be."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        compiled: Any = numba.njit(**options)(function)
+        try:
+            compiled._cache = _Cache(function)
+        except RuntimeError as error:
+            if "cannot cache function" not in str(error):
+                raise
+            _say("no folder to keep compiled code in, so each start compiles it anew; name one by NUMBA_CACHE_DIR")
+        return compiled
+
+    return decorate
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """numba's own, but for the end of it when a disk is full."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _say(
+                f"compiled code cannot be kept ({error.strerror or error}), so each start compiles it anew; "
+                "name a folder for it by NUMBA_CACHE_DIR"
+            )
+
+
+def _say(line: str) -> None:
+    """Once in a process: what goes for one function goes for all."""
+    global _said
+    if not _said:
+        _said = True
+        log.warning("%s", line)
