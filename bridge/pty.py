@@ -28,6 +28,7 @@ class PtyEndpoint:
     """
 
     kind = "pty"
+    gathers = False  # a device hands on each byte as it comes
     busy = False  # whether a program has the device open cannot be told, and does not matter
 
     def __init__(self, link: str | None = None) -> None:

@@ -94,6 +94,7 @@ class TcpEndpoint:
         self, address: str, kind: str = "tcp", codec: Callable[[Callable[[bytes], None]], Codec] = RawCodec
     ) -> None:
         self.kind = kind
+        self.gathers = True
         self._codec = codec
         self._client: _Client | None = None
         self._refused: deque[socket.socket] = deque()

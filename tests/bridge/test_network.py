@@ -148,7 +148,7 @@ def test_a_reply_goes_to_the_endpoint_that_spoke_last(serving):
 class Mouth:
     """An endpoint without a host: says one thing, then keeps an eye on whether it is still listened to."""
 
-    kind, address, busy = "mouth", "", False
+    kind, address, gathers, busy = "mouth", "", False, False
 
     def __init__(self, words: bytes, clock: Clock) -> None:
         self._words = words
