@@ -8,8 +8,8 @@ times however slow it is itself.
 
 A twin that cannot keep up with the speed asked for slips: the relation is anchored anew, nothing is made up later.
 
-Whatever the twin has to do, busy or idle, it is advanced for about a tick of wall time at once, so that whoever paces it
-can look at hosts and signals in between:
+Whatever the twin has to do, busy or idle, it is advanced for about a tick of wall time at once, so that whoever paces
+it can look at hosts and signals in between:
 
     wall time   |-- advance --|- look -|-- advance --|- look -|        5 ms each advance
     virtual     |==== slice ====|======= slice =======|====            slices so long that each takes about a tick
