@@ -106,7 +106,8 @@ class Claim:
             if self._key in _claims:
                 raise _in_use(name, os.getpid())
             lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
-            handle = _lock(name, lock)
+            handle, self.abandoned = _lock(name, lock)
+            """Whether its last owner was killed before it could let go of it."""
             _claims[self._key] = self
         self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
 
@@ -123,16 +124,19 @@ def _in_use(name: str, pid: int) -> OSError:
     return OSError(errno.EBUSY, f"is in use by another twin, in {who}; stop that one or choose another name", name)
 
 
-def _lock(name: str, lock: str) -> int | None:
-    """Descriptor of the locked file `lock`; None where locks cannot be had. Raises OSError if it has an owner."""
+def _lock(name: str, lock: str) -> tuple[int | None, bool]:
+    """Descriptor of the locked file `lock`, and whether it was there; None where locks cannot be had.
+
+    Raises OSError if it has an owner.
+    """
     try:
         import fcntl
     except ImportError:  # Windows
-        return None
+        return None, False
     while True:
-        handle = _open_lock(lock)
+        handle, found = _open_lock(lock)
         if handle is None:
-            return None
+            return None, False
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -141,21 +145,22 @@ def _lock(name: str, lock: str) -> int | None:
             raise _in_use(name, int(owner) if owner.isdigit() else 0) from None
         except OSError:  # a file system without locks
             os.close(handle)
-            return None
+            return None, found
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(handle), os.stat(lock)):
                 with suppress(OSError):  # read-only, or a full disk: nobody will know who it was
                     os.ftruncate(handle, 0)
                     os.write(handle, b"%d" % os.getpid())
-                return handle
+                return handle, found
         os.close(handle)  # its last owner has removed it while we waited for it
 
 
-def _open_lock(lock: str) -> int | None:
-    for flags in (os.O_RDWR | os.O_CREAT, os.O_RDONLY):  # the second for one that another user has left
+def _open_lock(lock: str) -> tuple[int | None, bool]:
+    """The file, new or found. Another user's can only be read."""
+    for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
         with suppress(OSError):
-            return os.open(lock, flags | os.O_CLOEXEC, 0o666)
-    return None
+            return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
+    return None, False
 
 
 def _unlock(pid: int, handle: int | None, lock: str) -> None:
