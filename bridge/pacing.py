@@ -41,6 +41,9 @@ SLIP_NS = 250_000_000
 PATIENCE_NS = 20_000_000
 """Wall time that bytes of a host wait for the twin to catch up with the present: 20 ms."""
 
+REPLY_NS = 1_000_000
+"""Wall time of computing after which a reply is handed on before going on: 1 ms."""
+
 STEADY_NS = 1_000_000_000
 """Wall time without a slip after which a twin that is at the present has caught up for good: 1 s."""
 
@@ -112,17 +115,18 @@ class Pacer:
         return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
 
     def advance(self, twin: Clocked) -> None:
-        """Let the twin catch up to the present, as far as a tick of computing gets it; at most to its next reply.
+        """Let the twin catch up to the present, as far as a tick of computing gets it; to a reply if that takes long.
 
         So its replies leave in time, and the host is heard between two calls. At speed `max` there is no present: it
-        runs until there is nothing more to do.
+        runs to the next reply, or until there is nothing more to do.
         """
         present = self.present_ns()
         if present is None:
             if not twin.idle and twin.next_event_ns is not None:
                 self._compute(twin, sys.maxsize, lambda: twin.idle or twin.reply_waiting)
             return
-        self._compute(twin, present, lambda: twin.reply_waiting)
+        began = self._clock()
+        self._compute(twin, present, lambda: twin.reply_waiting and self._clock() - began >= REPLY_NS)
         if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
             self._slip(twin)
         self._judge(twin, present)

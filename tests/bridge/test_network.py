@@ -12,7 +12,7 @@ import serial
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
-from isel_twin.bridge.server import OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
+from isel_twin.bridge.server import LINE_BYTES, OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
 from isel_twin.bridge.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
 from isel_twin.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask
@@ -240,9 +240,11 @@ class Mouth:
 
     kind, address, gathers, busy = "mouth", "", False, False
 
-    def __init__(self, words: bytes, clock: Clock) -> None:
+    def __init__(self, words: bytes, clock: Clock, looks: int = 40, look_ns: int = 50 * MS) -> None:
         self._words = words
         self._clock = clock
+        self._looks = looks
+        self._look_ns = look_ns
         self.heard: list[bool] = []
 
     def attach(self, server: Server) -> None:
@@ -252,8 +254,8 @@ class Mouth:
         self.heard.append(listening)
         if len(self.heard) == 1:
             self._server.receive(self, self._words)
-        self._clock.now += 50 * MS
-        if len(self.heard) == 40:
+        self._clock.now += self._look_ns
+        if len(self.heard) == self._looks:
             self._server.stop()
         else:
             self._server.wake()
@@ -270,6 +272,39 @@ def test_a_paced_line_is_not_filled_further_than_it_can_carry():
     mouth = Mouth(b"\n" * 6000, clock)
     Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0, clock=clock), [mouth]).run()
     assert mouth.heard == [True] + [False] * 19 + [True] * 20
+
+
+class CountingTwin(Twin):
+    """Tells what is on its line."""
+
+    @property
+    def replies_due(self) -> int:
+        return self._line.replies_due
+
+
+class Flood(Mouth):
+    """Asks whenever it is listened to, and far more than the line can answer."""
+
+    most = 0
+
+    def watches(self, listening: bool):
+        if listening:
+            self._server.receive(self, b"@0P\r" * (LINE_BYTES // 4))
+        self.most = max(self.most, self._server.twin.replies_due)
+        return super().watches(listening)
+
+
+def test_a_host_that_asks_faster_than_the_line_can_answer_is_made_to_wait():
+    """`@0P` is answered with 19 bytes for 4: in 20 s the replies to what the line carries would be 140 KB in arrears.
+
+    At most the answers to a full line of questions come on top of what is there when no more is taken.
+    """
+    clock = Clock()
+    flood = Flood(b"\n", clock, looks=400)
+    twin = CountingTwin(plant="kinematic", line_speed=True)
+    Server(twin, Pacer(1.0, clock=clock), [flood]).run()
+    assert flood.most <= LINE_BYTES + 2 * LINE_BYTES // 4 * 19
+    assert flood.heard.count(True) > 2, "it is listened to again"
 
 
 def test_an_unpaced_line_takes_everything():

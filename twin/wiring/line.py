@@ -77,6 +77,11 @@ class SerialLine:
         return self._to_host.next_ns
 
     @property
+    def replies_due(self) -> int:
+        """Bytes on their way to the host."""
+        return len(self._to_host.queue)
+
+    @property
     def quiet_ns(self) -> int:
         """Time at which everything sent so far has arrived at the host."""
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
