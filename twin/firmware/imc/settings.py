@@ -128,8 +128,8 @@ RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "emergency": (PORT, BYTE, BYTE),
     "plane": ((0, 2),),
 }
-"""Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a setting
-of the profile, which may be another one at the next start; so for them any positive number will do."""
+"""Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a
+setting of the profile, which may be another one at the next start; so for them any positive number will do."""
 
 
 def decode(image: bytes) -> Flash | None:
