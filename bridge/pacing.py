@@ -196,11 +196,11 @@ class Pacer:
 
     def wait_s(self, twin: Clocked) -> float | None:
         """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
-        event = twin.next_event_ns
         if self.speed is None:
-            return None if twin.idle or event is None else 0.0
+            return None if twin.idle or twin.next_event_ns is None else 0.0
         if self._late:
             return 0.0
+        event = twin.next_event_ns
         due_s = LONGEST_S if event is None else self.until_s(event)
         return min(due_s, LONGEST_S) if twin.idle else min(max(due_s, SHORTEST_S), TICK_NS / 1e9)
 

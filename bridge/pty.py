@@ -68,7 +68,8 @@ class PtyEndpoint:
         return [Watch(self._master, events, self._ready)] if events else []
 
     def _ready(self) -> None:
-        self._outbox.flush()
+        if self._outbox:
+            self._outbox.flush()
         try:
             data = os.read(self._master, 4096)
         except BlockingIOError:

@@ -161,6 +161,9 @@ class _Piece:
         self._data = bytearray()
         self._last_ns = 0
 
+    def __bool__(self) -> bool:
+        return bool(self._data)
+
     def add(self, time_ns: int, data: bytes) -> None:
         """Bytes have arrived at time_ns."""
         self._data += data
@@ -183,12 +186,19 @@ class _Watched:
 
     def __init__(self) -> None:
         self._selector = selectors.DefaultSelector()
-        self._watches: dict[int, Watch] = {}
+        self._watches: list[Watch] = []
+        self._files: dict[int, Watch] = {}
 
-    def wait(self, watches: Iterable[Watch], timeout_s: float | None) -> None:
+    def wait(self, watches: list[Watch], timeout_s: float | None) -> None:
         """Sleep until one of the files is ready, then call the handlers of those that are."""
+        if watches != self._watches:
+            self._change(watches)
+        for key, _ in self._selector.select(timeout_s):
+            self._files[key.fd].handler()
+
+    def _change(self, watches: list[Watch]) -> None:
         now = {_descriptor(watch.file): watch for watch in watches}
-        for number, old in self._watches.items():
+        for number, old in self._files.items():
             if (new := now.get(number)) is None or new.file is not old.file:
                 self._selector.unregister(number)
             elif new.events != old.events:
@@ -196,9 +206,7 @@ class _Watched:
         for number, watch in now.items():
             if number not in self._selector.get_map():
                 self._selector.register(number, watch.events)
-        self._watches = now
-        for key, _ in self._selector.select(timeout_s):
-            now[key.fd].handler()
+        self._watches, self._files = watches, now
 
     def close(self) -> None:
         self._selector.close()
@@ -228,6 +236,7 @@ class Server:
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
         self._wake_out.setblocking(False)
+        self._wake_watch = Watch(self._wake_out, selectors.EVENT_READ, self._awake)
         for endpoint in self.endpoints:
             endpoint.attach(self)
 
@@ -280,17 +289,21 @@ class Server:
                 self.pacer.reached,
             )
 
-    def _watches(self) -> Iterator[Watch]:
-        yield Watch(self._wake_out, selectors.EVENT_READ, self._awake)
+    def _watches(self) -> list[Watch]:
+        watches = [self._wake_watch]
         listening = self._backlog_s() <= 0 and not self._replies_pile_up()
         for endpoint in self.endpoints:
-            yield from endpoint.watches(listening)
+            watches += endpoint.watches(listening)
+        return watches
 
     def _sleep_s(self) -> float | None:
-        waits = [self.pacer.wait_s(self.twin)]
+        wait = self.pacer.wait_s(self.twin)
+        if self.pacer.speed is None:
+            return wait
+        waits = [wait]
         if (backlog := self._backlog_s()) > 0:
             waits.append(backlog)
-        if (complete_ns := self._piece.complete_ns(self.twin.serial_format.byte_ns)) is not None:
+        if self._piece and (complete_ns := self._piece.complete_ns(self.twin.serial_format.byte_ns)) is not None:
             waits.append(self.pacer.until_s(complete_ns))
         known = [wait for wait in waits if wait is not None]
         return min(known) if known else None
@@ -317,9 +330,13 @@ class Server:
             if self._wire is not None:
                 self._wire.carry(twin.time_ns, data, sent=False)
             self._piece.add(twin.time_ns, data)
-        complete_ns = self._piece.complete_ns(twin.serial_format.byte_ns)
-        if complete_ns is not None and (complete_ns <= twin.time_ns or not self._gathering):
-            self._hand_on()
+        if not self._piece:
+            return
+        if self._gathering:
+            complete_ns = self._piece.complete_ns(twin.serial_format.byte_ns)
+            if complete_ns is None or complete_ns > twin.time_ns:
+                return
+        self._hand_on()
 
     @property
     def _listener(self) -> Endpoint | None:
@@ -348,6 +365,9 @@ class Server:
         if self._wire is not None:
             self._wire.carry(self.twin.time_ns, data, sent=True)
         self.twin.write(data)
+        if self.pacer.speed is None:
+            self._reply()  # it may have been answered already
+            return
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 
