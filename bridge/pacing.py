@@ -134,14 +134,14 @@ class Pacer:
     def catch_up(self, twin: Clocked, replies: Callable[[], None]) -> None:
         """Bring the twin to the present because a host has spoken; `replies` is called whenever some may have arrived.
 
-        A twin that does not get there soon slips: what the host has sent must not wait for it.
+        A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it.
         """
         present = self.present_ns()
         if present is None:
             return
         began = self._clock()
         while twin.time_ns < present:
-            if self._clock() - began > PATIENCE_NS:
+            if self._clock() - began > (0 if self.behind else PATIENCE_NS):
                 self._slip(twin)
                 return
             self.advance(twin)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from contextlib import suppress
 
 from tests.reliability.figures import REPLY_S, Figure, main, resident_mb, serving
 
@@ -26,8 +27,9 @@ def measure(number: int) -> list[Figure]:
                     got.extend(piece)
 
             def write() -> None:
-                while not end.is_set():
-                    client.sendall(b"@0P\r" * 1000)
+                with suppress(OSError):  # hung up in the midst of it
+                    while not end.is_set():
+                        client.sendall(b"@0P\r" * 1000)
 
             reader, writer = threading.Thread(target=read), threading.Thread(target=write, daemon=True)
             reader.start()
@@ -41,6 +43,7 @@ def measure(number: int) -> list[Figure]:
             end.set()
             client.shutdown(socket.SHUT_RDWR)
             reader.join()
+            writer.join()
         wrong = got.strip(b"0") != b""
     return [
         Figure(f"growth while a host floods for {number} s at speed 20", grown, "MB", GROWTH_MB),

@@ -1,7 +1,8 @@
 """Look at the twin now and then, and remember.
 
 A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
-that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory.
+that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When there is no
+room for the file any more, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -10,6 +11,7 @@ that a long job needs little memory; changes of levels, inputs and outputs are f
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,10 +20,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.units import SECOND_NS
+
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
 __all__ = ["SAMPLE", "Change", "Recorder"]
+
+log = logging.getLogger("isel_twin")
 
 SAMPLE = np.dtype(
     [("time_ns", np.int64), ("counts", np.int64, 4), ("position_mm", np.float64, 3), ("lost_steps", np.float64, 4)]
@@ -47,6 +53,8 @@ class Recorder:
 
     def __init__(self, twin: Twin, interval_ns: int) -> None:
         self.changes: list[Change] = []
+        self.ended = False
+        """Nothing more is recorded: what there is was all there was room for."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=SAMPLE)
         self._buffered = 0
@@ -71,16 +79,30 @@ class Recorder:
     def _look(self, twin: Twin) -> None:
         time_ns = twin.time_ns
         again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
-        if self._buffered == BUFFER and not again:
-            self._buffer.tofile(self._file)
-            self._stored += BUFFER
-            self._buffered = 0
+        if self.ended or (self._buffered == BUFFER and not again and not self._store()):
+            return
         if not again:  # of several looks at one instant, the last one counts
             self._buffered += 1
         self._buffer[self._buffered - 1] = (time_ns, twin.counts, twin.position_mm, twin.lost_steps)
         self._compare(time_ns, "level", twin.levels)
         self._compare(time_ns, "input", twin.inputs)
         self._compare(time_ns, "output", twin.outputs)
+
+    def _store(self) -> bool:
+        """Move the buffer to the file. False if there is no room for it, which ends the recording."""
+        try:
+            self._buffer.tofile(self._file)
+        except OSError:  # numpy does not say why
+            self.ended = True
+            log.error(
+                "the recording ends at %.3f s: no room for it in %s",
+                self._buffer["time_ns"][-1] / SECOND_NS,
+                tempfile.gettempdir(),
+            )
+            return False
+        self._stored += BUFFER
+        self._buffered = 0
+        return True
 
     def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
         last = self._last[group]
