@@ -16,6 +16,7 @@ OUTBOX_BYTES.
 
 from __future__ import annotations
 
+import gc
 import logging
 import selectors
 import signal
@@ -252,11 +253,13 @@ class Server:
 
     def run(self) -> None:
         """Serve until `stop`; then let go of the endpoints, also if something in it raises."""
+        gc.freeze()  # or every now and then the collector looks at all there is, which takes tens of milliseconds
         try:
             while not self._stopped:
                 self._step()
             self._hand_on()
         finally:
+            gc.unfreeze()
             if self._wire is not None:
                 self._wire.close()
             for endpoint in self.endpoints:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -138,3 +139,21 @@ def test_a_hang_up_that_is_ignored_stays_so():
     finally:
         signal.signal(signal.SIGHUP, before)
     assert heard == []
+
+
+def test_the_collector_does_not_hold_the_server_up():
+    """Looking at all there is takes a twin's process a tenth of a second; while it serves, what was there is left out."""
+    clock = Clock()
+    mouth = Mouth(b"\n", clock)
+    frozen: list[int] = []
+
+    def look(_: Twin) -> None:
+        frozen.append(gc.get_freeze_count())
+
+    twin = Twin(plant="kinematic")
+    server = Server(twin, Pacer(1.0, clock=clock), [mouth])
+    before = gc.get_freeze_count()
+    twin.observe(look, 10 * MS)
+    server.run()
+    assert frozen[-1] > before + 10_000
+    assert gc.get_freeze_count() == 0

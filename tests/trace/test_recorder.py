@@ -12,10 +12,10 @@ MS = 1_000_000
 
 def test_a_full_disk_ends_the_recording_not_the_machine(tmp_path, caplog):
     twin = Twin(plant="kinematic")
-    with Recorder(twin, 1 * MS) as recorder:
+    (tmp_path / "full").touch()
+    with open(tmp_path / "full", "rb") as full, Recorder(twin, 1 * MS) as recorder:
         recorder._file.close()
-        (tmp_path / "full").touch()
-        recorder._file = open(tmp_path / "full", "rb")  # as good as a full disk: nothing can be written to it
+        recorder._file = full  # open for reading: nothing can be written to it, as on a full disk
         twin.run(2 * BUFFER * MS / 1e9)
         assert twin.query("@07") == "0"
         assert recorder.ended
