@@ -142,7 +142,7 @@ def test_a_hang_up_that_is_ignored_stays_so():
 
 
 def test_the_collector_does_not_hold_the_server_up():
-    """Looking at all there is takes a twin's process a tenth of a second; while it serves, what was there is left out."""
+    """Looking at all there is takes a tenth of a second; while a server runs, what was there before is left out."""
     clock = Clock()
     mouth = Mouth(b"\n", clock)
     frozen: list[int] = []
