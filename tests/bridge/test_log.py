@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -13,7 +14,9 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from isel_twin.bridge.log import QUEUE_LINES, SHOWN, PatientHandler
+from isel_twin.bridge.log import QUEUE_LINES, SHOWN, PatientHandler, log_to
+from isel_twin.bridge.tcp import TcpEndpoint, parse_address
+from tests.bridge.conftest import REPLY_S
 
 log = logging.getLogger("tests.log")
 CONNECTED = "client %d connected"
@@ -131,6 +134,18 @@ def test_what_is_to_be_seen_each_time_is_printed_each_time(pipe):
             log.info("message %d", number, extra={"each": True})
     os.close(writing)
     assert reader.lines() == [f"message {number}" for number in range(100)]
+
+
+def test_clients_come_and_go_while_nobody_reads_the_log(serving, pipe):
+    """Two lines of some 50 bytes each for 1500 clients: twice what a pipe holds."""
+    writing, _ = pipe
+    endpoint = TcpEndpoint("127.0.0.1:0")
+    with log_to(writing, count=False):
+        serving(endpoint)
+        for _ in range(1500):
+            with socket.create_connection(parse_address(endpoint.address), timeout=REPLY_S) as client:
+                client.sendall(b"@07\r")
+                assert client.recv(1) == b"0"
 
 
 def test_a_process_ends_while_its_log_waits_for_a_reader():
