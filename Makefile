@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test bench reliability conformance lint types format clean
+.PHONY: help demo test bench conformance lint types format clean
 
 help:                ## show the commands
 	@grep -hE '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -26,6 +26,7 @@ test: $(READY)       ## all tests
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
 
+.PHONY: reliability
 reliability: $(READY) ## what a server that runs for weeks must hold; takes half an hour of a quiet computer
 	$(BIN)/python -m tests.reliability
 

@@ -20,14 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.units import SECOND_NS
-
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
 __all__ = ["SAMPLE", "Change", "Recorder"]
-
-log = logging.getLogger("isel_twin")
 
 SAMPLE = np.dtype(
     [("time_ns", np.int64), ("counts", np.int64, 4), ("position_mm", np.float64, 3), ("lost_steps", np.float64, 4)]
@@ -36,6 +32,8 @@ SAMPLE = np.dtype(
 
 BUFFER = 4096
 """Samples kept before they go to the file."""
+
+log = logging.getLogger("isel_twin")
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class Recorder:
             self.ended = True
             log.error(
                 "the recording ends at %.3f s: no room for it in %s",
-                self._buffer["time_ns"][-1] / SECOND_NS,
+                self._buffer["time_ns"][-1] / 1e9,
                 tempfile.gettempdir(),
             )
             return False

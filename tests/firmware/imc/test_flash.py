@@ -12,19 +12,9 @@ from desk import Desk
 from hypothesis import given, settings
 
 from isel_twin.firmware.imc import commands
+from isel_twin.firmware.imc import settings as image_format
 from isel_twin.firmware.imc.profile import load_profile
-from isel_twin.firmware.imc.settings import (
-    MAGIC,
-    RANGES,
-    VALID,
-    Flash,
-    Modal,
-    Program,
-    Settings,
-    decode,
-    default_settings,
-    encode,
-)
+from isel_twin.firmware.imc.settings import VALID, Flash, Modal, Program, Settings, decode, default_settings, encode
 
 PROGRAM = ("@0i", "010,900,0,900,0,900,0,900", "5 1", "3 2,-2", "9")
 DEFAULTS = default_settings(load_profile("imc-s8", {}))
@@ -94,7 +84,7 @@ def image_with(part: str, name: str, value: object) -> bytes:
     assert name in where
     where[name] = value
     body = json.dumps(tree, separators=(",", ":")).encode()
-    return MAGIC + b"%08x\n" % zlib.crc32(body) + body
+    return image_format.MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
 
 NO_NUMBERS = ("300", 300.5, True, None, [], {}, 1e300)
@@ -146,14 +136,14 @@ def test_impossible_values_with_a_right_checksum_are_a_flash_fault(part: str, na
     "body", [b"[]", b"null", b"{}", b'{"settings": 5, "program": 6}', b'{"settings": []}', b"[" * 99_999]
 )
 def test_an_image_of_something_else_is_a_flash_fault(body: bytes) -> None:
-    assert decode(MAGIC + b"%08x\n" % zlib.crc32(body) + body) is None
+    assert decode(image_format.MAGIC + b"%08x\n" % zlib.crc32(body) + body) is None
 
 
 def test_what_an_image_may_hold_is_what_the_commands_take() -> None:
     for code, name in CODES.items():
         numbers = commands.INITIALISATION[code].parameters
         assert isinstance(numbers, tuple)
-        assert RANGES[name] == tuple((number.low, number.high) for number in numbers), code
+        assert image_format.RANGES[name] == tuple((number.low, number.high) for number in numbers), code
 
 
 CODES = {
