@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["FLASH_BYTES", "Claim", "FlashFile", "atomic_write", "replacing"]
+__all__ = ["FLASH_BYTES", "Claim", "FlashFile", "atomic_write", "flash_file", "replacing"]
 
 log = logging.getLogger("isel_twin")
 
@@ -252,6 +252,12 @@ class FlashFile:
                 self._path,
                 error.strerror or error,
             )
+
+
+def flash_file(twin: Twin) -> FlashFile | None:
+    """The file that keeps what this twin writes to its flash, for whoever has to release and hold it; None: no file."""
+    keeper = getattr(twin.on_flash, "__self__", None)
+    return keeper if isinstance(keeper, FlashFile) else None
 
 
 def _remove_left_overs(target: Path) -> None:

@@ -12,7 +12,7 @@ import threading
 
 import pytest
 
-from isel_twin.files import FLASH_BYTES, Claim, FlashFile, atomic_write, replacing
+from isel_twin.files import FLASH_BYTES, Claim, FlashFile, atomic_write, flash_file, replacing
 
 
 class PowerCut(BaseException):
@@ -279,6 +279,14 @@ def test_a_released_flash_file_can_be_held_again_unless_it_has_changed(tmp_path,
     with pytest.raises(OSError, match="changed by another twin"):
         keeper.hold()
     FlashFile(path).release()
+
+
+def test_the_flash_file_of_a_twin_is_known(tmp_path):
+    twin = FlashTwin(None)
+    assert flash_file(twin) is None
+    keeper = FlashFile(tmp_path / "flash")
+    keeper.attach(twin)
+    assert flash_file(twin) is keeper
 
 
 @pytest.mark.parametrize("path", ["/dev/zero", "/dev/null", "pipe", ".", "large"])
