@@ -1,7 +1,7 @@
 """`isel-twin serve --log wire`: each message on the line, with its time, direction and meaning.
 
-    isel-twin:    12.345678 s  host  @07                  set the axes X Y Z
-    isel-twin:    12.346720 s  twin  0                    done
+    isel-twin:    12.345678 s  host  @07                       set the axes, initialise: X Y Z
+    isel-twin:    12.346720 s  twin  0                         reply: done
 
 Times are virtual, those at which a message was complete. What the bytes mean is said by the controller's language
 (`isel_twin.language.Language`, whose `messages` keeps a message that has only begun). Without one they are shown in
