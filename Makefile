@@ -26,6 +26,10 @@ test: $(READY)       ## all tests
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
 
+.PHONY: reliability
+reliability: $(READY) ## what a server that runs for weeks must hold; takes half an hour of a quiet computer
+	$(BIN)/python -m tests.reliability
+
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report
 
