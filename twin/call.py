@@ -71,6 +71,8 @@ class TwinCall:
     """File that keeps the controller's flash memory; created if missing, and written whenever the flash is."""
     line_speed: bool = False
     """Bytes take their time on the serial line."""
+    keep_motions: int | None = None
+    """Motions that the record of the stream keeps, the last ones; None for all."""
     overrides: Mapping[str, Any] = field(default_factory=dict)
     """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
 
@@ -98,6 +100,7 @@ class TwinCall:
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,
+                keep_motions=self.keep_motions,
             )
         if keeper is not None:
             if twin.outputs.get("flash_fault") and not (image or b"").startswith(_IMAGE):
