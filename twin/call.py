@@ -71,13 +71,11 @@ class TwinCall:
     """File that keeps the controller's flash memory; created if missing, and written whenever the flash is."""
     line_speed: bool = False
     """Bytes take their time on the serial line."""
-    keep_motions: int | None = None
-    """Motions that the record of the stream keeps, the last ones; None for all."""
     overrides: Mapping[str, Any] = field(default_factory=dict)
     """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
 
-    def build(self) -> Twin:
-        """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
+    def build(self, keep_motions: int | None = None) -> Twin:
+        """The twin, switched on, its flash kept in the file, its record that of the last motions (None: of all). Raises CallError for anything wrong with the call.
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
@@ -100,7 +98,7 @@ class TwinCall:
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,
-                keep_motions=self.keep_motions,
+                keep_motions=keep_motions,
             )
         if keeper is not None:
             if twin.outputs.get("flash_fault") and not (image or b"").startswith(_IMAGE):

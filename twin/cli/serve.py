@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
@@ -83,13 +82,12 @@ def serve(
             raise CallError(f"record {error}", option=True) from None
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
-    if record is None:
-        call = replace(call, keep_motions=KEPT_MOTIONS)
     with ExitStack() as stack:
-        stack.enter_context(log_to(sys.stderr.fileno(), count=log != "wire"))
+        if (stderr := _file_number(sys.stderr)) is not None:
+            stack.enter_context(log_to(stderr, count=log != "wire"))
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
-        twin = call.build()
+        twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
         warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
         wire = WireLog(create_language(controller)) if log == "wire" else None
@@ -100,6 +98,14 @@ def serve(
             where = {**where, "pty": pty, "device": where["pty"]}
         print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
         return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+
+
+def _file_number(stream: TextIO) -> int | None:
+    """File descriptor of a stream; None if there is no file behind it, as where a caller has put its own in place."""
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
 
 
 def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: ExitStack) -> list[Endpoint]:
