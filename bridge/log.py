@@ -24,6 +24,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import TextIO
 
 __all__ = ["PatientHandler", "log_to"]
 
@@ -50,15 +51,18 @@ class _Repeated:
 
 
 class PatientHandler(logging.Handler):
-    """Writes log records to file descriptor `file` from a thread of its own. See the module.
+    """Writes log records to `stream` from a thread of its own. See the module.
 
+    stream: a file descriptor, or a text stream, past whose buffer it writes if it has a descriptor: whoever waits for a
+    reader with a lock in his hand would keep the interpreter from ending.
     count: whether repeated messages are counted. A record with the attribute `each` is always printed.
     Messages are alike if their text before the arguments are put in is the same.
     """
 
-    def __init__(self, file: int, count: bool = True, period_s: float = PERIOD_S) -> None:
+    def __init__(self, stream: int | TextIO, count: bool = True, period_s: float = PERIOD_S) -> None:
         super().__init__()
-        self._file = file
+        self._stream = stream
+        self._file = _descriptor(stream)
         self._count = count
         self._period_s = period_s
         self._queue: deque[bytes] = deque()
@@ -127,7 +131,7 @@ class PatientHandler(logging.Handler):
                 self._queue.clear()
             try:
                 while data:
-                    data = data[os.write(self._file, data) :]
+                    data = data[self._write_some(data) :]
             except BlockingIOError:  # somebody has made the descriptor non-blocking: try again a little later
                 time.sleep(0.01)
                 with self._changed:
@@ -136,6 +140,13 @@ class PatientHandler(logging.Handler):
                 with self._changed:
                     self._closing = True
                 return
+
+    def _write_some(self, data: bytes) -> int:
+        if self._file is not None:
+            return os.write(self._file, data)
+        assert not isinstance(self._stream, int)
+        self._stream.write(data.decode())
+        return len(data)
 
     def close(self) -> None:
         """Write what is left, as far as somebody reads it soon."""
@@ -148,14 +159,24 @@ class PatientHandler(logging.Handler):
         super().close()
 
 
+def _descriptor(stream: int | TextIO) -> int | None:
+    """What to write to past the buffer of a stream; None if it has none, as one in memory."""
+    if isinstance(stream, int):
+        return stream
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
+
+
 @contextmanager
-def log_to(file: int, count: bool = True) -> Iterator[None]:
-    """While the block lasts, everything logged from INFO on goes to this file descriptor, without ever waiting for it.
+def log_to(stream: int | TextIO, count: bool = True) -> Iterator[None]:
+    """While the block lasts, everything logged from INFO on goes to this stream, without ever waiting for its reader.
 
     count: whether repeated messages are counted instead of printed.
     """
     root = logging.getLogger()
-    handler = PatientHandler(file, count)
+    handler = PatientHandler(stream, count)
     handler.setFormatter(logging.Formatter("isel-twin: %(message)s"))
     level = root.level
     root.addHandler(handler)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import socket
@@ -146,6 +147,13 @@ def test_clients_come_and_go_while_nobody_reads_the_log(serving, pipe):
             with socket.create_connection(parse_address(endpoint.address), timeout=REPLY_S) as client:
                 client.sendall(b"@07\r")
                 assert client.recv(1) == b"0"
+
+
+def test_a_stream_in_memory_will_do():
+    stream = io.StringIO()
+    with log_to(stream):
+        logging.getLogger("isel_twin").info("said")
+    assert stream.getvalue() == "isel-twin: said\n"
 
 
 def test_a_process_ends_while_its_log_waits_for_a_reader():
