@@ -75,7 +75,9 @@ class TwinCall:
     """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
 
     def build(self, keep_motions: int | None = None) -> Twin:
-        """The twin, switched on, its flash kept in the file, its record that of the last motions (None: of all). Raises CallError for anything wrong with the call.
+        """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
+
+        keep_motions: see `Twin`.
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
