@@ -216,7 +216,7 @@ INITIALISATION: Mapping[str, Command] = {
     "Ij": Command("4.2.4", "default start-stop frequency", (START_STOP_HZ,), adjust.set_value("start_stop_hz")),
     "IO": Command("4.2.5", "IO-only mode", (SWITCH,), adjust.set_io_only),
     "IE": Command("4.2.6", "limit switches", (Number(0, 65535),), adjust.set_value("limit_switches")),
-    "Ie": Command("4.2.7", "swapped limit switches", (AXIS_MASK,), adjust.set_value("swapped")),
+    "Ie": Command("4.2.7", "swapped limit switches", (AXIS_MASK,), adjust.set_swapped),
     "ID": Command("4.2.8", "inverted axes", (AXIS_MASK,), adjust.set_inverted),
     "IR": Command("4.2.9", "inverted reference directions", (AXIS_MASK,), adjust.set_value("reference_inverted")),
     "IT": Command("4.2.10", "rotary axes", (AXIS_MASK,), adjust.set_value("rotary")),

@@ -292,9 +292,10 @@ class Imc:
         device, parked = self._device, self._supervisor.parked
         device.require_supply()
         if parked is None:
-            self._admit_program()
-            return partial(self._start_program, answers=answers)
+            axes, modal = self._admit_program()
+            return partial(self._start_program, axes, modal, answers=answers)
         device.require_move()
+        self._supervisor.require_unchanged()
         if parked.program:
             self._require_watches()
         return partial(self._supervisor.resume, answers=answers)
@@ -309,20 +310,22 @@ class Imc:
             return
         effect()
 
-    def _admit_program(self) -> None:
-        """The stored program may run, with the axes and modal values it was stored with. Raises Refusal."""
+    def _admit_program(self) -> tuple[int, settings.Modal]:
+        """The stored program may run: the axes, and the modal values it will have. Raises Refusal."""
         device, program = self._device, self._device.flash.program
         if program.state != settings.VALID:
             raise Refusal(INVALID_FIELD)
         device.require_power()
         self._require_watches()
-        device.axes = device.axes or program.axes
-        device.modal = device.modal.filled(program.modal)
-        if device.axes != program.axes:
+        if device.axes not in (0, program.axes):
             raise Refusal(BAD_AXES)
-        self._require_sound(program)
+        modal = device.modal.filled(program.modal)
+        with device.supposing(program.axes, modal):
+            self._require_sound(program)
+        return program.axes, modal
 
-    def _start_program(self, *, answers: bool) -> None:
+    def _start_program(self, axes: int, modal: settings.Modal, *, answers: bool) -> None:
+        self._device.axes, self._device.modal = axes, modal
         signal_error(self._device, error=False)
         self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
@@ -338,5 +341,4 @@ class Imc:
         """Raise Refusal if a port watched in CNC mode forbids the program to run."""
         code = watched(self._device)
         if code is not None:
-            signal_error(self._device, error=True)
             raise Refusal(code)

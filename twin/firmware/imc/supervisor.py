@@ -24,10 +24,10 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import axis_of
 from isel_twin.firmware.imc.ports import LIMIT_PORT
 from isel_twin.firmware.imc.purpose import WAITING, Reference, Until
-from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, OK, STOPPED, Refusal
+from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, NOT_REFERENCED, OK, STOPPED, Refusal
 from isel_twin.firmware.imc.safety import State, hood_safe, powered
 from isel_twin.firmware.imc.settings import Watch
-from isel_twin.motion import Motion, StepRun
+from isel_twin.motion import Displacement, Motion, StepRun
 from isel_twin.units import MILLISECOND_NS
 
 
@@ -49,6 +49,8 @@ class Supervisor:
         self.task: Task | None = None
         self.parked: Task | None = None
         """A stopped task that can be resumed."""
+        self._stood: tuple[tuple[bool, ...], Displacement] = ((), ())
+        """References and directions of the axes when it was stopped."""
         self._cycle_ns: int | None = None
 
     # ---- starting and ending ----------------------------------------------------------------------------------------
@@ -64,6 +66,16 @@ class Supervisor:
         self.task, self.parked = self.parked, None
         self.task.answers |= answers
         self._executor.resume()
+
+    def require_unchanged(self) -> None:
+        """Raise Refusal(R) if an axis is not what it was at the stop: its reference is lost or its direction is another.
+
+        The rest would lead elsewhere (F28).
+        """
+        referenced, direction = self._stood
+        lost = any(was and not now for was, now in zip(referenced, self._device.referenced, strict=True))
+        if lost or direction != self._device.direction:
+            raise Refusal(NOT_REFERENCED)
 
     def forget_parked(self) -> None:
         """The rest of a stopped motion or program is forgotten."""
@@ -89,6 +101,7 @@ class Supervisor:
     def _parked(self) -> None:
         """The task stands, and waits for a start."""
         self.parked, self.task = self.task, None
+        self._stood = tuple(self._device.referenced), self._device.direction
         self._reply(STOPPED)
 
     # ---- time -------------------------------------------------------------------------------------------------------
