@@ -21,7 +21,7 @@ from typing import Any
 
 from isel_twin.firmware.imc import adjust, moves, program, query, reference
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers
+from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers, split_dnc
 from isel_twin.firmware.imc.replies import NOT_STORABLE, SYNTAX, Refusal
 
 Numbers = tuple[Number, ...]
@@ -306,6 +306,19 @@ CNC: Mapping[str, Command] = {
 
 CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
 """The overview prints these codes as capitals, their sections as small letters; both are taken."""
+
+
+QUESTIONS = frozenset("bDhHPUV")
+"""DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them."""
+
+
+def dnc_code(line: bytes, device_number: int) -> str | None:
+    """Code of a DNC line: "" if it is no command, None if it is for another device."""
+    try:
+        parts = split_dnc(line, device_number, DNC_ALIASES)
+    except Refusal:
+        return ""
+    return None if parts is None else parts[1]
 
 
 def find_dnc(device: Device, code: str) -> Command:

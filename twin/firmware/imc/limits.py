@@ -2,7 +2,7 @@
 
 Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
 A switch that a motion has struck lies where that motion went, whatever the settings said before: so even an axis
-inverted by `@0ID` without exchanging its switches finds its way off them (F21). An `@0Ie` that comes later counts again.
+inverted by `@0ID` without exchanging its switches finds its way off them (F21). A later `@0Ie` counts again.
 
     level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
     struck        ^ newly struck: at once

@@ -68,7 +68,7 @@ class Supervisor:
         self._executor.resume()
 
     def require_unchanged(self) -> None:
-        """Raise Refusal(R) if an axis is not what it was at the stop: its reference is lost or its direction is another.
+        """Raise Refusal(R) if since the stop an axis has lost its reference or changed its direction.
 
         The rest would lead elsewhere (F28).
         """
@@ -152,8 +152,11 @@ class Supervisor:
         """Give the waiting program its byte."""
         self._executor.hear(byte)
 
-    def stop(self) -> None:
-        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off."""
+    def stop(self) -> bool:
+        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off.
+
+        Returns whether it is heard: not within a delay of a program (3.2.6).
+        """
         executor = self._executor
         if isinstance(executor.purpose, Reference):
             self.break_off()
@@ -162,14 +165,17 @@ class Supervisor:
                 executor.park(self._parked)
         elif self.listening or executor.purpose == WAITING:
             executor.park(self._parked)
+        else:
+            return self.task is None or not self.task.program
+        return True
 
-    def stop_key(self) -> None:
-        """The stop key; on the way to a reference switch it stands for the switch (2.2.22)."""
+    def stop_key(self) -> bool:
+        """The stop key; on the way to a reference switch it stands for the switch (2.2.22). Returns as `stop`."""
         purpose = self._executor.purpose
         if isinstance(purpose, Reference) and purpose.seek is not None and not self._executor.stopping:
             self._executor.cut()
-        else:
-            self.stop()
+            return False
+        return self.stop()
 
     def break_off(self, code: str = STOPPED) -> None:
         """Byte 255, or a port that ends the program: stop ramp, answer `code`, forget the rest."""
