@@ -74,8 +74,9 @@ class Modal:
     test_mode: bool | None = None
 
     def filled(self, other: Modal) -> Modal:
-        """These values, and those of `other` where nothing is set."""
-        unset = {f.name: getattr(other, f.name) for f in fields(self) if getattr(self, f.name) is None}
+        """These values, and those of a stored program where nothing is set; test mode is never taken from it (F38)."""
+        names = {f.name for f in fields(self)} - {"test_mode"}
+        unset = {name: getattr(other, name) for name in names if getattr(self, name) is None}
         return replace(self, **unset)
 
 
