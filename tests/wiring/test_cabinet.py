@@ -117,6 +117,35 @@ def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
     assert not box.spindle_runs
 
 
+def test_the_spindle_stops_when_the_controller_stops_asking() -> None:
+    box = SafetyCabinet()
+    box.output("spindle", 1)
+    box.output("spindle", 0)
+    assert (box.spindle_runs, box.relay) == (False, True)
+
+
+def test_a_request_that_stands_is_no_new_request() -> None:
+    """Power and spindle come with a rising output; one that is told to be 1 again has not risen."""
+    box = SafetyCabinet()
+    box.output("power_request", 1)
+    box.output("spindle", 1)
+    press_estop(box, "pressed")
+    press_estop(box, "released")
+    box.output("power_request", 1)
+    assert not box.relay
+    box.operate("power", "on")
+    box.output("spindle", 1)
+    assert (box.relay, box.spindle_runs) == (True, False)
+
+
+def test_only_a_closed_hood_is_locked() -> None:
+    box = cabinet(hood="open")
+    box.output("hood_release", 0)
+    assert not box.locked
+    assert box.operate("hood", "closed") == "closed"
+    assert box.locked
+
+
 def test_asking_for_the_spindle_with_the_hood_open_starts_nothing_and_cuts_nothing() -> None:
     """The contactor does not close, so nothing runs that the open hood would endanger (W4)."""
     box = cabinet(hood="open")
