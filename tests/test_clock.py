@@ -510,15 +510,15 @@ def test_a_long_motion_is_made_whole(build: Build) -> None:
 
 
 def test_a_switch_far_into_a_long_motion_is_heard_at_its_tick(build: Build) -> None:
-    """200.1 mm before the switch: tick 64033, after more ticks than are expanded at once. No tick is made late."""
+    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once. No tick is made late."""
     controller = Scripted()
     controller.at(0, lambda: controller.start(steps(-80_000, 0, 0, 0, hz=20_000)))
     controller.on_level = lambda terminal, level: controller.end()
-    twin = build(controller, start_mm=(200.1, 50.0, 30.0))
+    twin = build(controller, start_mm=(64_032.5 * STEP_MM, 50.0, 30.0))
     twin.run_until(10 * SECOND_NS)
     assert controller.edges == [(64_033 * 50 * MICROSECOND_NS, "limit_x1", False)]
     assert (twin.counts[0], len(twin.steps)) == (-64_033, 64_033)
-    assert twin.machine_position_mm[0] == pytest.approx(200.1 - 64_033 * STEP_MM)
+    assert twin.machine_position_mm[0] == pytest.approx(-0.5 * STEP_MM)
 
 
 # ---- edges ---------------------------------------------------------------------------------------------------------

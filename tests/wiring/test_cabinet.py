@@ -188,6 +188,30 @@ def test_hood_contacts_combine_hood_and_key(hood: str, key: str, automatic: bool
     assert (contacts["hood_automatic"], contacts["hood_setup"], contacts["key"]) == (automatic, setup, key == "setup")
 
 
+@pytest.mark.parametrize(
+    ("element", "state", "closed", "opened"),
+    [
+        ("start", "down", {"start"}, set()),
+        ("stop", "down", set(), {"stop"}),
+        ("probe", "touched", {"probe"}, set()),
+        ("key", "setup", {"key"}, {"hood_automatic"}),
+        ("estop", "pressed", set(), {"estop_1", "estop_2"}),
+        ("overtemperature", "hot", set(), {"overtemperature", "power_ok"}),
+        ("power", "off", set(), {"power_ok"}),
+        ("hood", "open", set(), {"hood_automatic", "hood_setup"}),
+        *((f"user_{bit}", "high", {f"user_{bit}"}, set()) for bit in range(8)),
+    ],
+)
+def test_what_each_element_does_to_contacts(element: str, state: str, closed: set[str], opened: set[str]) -> None:
+    """The button of the E-stop opens two circuits; the relay looks at these, so it follows with `sense`."""
+    box = SafetyCabinet()
+    resting = box.contacts()
+    box.operate(element, state)
+    changed = box.contacts()
+    assert {name for name in changed if changed[name] and not resting[name]} == closed
+    assert {name for name in changed if resting[name] and not changed[name]} == opened
+
+
 def test_unknown_names_and_states_are_named() -> None:
     with pytest.raises(UnknownNameError, match=r"unknown input 'door'; there are: hood, estop"):
         SafetyCabinet().operate("door", "open")
