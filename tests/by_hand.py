@@ -15,6 +15,8 @@ from isel_twin.plant import Threshold
 class PlantByHand:
     """Implements `isel_twin.plant.Plant`; every quantity is what was last assigned to it."""
 
+    physics = True
+
     def __init__(self, watched: Sequence[Threshold] = (), axes: int = 4, stages: Sequence[Stage] = ()) -> None:
         self.time_ns = 0
         self.passed = np.zeros(len(watched), dtype=bool)

@@ -160,6 +160,8 @@ drop_stale_code(_lead, lead.__file__)
 class KinematicPlant:
     """Implements `isel_twin.plant.Plant` without physics: forces, brake and phases have no effect, nothing lags."""
 
+    physics = False
+
     def __init__(
         self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
     ) -> None:
