@@ -510,7 +510,7 @@ def test_a_long_motion_is_made_whole(build: Build) -> None:
 
 
 def test_a_switch_far_into_a_long_motion_is_heard_at_its_tick(build: Build) -> None:
-    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once. No tick is made late."""
+    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once, none late."""
     controller = Scripted()
     controller.at(0, lambda: controller.start(steps(-80_000, 0, 0, 0, hz=20_000)))
     controller.on_level = lambda terminal, level: controller.end()

@@ -18,10 +18,11 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from hunt.play import Action, Failure, hunt
-from hunt.world import draw_world
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from hunt.play import Action, Failure, hunt
+from hunt.world import draw_world
 
 SEEDS = 1000
 HANGS_S = 900.0

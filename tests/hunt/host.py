@@ -6,8 +6,8 @@ A host is a generator. It yields what it wants and is sent what it hears:
     Heard = yield Pass(seconds)          it lets time pass
     Heard = yield Listen(seconds)        it waits until the controller is idle and has answered, at most so long
 
-It sees the twin as its operator would, never changes it, and draws whatever it does. What it can say is its controller's
-`Dialect`: the language (isel_twin.language) for what any host says, lines of random sessions for the rest.
+It sees the twin as its operator would, never changes it, and draws whatever it does. What it can say is its
+controller's `Dialect`: the language (isel_twin.language) for what any host says, lines of random sessions for the rest.
 """
 
 from __future__ import annotations

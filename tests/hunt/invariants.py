@@ -267,9 +267,9 @@ class Watch:
 
     def _promise(self) -> None:
         twin, happened = self._twin, len(self._border.happened)
-        if self._promised_ns is None or twin.time_ns < self._promised_ns:
-            if happened != self._happened:
-                raise Broken(f"{self._border.happened[self._happened]} came before next_event_ns, {self._promised_ns}")
+        early = self._promised_ns is None or twin.time_ns < self._promised_ns
+        if early and happened != self._happened:
+            raise Broken(f"{self._border.happened[self._happened]} came before next_event_ns, {self._promised_ns}")
         self._happened = happened
         self._promised_ns = twin.next_event_ns
         if self._promised_ns is not None and self._promised_ns < twin.time_ns:

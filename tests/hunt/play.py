@@ -24,11 +24,11 @@ from typing import Any
 from unittest import mock
 
 from golden.random_sessions import Draw, pick
+
+import isel_twin.twin as twin_module
 from hunt.host import Heard, Host, Listen, NotDone, Pass, Seat, Send, dialect_of, habitual, recovery
 from hunt.invariants import Border, Broken, Life, Watch, check_counters, difference
 from hunt.world import World, calm_doings, draw_world
-
-import isel_twin.twin as twin_module
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.controller import create_controller
 from isel_twin.language import create_language, needed
@@ -342,8 +342,8 @@ class Cut:
 def _look_at_everything(twin: Twin) -> None:
     """Looking changes nothing."""
     for name in (
-        "fault", "reply_waiting", "serial_format", "idle", "next_event_ns", "counts", "position_mm", "position_error_mm",
-        "step_mm", "lost_steps", "slip_steps", "forgotten_steps", "machine_position_mm", "inputs", "outputs", "levels",
+        "fault", "reply_waiting", "serial_format", "idle", "next_event_ns", "counts", "position_mm",
+        "position_error_mm", "step_mm", "lost_steps", "slip_steps", "forgotten_steps", "machine_position_mm", "inputs", "outputs", "levels",
     ):  # fmt: skip
         getattr(twin, name)
     len(twin.steps)

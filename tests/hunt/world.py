@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 from golden.random_sessions import IMC_FIELDS, IMC_SETTINGS, OVERRIDES, STATES, Draw, chance, fill, pick
-from hunt.host import HABITS
 
+from hunt.host import HABITS
 from isel_twin.axes import CARRIAGES
 from isel_twin.machine import load_machine
 from isel_twin.twin import Twin
