@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from isel_twin.firmware.activity import Activity, Pause
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
-from isel_twin.firmware.imc.moves import speed
+from isel_twin.firmware.imc.moves import ANY_SPEED, speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
@@ -86,6 +86,19 @@ def reference_speed_parameters(device: Device) -> tuple[Number, ...]:
 def four_speeds(device: Device) -> tuple[Number, ...]:
     """Always four speeds (3.2.10, 4.2.1)."""
     return (speed(device),) * AXES
+
+
+def default_speed_parameters(device: Device) -> tuple[Number, ...]:
+    """The same, but those of axes that are not set may be anything if the profile says so (F49)."""
+    strict, axes = not device.profile.extra_values, device.axes or (1 << AXES) - 1
+    return tuple(speed(device) if strict or axes >> axis & 1 else ANY_SPEED for axis in range(AXES))
+
+
+def set_default_speeds(device: Device, *speeds_hz: int) -> None:
+    """`@0Id`: what is no speed stays as it is."""
+    valid, now = speed(device), device.settings.reference_hz
+    new = (hz if valid.low <= hz <= valid.high else was for hz, was in zip(speeds_hz, now, strict=True))
+    device.set_settings(reference_hz=tuple(new))
 
 
 def set_reference_speeds(device: Device, *speeds_hz: int) -> None:

@@ -127,7 +127,8 @@ def plan_relative(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     """`@0A`, `0`: by the given steps."""
     steps = dict(zip(device.axis_list, values[0::2], strict=False))
     second_z = values[6] if device.axes == XYZ else 0
-    return _plan_linear(device, steps, values[1::2], second_z)
+    free = device.profile.relative_unreferenced
+    return _plan_linear(device, steps, values[1::2], second_z, unreferenced=free)
 
 
 def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
@@ -139,7 +140,9 @@ def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     return _plan_linear(device, steps, values[1::2], 0)
 
 
-def _plan_linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> tuple[Sequence[Leg]]:
+def _plan_linear(
+    device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int, *, unreferenced: bool = False
+) -> tuple[Sequence[Leg]]:
     device.require_move()
     speed_of = dict(zip(device.axis_list, speeds, strict=False))
     if device.three_d:
@@ -152,7 +155,7 @@ def _plan_linear(device: Device, steps: dict[int, int], speeds: Sequence[int], s
         if second_z:
             ways.append(({2: second_z}, speeds[3]))
     ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
-    device.require_room(*(as_steps(way) for way, _ in ways))
+    device.require_room(*(as_steps(way) for way, _ in ways), unreferenced=unreferenced)
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
     return ([straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways],)
 
