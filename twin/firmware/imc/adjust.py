@@ -170,7 +170,17 @@ def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]
         device.require_supply()
     if "spindle" in rising:
         device.require_hood()
-    return (levels,)
+    return (_with_brake(device, levels),)
+
+
+def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
+    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (F24)."""
+    stages = levels.get("stages", device.outputs["stages"])
+    if stages == device.outputs["stages"]:
+        return levels
+    if stages:
+        return {**levels, "brake": levels.get("brake", 1)}
+    return {"brake": 0} | {name: level for name, level in levels.items() if name != "brake"}
 
 
 def write_outputs(device: Device, levels: Mapping[str, int]) -> None:

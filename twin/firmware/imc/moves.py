@@ -36,8 +36,15 @@ class Leg:
 # ---- travelling ----------------------------------------------------------------------------------------------------
 
 
-def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity:
-    """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it."""
+def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity | None:
+    """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it.
+
+    None if there is nothing to travel: that is no motion, and what was stopped before can still be gone on with.
+    """
+    return _travel(device, legs, until) if any(leg.path.ticks for leg in legs) else None
+
+
+def _travel(device: Device, legs: Sequence[Leg], until: Until | None) -> Activity:
     for leg in legs:
         made = 0
         while made < leg.path.ticks:
@@ -117,7 +124,7 @@ def speed(device: Device) -> Number:
 # ---- linear moves --------------------------------------------------------------------------------------------------
 
 
-def follow(device: Device, legs: Sequence[Leg]) -> Activity:
+def follow(device: Device, legs: Sequence[Leg]) -> Activity | None:
     """Travel what has been planned; the port condition of a stored program is used up by that (3.2.7)."""
     condition, device.port_condition = device.port_condition, None
     return travel(device, legs, None if condition is None else _until(device, *condition))

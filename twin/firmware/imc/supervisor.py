@@ -33,7 +33,7 @@ from isel_twin.units import MILLISECOND_NS
 
 @dataclass
 class Task:
-    """What is in progress. `answers`: its end is reported to the host (a stop always is); `program`: it is the stored program."""
+    """What is in progress. `answers`: its end is reported to the host, as a stop always is; `program`: the stored one."""
 
     answers: bool
     program: bool
