@@ -50,7 +50,7 @@ def test_small_letters_of_the_c142_answer_at_once_and_run_on() -> None:
 def test_small_letters_of_the_c142_refuse_at_once() -> None:
     desk = Desk.of("c142", carriage=MIDDLE)
     assert desk.query("@07") == "0"
-    assert desk.query("@0a900,900,0,900,0,900,0,900") == "R"
+    assert desk.query("@0m900,900,0,900,0,900,0,900") == "R"
 
 
 def test_silent_motion_that_strikes_a_switch_shows_at_the_next() -> None:

@@ -197,3 +197,66 @@ def test_lamps() -> None:
     assert [desk.outputs[f"lamp_{name}"] for name in ("start", "stop", "fault")] == [0, 1, 0]
     desk.set("estop", "pressed")
     assert [desk.outputs[f"lamp_{name}"] for name in ("start", "stop", "fault")] == [0, 0, 1]
+
+
+# --- stages and brake --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("off", "on"), [("@0B3,0", "@0B3,1"), ("@0B100,129", "@0B3,1"), ("@0B100,193", "@0B3,1")])
+def test_the_brake_drops_with_the_stages(off: str, on: str) -> None:
+    """Whatever the same byte of port 100 says of the brake: Z must not hang on nothing."""
+    desk = situation("rest")
+    before = len(desk.output_log)
+    assert desk.query(off) == "0"
+    assert [(name, value) for _, name, value in desk.output_log[before:] if name in ("stages", "brake")] == [
+        ("brake", 0),
+        ("stages", 0),
+    ]
+    before = len(desk.output_log)
+    assert desk.query(on) == "0"
+    assert [(name, value) for _, name, value in desk.output_log[before:] if name in ("stages", "brake")] == [
+        ("stages", 1),
+        ("brake", 1),
+    ]
+    assert desk.query(ONE_STEP) == "0"
+
+
+def test_the_brake_can_be_released_by_hand_without_stages() -> None:
+    desk = situation("rest")
+    for command in ("@0B3,0", "@0g1"):
+        assert desk.query(command) == "0"
+    assert (desk.outputs["stages"], desk.outputs["brake"]) == (0, 1)
+
+
+def test_stages_on_that_are_on_leave_the_brake_as_it_is() -> None:
+    desk = situation("rest")
+    for command in ("@0g0", "@0B3,1"):
+        assert desk.query(command) == "0"
+    assert (desk.outputs["stages"], desk.outputs["brake"]) == (1, 0)
+
+
+# --- what forgets the rest ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["@0A0,900,0,900,0,900,0,900", "@0M{0},900,{1},900,0,900,0,900", "@0y0,900,0,0,0,1,1", "@0Z0,1,1,900,0,0,0"],
+)
+def test_a_move_of_no_length_leaves_the_rest(command: str) -> None:
+    desk = situation("moving")
+    desk.send(b"\xfd")
+    assert desk.finish() == "F"
+    stands = desk.counts
+    assert desk.query(command.format(*stands)) == "0"
+    assert desk.counts == stands
+    assert desk.query("@0S") == "0"
+    assert desk.counts == LONG_TOTAL
+
+
+@pytest.mark.parametrize("command", [ONE_STEP, "@0Z0,0,0,900,5,0,0", "@0R7", "@0F1", "@0k", "@07"])
+def test_what_forgets_the_rest(command: str) -> None:
+    desk = situation("moving")
+    desk.send(b"\xfd")
+    assert desk.finish() == "F"
+    assert desk.query(command) == "0"
+    assert desk.query("@0S") == "G"

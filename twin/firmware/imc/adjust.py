@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from isel_twin.firmware.activity import Activity, Pause
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
-from isel_twin.firmware.imc.moves import speed
+from isel_twin.firmware.imc.moves import ANY_SPEED, speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
@@ -88,6 +88,19 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
     return (speed(device),) * AXES
 
 
+def default_speed_parameters(device: Device) -> tuple[Number, ...]:
+    """The same, but those of axes that are not set may be anything if the profile says so (F49)."""
+    strict, axes = not device.profile.extra_values, device.axes or (1 << AXES) - 1
+    return tuple(speed(device) if strict or axes >> axis & 1 else ANY_SPEED for axis in range(AXES))
+
+
+def set_default_speeds(device: Device, *speeds_hz: int) -> None:
+    """`@0Id`: what is no speed stays as it is."""
+    valid, now = speed(device), device.settings.reference_hz
+    new = (hz if valid.low <= hz <= valid.high else was for hz, was in zip(speeds_hz, now, strict=True))
+    device.set_settings(reference_hz=tuple(new))
+
+
 def set_reference_speeds(device: Device, *speeds_hz: int) -> None:
     """`@0d`: in the order of the axes that are set."""
     now = [device.reference_hz(axis) for axis in range(AXES)]
@@ -157,7 +170,17 @@ def admit_port(device: Device, port: int, value: int) -> tuple[Mapping[str, int]
         device.require_supply()
     if "spindle" in rising:
         device.require_hood()
-    return (levels,)
+    return (_with_brake(device, levels),)
+
+
+def _with_brake(device: Device, levels: Mapping[str, int]) -> Mapping[str, int]:
+    """The brake follows the stages: it has dropped when they go off, and lets go when they are on (F24)."""
+    stages = levels.get("stages", device.outputs["stages"])
+    if stages == device.outputs["stages"]:
+        return levels
+    if stages:
+        return {**levels, "brake": levels.get("brake", 1)}
+    return {"brake": 0} | {name: level for name, level in levels.items() if name != "brake"}
 
 
 def write_outputs(device: Device, levels: Mapping[str, int]) -> None:

@@ -21,8 +21,9 @@ from typing import Any
 
 from isel_twin.firmware.imc import adjust, moves, program, query, reference
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers, split_dnc
+from isel_twin.firmware.imc.grammar import AXES_CODE, Number, cut, read_numbers, split_dnc
 from isel_twin.firmware.imc.replies import NOT_STORABLE, SYNTAX, Refusal
+from isel_twin.firmware.imc.settings import AXES
 
 Numbers = tuple[Number, ...]
 
@@ -46,7 +47,8 @@ class Command:
     parameters: numbers; a function of the device that gives them; None: the rest of the line, as it stands.
     check(device, *values) and admit(device, *values) raise Refusal and change nothing; what admit returns, a tuple, is
     handed to do in place of the values. do(device, ...) is the handler. needs_axes: answers 4 without axes.
-    forgets_rest: what was stopped before cannot be resumed any more.
+    forgets_rest: what was stopped before cannot be resumed any more. spare_values: one for each of the four axes may be
+    there, though fewer are set, if the profile has `extra_values`.
     """
 
     section: str
@@ -57,6 +59,7 @@ class Command:
     admit: Callable[..., tuple[Any, ...]] | None = None
     needs_axes: bool = False
     forgets_rest: bool = False
+    spare_values: bool = False
 
     def read(self, device: Device, text: str) -> tuple[Any, ...]:
         """Read and check the parameters. Raises Refusal."""
@@ -64,7 +67,10 @@ class Command:
             device.require_axes()
         values: tuple[Any, ...] = (text,)
         if self.parameters is not None:
-            values = read_numbers(text, self.parameters(device) if callable(self.parameters) else self.parameters)
+            numbers = self.parameters(device) if callable(self.parameters) else self.parameters
+            if self.spare_values and device.profile.extra_values:
+                text = cut(text, len(numbers), AXES)
+            values = read_numbers(text, numbers)
         if self.check is not None:
             self.check(device, *values)
         return values
@@ -115,6 +121,7 @@ DNC: Mapping[str, Command] = {
         adjust.reference_speed_parameters,
         adjust.set_reference_speeds,
         needs_axes=True,
+        spare_values=True,
     ),
     "D": Command("2.2.6", "diagnosis", None, query.diagnosis, check=query.check_diagnosis),
     "e": Command("2.2.7", "plane of arcs", (Number(0, 2),), adjust.set_plane),
@@ -210,7 +217,7 @@ DNC_ALIASES: Mapping[str, str] = {"a": "A", "m": "M", "r": "R", "s": "S", "p": "
 """Letters that mean the same as another one."""
 
 INITIALISATION: Mapping[str, Command] = {
-    "Id": Command("4.2.1", "default reference speeds", adjust.four_speeds, adjust.set_values("reference_hz")),
+    "Id": Command("4.2.1", "default reference speeds", adjust.default_speed_parameters, adjust.set_default_speeds),
     "IF": Command("4.2.2", "run-free steps", (STEPS,) * 4, adjust.set_values("run_free_steps")),
     "IJ": Command("4.2.3", "default acceleration", (ACCELERATION,), adjust.set_value("acceleration_hz_per_ms")),
     "Ij": Command("4.2.4", "default start-stop frequency", (START_STOP_HZ,), adjust.set_value("start_stop_hz")),

@@ -143,14 +143,18 @@ class Device:
         """Do limit switches end the motions of this axis? Not in test mode, not those of a rotary axis (F30)."""
         return bool(self.axes >> axis & 1) and not self.settings.rotary >> axis & 1 and not self.test_mode
 
-    def require_room(self, *legs: Displacement) -> None:
-        """Raise Refusal unless these displacements, one after the other, are allowed: reference (R), 24 bits (1)."""
+    def require_room(self, *legs: Displacement, unreferenced: bool = False) -> None:
+        """Raise Refusal unless these displacements, one after the other, are allowed: 24 bits (1), reference (R).
+
+        unreferenced: they may be made without one.
+        """
         counts = self.counts
         for leg in legs:
             counts = _sum(counts, leg)
             if any(not -POSITION_LIMIT <= n < POSITION_LIMIT for n in counts):
                 raise Refusal(BAD_NUMBER)
-        self.require_reference(axis for leg in legs for axis in range(AXES) if leg[axis])
+        if not unreferenced:
+            self.require_reference(axis for leg in legs for axis in range(AXES) if leg[axis])
 
     def require_reference(self, axes: Iterable[int]) -> None:
         """Raise Refusal(R) unless these axes are referenced."""

@@ -97,6 +97,12 @@ def split_cnc(line: bytes, aliases: Mapping[str, str]) -> tuple[str, str]:
     return aliases.get(text[:1], text[:1]), text[1:]
 
 
+def cut(text: str, wanted: int, most: int) -> str:
+    """The first `wanted` of up to `most` parameters; more than that are left as they are."""
+    fields = text.split(",")
+    return ",".join(fields[:wanted]) if len(fields) <= most else text
+
+
 def read_numbers(text: str, numbers: Sequence[Number]) -> tuple[int, ...]:
     """Read comma-separated parameters, as many as `numbers` has.
 

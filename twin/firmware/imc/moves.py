@@ -36,8 +36,15 @@ class Leg:
 # ---- travelling ----------------------------------------------------------------------------------------------------
 
 
-def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity:
-    """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it."""
+def travel(device: Device, legs: Sequence[Leg], until: Until | None = None) -> Activity | None:
+    """Travel the legs one after the other; a stop in between resumes where it was. `until` ends all of it.
+
+    None if there is nothing to travel: that is no motion, and what was stopped before can still be gone on with.
+    """
+    return _travel(device, legs, until) if any(leg.path.ticks for leg in legs) else None
+
+
+def _travel(device: Device, legs: Sequence[Leg], until: Until | None) -> Activity:
     for leg in legs:
         made = 0
         while made < leg.path.ticks:
@@ -117,7 +124,7 @@ def speed(device: Device) -> Number:
 # ---- linear moves --------------------------------------------------------------------------------------------------
 
 
-def follow(device: Device, legs: Sequence[Leg]) -> Activity:
+def follow(device: Device, legs: Sequence[Leg]) -> Activity | None:
     """Travel what has been planned; the port condition of a stored program is used up by that (3.2.7)."""
     condition, device.port_condition = device.port_condition, None
     return travel(device, legs, None if condition is None else _until(device, *condition))
@@ -127,7 +134,8 @@ def plan_relative(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     """`@0A`, `0`: by the given steps."""
     steps = dict(zip(device.axis_list, values[0::2], strict=False))
     second_z = values[6] if device.axes == XYZ else 0
-    return _plan_linear(device, steps, values[1::2], second_z)
+    free = device.profile.relative_unreferenced
+    return _plan_linear(device, steps, values[1::2], second_z, unreferenced=free)
 
 
 def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
@@ -139,7 +147,9 @@ def plan_absolute(device: Device, *values: int) -> tuple[Sequence[Leg]]:
     return _plan_linear(device, steps, values[1::2], 0)
 
 
-def _plan_linear(device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int) -> tuple[Sequence[Leg]]:
+def _plan_linear(
+    device: Device, steps: dict[int, int], speeds: Sequence[int], second_z: int, *, unreferenced: bool = False
+) -> tuple[Sequence[Leg]]:
     device.require_move()
     speed_of = dict(zip(device.axis_list, speeds, strict=False))
     if device.three_d:
@@ -152,7 +162,7 @@ def _plan_linear(device: Device, steps: dict[int, int], speeds: Sequence[int], s
         if second_z:
             ways.append(({2: second_z}, speeds[3]))
     ways = [(way, speed_hz) for way, speed_hz in ways if any(way.values())]
-    device.require_room(*(as_steps(way) for way, _ in ways))
+    device.require_room(*(as_steps(way) for way, _ in ways), unreferenced=unreferenced)
     # a program's fourth pair may have been stored in 3D, where it does not matter, and be travelled in 2.5D
     return ([straight_leg(device, as_steps(way), speed(device).check(speed_hz)) for way, speed_hz in ways],)
 

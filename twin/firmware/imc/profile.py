@@ -36,19 +36,24 @@ class Profile:
     acknowledge_at_once: str
     spindle_port: int
     unknown_commands: tuple[str, ...]
+    extra_values: bool
+    relative_unreferenced: bool
 
 
 def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
-    """The profile called `name`, with the numbers in `settings` in place of its own; keys of others are ignored.
+    """The profile called `name`, with the numbers and switches in `settings` in place of its own; others are ignored.
 
-    Raises ValueError if a setting is not a positive whole number.
+    Raises ValueError if a setting is not a positive whole number, or not true or false where the profile has that.
     """
     profiles = tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))
     values = profiles[BASE] | profiles[name]
     for key, value in settings.items():
         if key not in values or not isinstance(values[key], int):
             continue
-        if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+        if isinstance(values[key], bool):
+            if not isinstance(value, bool):
+                raise ValueError(f"controller setting {key} = {value!r}: give true or false")
+        elif isinstance(value, bool) or not isinstance(value, int) or value <= 0:
             raise ValueError(f"controller setting {key} = {value!r}: give a positive whole number")
         values[key] = value
     as_tuples: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}

@@ -33,7 +33,7 @@ from isel_twin.units import MILLISECOND_NS
 
 @dataclass
 class Task:
-    """What is in progress. `answers`: its end is reported to the host; `program`: it is the stored program."""
+    """What is in progress. `answers`: its end is reported to the host, as a stop always is; `program`: the stored one."""
 
     answers: bool
     program: bool
@@ -95,7 +95,7 @@ class Supervisor:
         code = OK if reason is None else reason.code
         if task.program:
             signal_error(self._device, code != OK)
-        if task.answers:
+        if task.answers or code == STOPPED:
             self._reply(code)
 
     def _parked(self) -> None:
