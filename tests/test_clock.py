@@ -712,6 +712,18 @@ def test_a_motion_with_the_hood_open_takes_the_power_whatever_the_controller_say
     assert controller.drives.on == (False,) * 4
 
 
+def test_a_query_drops_what_was_waiting_and_says_when_there_is_no_answer() -> None:
+    """`@0P` with three axes: 0 and 18 digits; the 0 of `@07` has not been read."""
+    twin = Twin(plant="kinematic")
+    twin.write(b"@07\r")
+    assert twin.reply_waiting
+    assert twin.query("@0P") == "0" + 18 * "0"
+    assert twin.query("@0R7") == "0"
+    with pytest.raises(TimeoutError, match=r"no complete reply to '@0A8000,100,.*' within 0.5 s"):
+        twin.query("@0A8000,100,0,30,0,30,0,30", 0.5)
+    assert not twin.idle
+
+
 # ---- whoever looks -------------------------------------------------------------------------------------------------
 
 
