@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import floor
 from typing import Any
 
 import numpy as np
@@ -510,7 +509,7 @@ def test_a_long_motion_is_made_whole(build: Build) -> None:
 
 
 def test_a_switch_far_into_a_long_motion_is_heard_at_its_tick(build: Build) -> None:
-    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once, none late."""
+    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once."""
     controller = Scripted()
     controller.at(0, lambda: controller.start(steps(-80_000, 0, 0, 0, hz=20_000)))
     controller.on_level = lambda terminal, level: controller.end()
@@ -546,23 +545,20 @@ def test_a_switch_is_heard_at_the_tick_that_strikes_it(build: Build, direction: 
 
 
 def test_an_edge_of_a_led_command_comes_at_its_nanosecond(build: Build) -> None:
-    """Set points of -16 increments every 4 ms, each led evenly over the period after it: from 0.1 mm (32 increments)
-    before the switch, the command is beyond it right after two periods of leading, that is after 12 ms."""
+    """Set points of -16 increments every 4 ms, each led evenly over the period after it: 42.5 increments before the
+    switch, the command is there after two periods of leading and 10.5 / 16 of the third, at 8 + 4 + 2.625 ms."""
     controller = Scripted()
-    plan = table(*[(-16, 0, 0, 0)] * 10)
-    run = SetPointRun(plan, 4 * MILLISECOND_NS, 500)
+    run = SetPointRun(table(*[(-16, 0, 0, 0)] * 10), 4 * MILLISECOND_NS, 500)
     controller.at(500, lambda: controller.start(run))
     controller.on_level = lambda terminal, level: controller.end() if not level else None
-    twin = build(controller, start_mm=(0.1, 50.0, 30.0))
-    start = Fraction(round(0.1 / STEP_MM))
-    beyond = floor(500 + 4 * MILLISECOND_NS * (1 + start / 16)) + 1
+    twin = build(controller, start_mm=(42.5 * STEP_MM, 50.0, 30.0))
     twin.run(0.1)
-    t_ns, terminal, level = controller.edges[0]
-    assert (terminal, level) == ("limit_x1", False)
-    assert abs(t_ns - beyond) <= 1, "0.1 mm is no exact number of increments"
+    (edge,) = controller.edges
+    assert edge[1:] == ("limit_x1", False)
+    assert edge[0] == pytest.approx(500 + 14_625_000, abs=1)
     assert len(twin.steps) == 3, "the third set point came at 12 ms"
     assert twin.counts.tolist() == [-48, 0, 0, 0]
-    assert twin.machine_position_mm[0] == pytest.approx(0.1 - 48 * STEP_MM), "what was led is led to its end"
+    assert twin.machine_position_mm[0] == pytest.approx(-5.5 * STEP_MM), "what was led is led to its end"
 
 
 def test_a_replanned_motion_of_set_points(build: Build) -> None:
@@ -714,6 +710,18 @@ def test_a_motion_with_the_hood_open_takes_the_power_whatever_the_controller_say
     twin.run_until(SECOND_NS)
     assert controller.edges == [(SECOND_NS, "power", False)]
     assert controller.drives.on == (False,) * 4
+
+
+def test_a_query_drops_what_was_waiting_and_says_when_there_is_no_answer() -> None:
+    """`@0P` with three axes: 0 and 18 digits; the 0 of `@07` has not been read."""
+    twin = Twin(plant="kinematic")
+    twin.write(b"@07\r")
+    assert twin.reply_waiting
+    assert twin.query("@0P") == "0" + 18 * "0"
+    assert twin.query("@0R7") == "0"
+    with pytest.raises(TimeoutError, match=r"no complete reply to '@0A8000,100,.*' within 0.5 s"):
+        twin.query("@0A8000,100,0,30,0,30,0,30", 0.5)
+    assert not twin.idle
 
 
 # ---- whoever looks -------------------------------------------------------------------------------------------------

@@ -395,7 +395,7 @@ class Twin:
 
     def _hand_over_levels(self) -> bool:
         levels = self._wiring.levels
-        if levels is self._levels or levels == self._levels:
+        if levels is self._levels:
             return False
         before, self._levels = self._levels, levels
         for terminal, level in levels.items():

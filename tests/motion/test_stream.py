@@ -64,6 +64,7 @@ def test_only_part_of_what_was_asked_for_may_be_made() -> None:
     some = Stream(3)
     some.follow(steps(10), 0)
     assert some.until(8 * MS)[0].tolist() == [k * MS for k in range(1, 9)]
+    assert not some.more_after(10)
     assert not some.more_after(8), "the last two are expanded, too"
     some.make(3)
     assert some.until(6 * MS)[0].tolist() == [4 * MS, 5 * MS, 6 * MS]
