@@ -213,7 +213,11 @@ class FlashFile:
         self.hold()
         _remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:
-            self._write(twin.flash or b"")
+            try:
+                self._write(twin.flash or b"")
+            except OSError:
+                self.release()
+                raise
         twin.on_flash = self._store
 
     def hold(self) -> None:

@@ -298,6 +298,13 @@ def test_a_released_flash_file_can_be_held_again_unless_it_has_changed(tmp_path,
     FlashFile(path).hold()
 
 
+def test_a_flash_file_that_cannot_be_made_is_named_and_nobodys(tmp_path):
+    for _ in range(2):
+        with pytest.raises(FileNotFoundError) as caught:
+            FlashFile(tmp_path / "nowhere" / "flash").attach(FlashTwin(None))
+        assert caught.value.filename == str(tmp_path / "nowhere" / "flash")
+
+
 def test_the_flash_file_of_a_twin_is_known(tmp_path):
     twin = FlashTwin(None)
     assert flash_file(twin) is None
