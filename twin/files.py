@@ -94,11 +94,12 @@ class Claim:
 
     Raises OSError (EBUSY) if it has another owner. What the path is does not matter, nor whether it exists. In a folder
     that cannot be written to nothing can be replaced either, so there a claim holds within this process only.
+    `name`: what the user calls it, for the error.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        name = os.fspath(path)
-        folder, base = os.path.split(os.path.abspath(name))
+    def __init__(self, path: str | os.PathLike[str], name: str | os.PathLike[str] | None = None) -> None:
+        name = os.fspath(name or path)
+        folder, base = os.path.split(os.path.abspath(path))
         self._key = os.path.join(os.path.realpath(folder), base)
         with _claiming:
             if self._key in _claims:
@@ -175,25 +176,19 @@ def _unlock(pid: int, handle: int | None, lock: str) -> None:
 
 
 class FlashFile:
-    """A controller's flash memory in a file, which is its own until it is released.
+    """A controller's flash memory in a file.
 
-    `image` is what the file held, None for a new device; once `attach` has named the twin, the file follows its flash
-    and exists. Raises OSError if the file has another owner, is no regular file of at most FLASH_BYTES, or cannot be
-    read or written.
+    `image` is what the file held, None for a new device; once `attach` has named the twin, the file is that twin's own,
+    follows its flash and exists. Raises OSError if the file is no regular one of at most FLASH_BYTES or cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._target = Path(os.path.realpath(path))
+        self._claim: Claim | None = None
         self._check()
-        self._claim: Claim | None = Claim(self._target)
-        try:
-            _remove_left_overs(self._target)
-            self.image = self._read()
-        except OSError:
-            self._claim.release()
-            raise
-        self._stored = self.image or b""
+        self._stored = self._read()
+        self.image = self._stored or None
 
     def _check(self) -> None:
         try:
@@ -201,40 +196,45 @@ class FlashFile:
         except FileNotFoundError:
             return
         if stat.S_ISDIR(status.st_mode):
-            raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(self._path))
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(self._path))
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "is no regular file, so no flash memory", str(self._path))
         if status.st_size > FLASH_BYTES:
-            raise OSError(
-                errno.EFBIG,
-                f"is no flash image: larger than {FLASH_BYTES >> 20} MiB; name another file",
-                str(self._path),
-            )
+            raise OSError(errno.EFBIG, f"is no flash image: larger than {FLASH_BYTES >> 20} MiB", str(self._path))
 
-    def _read(self) -> bytes | None:
-        return (self._path.read_bytes() or None) if self._path.exists() else None
+    def _read(self) -> bytes:
+        return self._path.read_bytes() if self._path.exists() else b""
 
     def attach(self, twin: Twin) -> None:
-        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file."""
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file.
+
+        Raises OSError as `hold` does, or if the file cannot be written.
+        """
+        self.hold()
+        _remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:
-            self._write(twin.flash or b"")
+            try:
+                self._write(twin.flash or b"")
+            except OSError:
+                self.release()
+                raise
         twin.on_flash = self._store
+
+    def hold(self) -> None:
+        """Have the file for oneself. Raises OSError if it has an owner, or is not any more what it was before."""
+        if self._claim is not None:
+            return
+        claim = Claim(self._target, name=self._path)
+        if self._read() != self._stored:
+            claim.release()
+            raise OSError(errno.EBUSY, "has been changed by another twin meanwhile", str(self._path))
+        self._claim = claim
 
     def release(self) -> None:
         """Let another twin have the file; what this one writes from now on is not kept. May be called again."""
         if self._claim is not None:
             self._claim.release()
             self._claim = None
-
-    def hold(self) -> None:
-        """Have it again. Raises OSError if it has another owner now, or has been changed meanwhile."""
-        if self._claim is not None:
-            return
-        claim = Claim(self._target)
-        if (self._read() or b"") != self._stored:
-            claim.release()
-            raise OSError(errno.EBUSY, "has been changed by another twin meanwhile", str(self._path))
-        self._claim = claim
 
     def _write(self, image: bytes) -> None:
         atomic_write(self._path, image)
@@ -262,8 +262,8 @@ def flash_file(twin: Twin) -> FlashFile | None:
 
 def _remove_left_overs(target: Path) -> None:
     """Remove temporary files of owners of `target` that were killed while they replaced it."""
-    left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+-\d+\.tmp")
-    for name in os.listdir(target.parent):
-        if left_over.fullmatch(name):
-            with suppress(OSError):
+    left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+(-\d+)?\.tmp")
+    with suppress(OSError):  # nothing of that matters enough to refuse the file
+        for name in os.listdir(target.parent):
+            if left_over.fullmatch(name):
                 os.unlink(target.parent / name)

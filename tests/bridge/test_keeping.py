@@ -93,7 +93,7 @@ def test_a_flash_memory_is_a_regular_file(file):
     refused = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
-    assert "no regular file" in line or "folder" in line
+    assert "no regular file" in line or "directory" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -164,10 +164,21 @@ def test_a_flash_file_has_one_owner_within_a_process(tmp_path):
     (tmp_path / "other name").symlink_to(path)
     for name in ("flash", "other name"):
         with pytest.raises(OSError, match="in use by another twin, in this process") as caught:
-            FlashFile(tmp_path / name)
+            FlashFile(tmp_path / name).attach(FlashTwin(None))
         assert "\n" not in str(caught.value)
+        assert caught.value.filename == str(tmp_path / name)
     owner.release()
-    FlashFile(path).release()
+    FlashFile(path).attach(FlashTwin(None))
+
+
+def test_a_flash_file_is_nobodys_before_there_is_a_twin(tmp_path):
+    """A twin that could not be built keeps nobody from the file."""
+    first, second = FlashFile(tmp_path / "flash"), FlashFile(tmp_path / "flash")
+    second.attach(FlashTwin(b"1"))
+    second.release()
+    with pytest.raises(OSError, match="has been changed by another twin meanwhile"):
+        first.attach(FlashTwin(None))
+    assert (tmp_path / "flash").read_bytes() == b"1"
 
 
 HOLD = """
@@ -175,6 +186,7 @@ import sys, time
 from pathlib import Path
 from isel_twin.files import FlashFile
 keeper = FlashFile(Path(sys.argv[1]))
+keeper.hold()
 print("held", flush=True)
 time.sleep(600)
 """
@@ -187,11 +199,13 @@ def test_a_flash_file_has_one_owner_among_processes_and_none_after_a_kill(tmp_pa
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         with pytest.raises(OSError, match=f"in use by another twin, in process {other.pid}; stop that one"):
-            FlashFile(path)
+            FlashFile(path).hold()
     finally:
         other.send_signal(signal.SIGKILL)
         other.communicate()
-    FlashFile(path).release()
+    keeper = FlashFile(path)
+    keeper.hold()
+    keeper.release()
     assert os.listdir(tmp_path) == []
 
 
@@ -201,12 +215,13 @@ def test_a_flash_file_whose_owner_is_garbage_is_free(tmp_path):
 
         def __init__(self) -> None:
             self.keeper = FlashFile(tmp_path / "flash")
+            self.keeper.hold()
             self.itself = self
 
     gc.disable()
     try:
         Loop()
-        FlashFile(tmp_path / "flash").release()
+        FlashFile(tmp_path / "flash").hold()
     finally:
         gc.enable()
 
@@ -256,7 +271,9 @@ def test_what_a_killed_owner_has_begun_to_write_is_removed(tmp_path):
     path.write_bytes(b"image")
     (tmp_path / ".flash.1-0.tmp").write_bytes(b"half")
     (tmp_path / ".flash.b.1-0.tmp").write_bytes(b"somebody else's")
-    FlashFile(path).release()
+    keeper = FlashFile(path)
+    keeper.attach(FlashTwin(b"image"))
+    keeper.release()
     assert sorted(os.listdir(tmp_path)) == [".flash.b.1-0.tmp", "flash"]
 
 
@@ -272,13 +289,20 @@ def test_a_released_flash_file_can_be_held_again_unless_it_has_changed(tmp_path,
     keeper.release()
     assert path.read_bytes() == b"2"
     other = FlashFile(path)
+    other.attach(FlashTwin(b"3"))
     with pytest.raises(OSError, match="in use"):
         keeper.hold()
-    other.attach(FlashTwin(b"3"))
     other.release()
     with pytest.raises(OSError, match="changed by another twin"):
         keeper.hold()
-    FlashFile(path).release()
+    FlashFile(path).hold()
+
+
+def test_a_flash_file_that_cannot_be_made_is_named_and_nobodys(tmp_path):
+    for _ in range(2):
+        with pytest.raises(FileNotFoundError) as caught:
+            FlashFile(tmp_path / "nowhere" / "flash").attach(FlashTwin(None))
+        assert caught.value.filename == str(tmp_path / "nowhere" / "flash")
 
 
 def test_the_flash_file_of_a_twin_is_known(tmp_path):
@@ -294,7 +318,7 @@ def test_only_a_regular_file_of_sane_size_is_a_flash_memory(tmp_path, path):
     os.mkfifo(tmp_path / "pipe")
     with open(tmp_path / "large", "wb") as large:
         large.truncate(FLASH_BYTES + 1)
-    with pytest.raises(OSError, match=r"no regular file|is a folder|larger than 16 MiB") as caught:
+    with pytest.raises(OSError, match=r"no regular file|Is a directory|larger than 16 MiB") as caught:
         FlashFile(tmp_path / path)
     assert "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path)) == ["large", "pipe"]
