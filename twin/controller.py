@@ -40,7 +40,7 @@ import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from isel_twin.parameters import Limits
 from isel_twin.units import SECOND_NS
@@ -230,7 +230,7 @@ class UnknownNameError(ValueError):
     """A controller, machine or other named thing does not exist; the message lists what there is."""
 
 
-Setting = Limits | tuple[str, ...] | type[bool]
+Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
 """What a setting may be: a number within limits, one of some words (none: any text), or true and false."""
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])

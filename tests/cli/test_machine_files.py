@@ -122,10 +122,10 @@ def other(monkeypatch: pytest.MonkeyPatch) -> None:
         def load() -> Any:
             return create
 
-    installed = controller.importlib.metadata.entry_points  # type: ignore[attr-defined]
+    installed = controller.importlib.metadata.entry_points
     monkeypatch.setattr(controller, "_settings", {})
     monkeypatch.setattr(
-        controller.importlib.metadata,  # type: ignore[attr-defined]
+        controller.importlib.metadata,
         "entry_points",
         lambda group: [*installed(group=group), *([Entry] if group == "isel_twin.controllers" else [])],
     )
