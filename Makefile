@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test bench conformance golden lint types format clean
+.PHONY: help demo test quick bench conformance golden lint types format clean
 
 help:                ## show the commands
 	@grep -hE '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 16
@@ -13,6 +13,7 @@ help:                ## show the commands
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "isel-twin needs Python 3.11 or newer; set PYTHON=/path/to/python3.11" >&2; exit 2; }
+	@echo "making $(VENV) and installing what is needed: a minute or two, in silence" >&2
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	@touch $@
@@ -20,11 +21,19 @@ $(READY): pyproject.toml
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
-test: $(READY)       ## all tests
-	$(BIN)/python -m pytest
+test: $(READY)       ## all tests, on two workers
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup
+
+quick: $(READY)      ## the tests of single parts, in a minute
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup -m "not slow" \
+	  tests/motion tests/wiring tests/drives tests/plant tests/models tests/firmware tests/trace tests/test_*.py
 
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
+
+.PHONY: reliability
+reliability: $(READY) ## what a server that runs for weeks must hold; takes half an hour of a quiet computer
+	$(BIN)/python -m tests.reliability
 
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report

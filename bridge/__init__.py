@@ -2,6 +2,9 @@
 
 pacing.py          virtual time against wall time
 server.py          one twin behind some endpoints: the loop of `isel-twin serve`
+keeping.py         how it ends: what was recorded is kept, whatever happens
+log.py             what it says meanwhile, without ever waiting for a reader
+wire_log.py        and the traffic, message by message
 pty.py             endpoint: pseudo terminal
 tcp.py             endpoint: raw TCP
 rfc2217.py         what RFC 2217 adds to it

@@ -7,6 +7,12 @@ done, and stands still while everybody waits for the host. A host then gets the 
 times however slow it is itself.
 
 A twin that cannot keep up with the speed asked for slips: the relation is anchored anew, nothing is made up later.
+
+Whatever the twin has to do, busy or idle, it is advanced for about a tick of wall time at once, so that whoever paces
+it can look at hosts and signals in between:
+
+    wall time   |-- advance --|- look -|-- advance --|- look -|        5 ms each advance
+    virtual     |==== slice ====|======= slice =======|====            slices so long that each takes about a tick
 """
 
 from __future__ import annotations
@@ -25,12 +31,28 @@ TICK_NS = 5_000_000
 SHORTEST_S = 0.001
 """Shortest sleep of a busy twin: bytes that arrive within it arrive together, as from the FIFO of a serial port."""
 
-LONGEST_S = 1.0
-"""Longest sleep of an idle twin, so that no stretch of time gets long; a recording has to look at all of it."""
+LONGEST_S = 0.1
+"""Longest sleep of an idle twin: what a recording looks at meanwhile can then be made up for before it counts as a
+slip."""
 
 SLIP_NS = 250_000_000
 """Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
 
+PATIENCE_NS = 20_000_000
+"""Wall time that bytes of a host wait for the twin to catch up with the present: 20 ms."""
+
+REPLY_NS = 1_000_000
+"""Wall time of computing after which a reply is handed on before going on: 1 ms."""
+
+STEADY_NS = 1_000_000_000
+"""Wall time without a slip after which a twin that is at the present has caught up for good: 1 s."""
+
+SHORTEST_SLICE_NS = 100_000
+"""Least virtual time to be computed at once: 0.1 ms."""
+
+NEAR_NS = 10_000_000
+"""Events within this virtual time are met in slices, later ones one by one: a twin in motion announces one every 10 ms,
+so between later ones nothing moves and time costs next to nothing."""
 
 LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6
 """Range of finite speeds, wide beyond any use; what a computer cannot reach slips."""
@@ -70,11 +92,17 @@ class Pacer:
 
     def __init__(self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self.speed = speed
-        self.slipped = False  # True once the speed could not be kept
+        self.behind = False
+        """The speed is not kept at present."""
+        self.reached = 0.0
+        """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
         self._clock = clock
-        self._slice_ns = TICK_NS
-        self._behind = False
+        self._slices_ns = {False: TICK_NS, True: TICK_NS}
+        self._late = False
         self._anchor(virtual_ns)
+        self._even = self._wall_0, virtual_ns  # when the twin was at the present last
+        self._fell = self._even  # when it fell behind
+        self._slipped = self._even
 
     def _anchor(self, virtual_ns: int) -> None:
         self._wall_0 = self._clock()
@@ -87,42 +115,92 @@ class Pacer:
         return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
 
     def advance(self, twin: Clocked) -> None:
-        """Let the twin catch up to the present, as far as a tick of computing gets it; at most to its next reply.
+        """Let the twin catch up to the present, as far as a tick of computing gets it; to a reply if that takes long.
 
         So its replies leave in time, and the host is heard between two calls. At speed `max` there is no present: it
-        runs until there is nothing more to do.
+        runs to the next reply, or until there is nothing more to do.
         """
         present = self.present_ns()
         if present is None:
             if not twin.idle and twin.next_event_ns is not None:
                 self._compute(twin, sys.maxsize, lambda: twin.idle or twin.reply_waiting)
             return
-        if twin.idle:  # nothing to compute: any stretch of time is cheap
-            twin.run_until(present, lambda: twin.reply_waiting)
-        else:
-            self._compute(twin, present, lambda: twin.reply_waiting)
-            if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
-                self.slipped = True
-                self._anchor(twin.time_ns)
-        self._behind = twin.time_ns < present
+        began = self._clock()
+        self._compute(twin, present, lambda: twin.reply_waiting and self._clock() - began >= REPLY_NS)
+        if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
+            self._slip(twin)
+        self._judge(twin, present)
 
-    def _compute(self, twin: Clocked, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
-        """Advance at most to until_ns, in a slice whose length adapts so that it takes about a tick."""
-        began, start_ns = self._clock(), twin.time_ns
-        twin.run_until(max(start_ns, min(until_ns, start_ns + self._slice_ns)), stop)
-        took_ns = self._clock() - began
-        if took_ns > 2 * TICK_NS:
-            self._slice_ns = max(self._slice_ns // 2, 100_000)
-        elif took_ns < TICK_NS // 2 and twin.time_ns == start_ns + self._slice_ns:
-            self._slice_ns *= 2
+    def catch_up(self, twin: Clocked, replies: Callable[[], None]) -> None:
+        """Bring the twin to the present because a host has spoken; `replies` is called whenever some may have arrived.
+
+        A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it.
+        """
+        present = self.present_ns()
+        if present is None:
+            return
+        began = self._clock()
+        while twin.time_ns < present:
+            if self._clock() - began > (0 if self.behind else PATIENCE_NS):
+                self._slip(twin)
+                return
+            self.advance(twin)
+            replies()
+
+    def _compute(self, twin: Clocked, until_ns: int, stop: Callable[[], bool]) -> None:
+        """Advance at most to until_ns, for about a tick of wall time, in slices whose length adapts to that."""
+        end = self._clock() + TICK_NS
+
+        def over() -> bool:
+            return stop() or self._clock() >= end
+
+        while twin.time_ns < until_ns and not over():
+            began, start_ns, event = self._clock(), twin.time_ns, twin.next_event_ns
+            near = event is not None and event <= start_ns + NEAR_NS
+            slice_ns = self._slices_ns[near]
+            aim_ns = min(until_ns, start_ns + slice_ns)
+            if event is not None and not near:
+                aim_ns = min(aim_ns, event)
+            twin.run_until(aim_ns, over)
+            took_ns = self._clock() - began
+            if took_ns > TICK_NS:
+                self._slices_ns[near] = max(slice_ns // 2, SHORTEST_SLICE_NS)
+            elif took_ns < TICK_NS // 2 and twin.time_ns == start_ns + slice_ns:
+                self._slices_ns[near] *= 2
+
+    def _slip(self, twin: Clocked) -> None:
+        """Give up what cannot be caught up with: the present is where the twin is."""
+        self._anchor(twin.time_ns)
+        self._slipped = self._wall_0, twin.time_ns
+        if not self.behind:
+            self.behind = True
+            self._fell = self._even
+            self.reached = self._factor()
+        self._even = self._slipped
+
+    def _judge(self, twin: Clocked, present: int) -> None:
+        """Whether the twin is late, and whether it keeps the speed again."""
+        self._late = twin.time_ns < present
+        if self._late:
+            return
+        now = self._clock()
+        if self.behind and now - self._slipped[0] >= STEADY_NS:
+            self.behind = False
+            self.reached = self._factor()
+        self._even = now, twin.time_ns
+
+    def _factor(self) -> float:
+        """Times real time reached from falling behind to the last slip."""
+        wall_ns, virtual_ns = (slipped - fell for slipped, fell in zip(self._slipped, self._fell, strict=True))
+        return virtual_ns / max(wall_ns, 1)
 
     def wait_s(self, twin: Clocked) -> float | None:
         """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
-        event = twin.next_event_ns
         if self.speed is None:
-            return None if twin.idle or event is None else 0.0
-        if self._behind:
+            return None if twin.idle or twin.next_event_ns is None else 0.0
+        if self._late:
             return 0.0
+        event = twin.next_event_ns
         due_s = LONGEST_S if event is None else self.until_s(event)
         return min(due_s, LONGEST_S) if twin.idle else min(max(due_s, SHORTEST_S), TICK_NS / 1e9)
 

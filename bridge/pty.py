@@ -5,6 +5,9 @@
 The slave side is kept open here too. So a host may close and reopen the device as often as it likes without the kernel
 hanging up, and what it sets (raw mode, no echo) is in force before it comes. The baud rate a host sets is not looked
 at: a pseudo terminal has no bit times; the twin's line has (server.py).
+
+A link left behind by a server that was killed is replaced, also if its /dev/pts/N exists: the number may belong to
+somebody else by now. A server claims its link (isel_twin.files), so it is known who lives and who was killed.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from isel_twin.bridge.server import Outbox, Server, Watch
+from isel_twin.files import Claim
 
 __all__ = ["PtyEndpoint"]
 
@@ -28,6 +32,7 @@ class PtyEndpoint:
     """
 
     kind = "pty"
+    gathers = False  # a device hands on each byte as it comes
     busy = False  # whether a program has the device open cannot be told, and does not matter
 
     def __init__(self, link: str | None = None) -> None:
@@ -37,17 +42,19 @@ class PtyEndpoint:
         self.address = os.ttyname(self._slave)
         self.link = link
         self._outbox = Outbox(lambda data: os.write(self._master, data))
+        self._claim: Claim | None = None
         if link is not None:
             try:
-                self._make_link(Path(link))
+                self._claim = Claim(link)
+                self._make_link(Path(link), self._claim.abandoned)
             except OSError:
                 self.link = None
                 self.close()
                 raise
 
-    def _make_link(self, link: Path) -> None:
-        """Link to the device. A link left behind by a killed server, which leads nowhere or here, is replaced."""
-        if link.is_symlink() and (not link.exists() or os.readlink(link) == self.address):
+    def _make_link(self, link: Path, abandoned: bool) -> None:
+        """Link to the device. A link that a killed server has left, or that leads nowhere, is replaced."""
+        if link.is_symlink() and (abandoned or not link.exists()):
             link.unlink()
         elif os.path.lexists(link):
             raise OSError(errno.EEXIST, "exists already; remove it or choose another name for the link", str(link))
@@ -61,7 +68,8 @@ class PtyEndpoint:
         return [Watch(self._master, events, self._ready)] if events else []
 
     def _ready(self) -> None:
-        self._outbox.flush()
+        if self._outbox:
+            self._outbox.flush()
         try:
             data = os.read(self._master, 4096)
         except BlockingIOError:
@@ -80,6 +88,8 @@ class PtyEndpoint:
             return
         if self.link is not None and os.path.islink(self.link) and os.readlink(self.link) == self.address:
             os.unlink(self.link)
+        if self._claim is not None:
+            self._claim.release()
         os.close(self._master)
         os.close(self._slave)
         self._master = self._slave = -1

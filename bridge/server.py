@@ -5,13 +5,18 @@ has one line; so a reply goes to the endpoint that spoke last, and one network c
 that goes away never stops the machine.
 
     while not stopped:
-        let virtual time catch up            (pacing.py)
+        let virtual time catch up, about 5 ms of computing at most      (pacing.py)
         hand replies to the host
         sleep until the next event or until somebody speaks
+
+So hosts and signals are heard within some 30 ms, whatever the twin is busy with. Nothing grows without end: a host is
+listened to as long as there is room on the line in both directions, and replies it does not read are lost beyond
+OUTBOX_BYTES.
 """
 
 from __future__ import annotations
 
+import gc
 import logging
 import selectors
 import signal
@@ -23,7 +28,7 @@ from typing import Any, NamedTuple, Protocol
 from isel_twin.bridge.pacing import Clocked, Pacer
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "on_signals"]
+__all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "WireTap", "on_signals"]
 
 log = logging.getLogger("isel_twin")
 
@@ -31,16 +36,40 @@ OUTBOX_BYTES = 65_536
 """Replies kept for a host that does not read. What is beyond is lost, as on a serial line without flow control."""
 
 LINE_BYTES = 4096
-"""Bytes taken from a host ahead of what a paced line can have carried; as much as an operating system buffers."""
+"""Bytes taken from a host ahead of what a paced line can have carried; as much as an operating system buffers. And
+bytes of replies still on a paced line beyond which no more commands are taken."""
+
+SILENCE_BYTES = 2
+"""Byte times of silence on a paced line after which what has come before it is handed on in one piece."""
+
+PIECE_BYTES = 1024
+"""Largest such piece."""
 
 
 class SerialTwin(Clocked, Protocol):
-    """What the server needs of a twin."""
+    """What the server needs of a twin.
+
+    If it has a `replies_due` (bytes of replies on the line that have not arrived at the host), no more is taken from
+    a host that asks faster than a paced line can answer.
+    """
 
     @property
     def serial_format(self) -> SerialFormat: ...
     def write(self, data: bytes) -> None: ...
     def read(self) -> bytes: ...
+
+
+class WireTap(Protocol):
+    """Somebody who follows the traffic; see wire_log.py."""
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """Bytes have been sent by the host (`sent`) or have arrived there."""
+
+    def look(self, time_ns: int) -> None:
+        """Time has passed."""
+
+    def close(self) -> None:
+        """That was all."""
 
 
 class Watch(NamedTuple):
@@ -61,6 +90,8 @@ class Endpoint(Protocol):
     """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
     address: str
     """What a host connects to."""
+    gathers: bool
+    """Whether bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
 
     @property
     def busy(self) -> bool:
@@ -109,8 +140,14 @@ class Outbox:
 
 @contextmanager
 def on_signals(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` at SIGINT (Ctrl-C) and SIGTERM while the block lasts."""
-    before = {number: signal.signal(number, lambda *_: action()) for number in (signal.SIGINT, signal.SIGTERM)}
+    """Call `action` at SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal has gone) while the block lasts.
+
+    A SIGHUP that is ignored already stays so: that is how `nohup` works.
+    """
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, lambda *_: action()) for number in numbers}
     try:
         yield
     finally:
@@ -118,19 +155,89 @@ def on_signals(action: Callable[[], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+class _Piece:
+    """Replies of a paced line, gathered until it falls silent."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._last_ns = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._data)
+
+    def add(self, time_ns: int, data: bytes) -> None:
+        """Bytes have arrived at time_ns."""
+        self._data += data
+        self._last_ns = time_ns
+
+    def complete_ns(self, byte_ns: int) -> int | None:
+        """When the piece is complete unless something is added; None if there is none."""
+        if not self._data:
+            return None
+        return self._last_ns + (SILENCE_BYTES * byte_ns if len(self._data) < PIECE_BYTES else 0)
+
+    def take(self) -> bytes:
+        data = bytes(self._data)
+        self._data.clear()
+        return data
+
+
+class _Watched:
+    """The files waited for now. Registers with the operating system only what has changed since the last time."""
+
+    def __init__(self) -> None:
+        self._selector = selectors.DefaultSelector()
+        self._watches: list[Watch] = []
+        self._files: dict[int, Watch] = {}
+
+    def wait(self, watches: list[Watch], timeout_s: float | None) -> None:
+        """Sleep until one of the files is ready, then call the handlers of those that are."""
+        if watches != self._watches:
+            self._change(watches)
+        for key, _ in self._selector.select(timeout_s):
+            self._files[key.fd].handler()
+
+    def _change(self, watches: list[Watch]) -> None:
+        now = {_descriptor(watch.file): watch for watch in watches}
+        for number, old in self._files.items():
+            if (new := now.get(number)) is None or new.file is not old.file:
+                self._selector.unregister(number)
+            elif new.events != old.events:
+                self._selector.modify(number, new.events)
+        for number, watch in now.items():
+            if number not in self._selector.get_map():
+                self._selector.register(number, watch.events)
+        self._watches, self._files = watches, now
+
+    def close(self) -> None:
+        self._selector.close()
+
+
+def _descriptor(file: Any) -> int:
+    return file if isinstance(file, int) else file.fileno()
+
+
 class Server:
     """Serves one twin on some endpoints until `stop` is called. See the module."""
 
-    def __init__(self, twin: SerialTwin, pacer: Pacer, endpoints: Sequence[Endpoint]) -> None:
+    def __init__(
+        self, twin: SerialTwin, pacer: Pacer, endpoints: Sequence[Endpoint], wire: WireTap | None = None
+    ) -> None:
+        """wire: follows the traffic in both directions, in virtual time."""
         self.twin = twin
         self.pacer = pacer
         self.endpoints = tuple(endpoints)
+        self._wire = wire
         self._speaker: Endpoint | None = None
         self._line_free_ns = 0
+        self._piece = _Piece()
+        self._behind = False
         self._stopped = False
+        self._watched = _Watched()
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
         self._wake_out.setblocking(False)
+        self._wake_watch = Watch(self._wake_out, selectors.EVENT_READ, self._awake)
         for endpoint in self.endpoints:
             endpoint.attach(self)
 
@@ -145,38 +252,62 @@ class Server:
             self._wake_in.send(b"\0")
 
     def run(self) -> None:
-        """Serve until `stop`; then let go of the endpoints."""
+        """Serve until `stop`; then let go of the endpoints, also if something in it raises."""
+        gc.freeze()  # or every now and then the collector looks at all there is, which takes tens of milliseconds
         try:
             while not self._stopped:
                 self._step()
+            self._hand_on()
         finally:
+            gc.unfreeze()
+            if self._wire is not None:
+                self._wire.close()
             for endpoint in self.endpoints:
-                endpoint.close()
+                with suppress(OSError):  # the others must be let go of, too
+                    endpoint.close()
+            self._watched.close()
             self._wake_in.close()
             self._wake_out.close()
 
     def _step(self) -> None:
-        slipped = self.pacer.slipped
         self.pacer.advance(self.twin)
-        if self.pacer.slipped and not slipped:
-            log.warning("this computer does not reach speed %g; running slower", self.pacer.speed)
+        self._say_pace()
         self._reply()
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._wake_out, selectors.EVENT_READ, self._awake)
-            for watch in self._watches():
-                selector.register(watch.file, watch.events, watch.handler)
-            for key, _ in selector.select(self._sleep_s()):
-                key.data()
+        if self._wire is not None:
+            self._wire.look(self.twin.time_ns)
+        self._watched.wait(self._watches(), self._sleep_s())
 
-    def _watches(self) -> Iterator[Watch]:
-        listening = self._backlog_s() <= 0
+    def _say_pace(self) -> None:
+        if self.pacer.behind == self._behind:
+            return
+        self._behind = self.pacer.behind
+        if self._behind:
+            log.warning(
+                "this computer does not reach speed %g: %.3g times real time", self.pacer.speed, self.pacer.reached
+            )
+        else:
+            log.warning(
+                "speed %g is reached again; it was %.3g times real time meanwhile",
+                self.pacer.speed,
+                self.pacer.reached,
+            )
+
+    def _watches(self) -> list[Watch]:
+        watches = [self._wake_watch]
+        listening = self._backlog_s() <= 0 and not self._replies_pile_up()
         for endpoint in self.endpoints:
-            yield from endpoint.watches(listening)
+            watches += endpoint.watches(listening)
+        return watches
 
     def _sleep_s(self) -> float | None:
-        waits = [self.pacer.wait_s(self.twin)]
+        wait = self.pacer.wait_s(self.twin)
+        if self.pacer.speed is None:
+            return wait
+        waits = [wait]
         if (backlog := self._backlog_s()) > 0:
             waits.append(backlog)
+        if self._piece and (complete_ns := self._piece.complete_ns(self.twin.serial_format.byte_ns)) is not None:
+            waits.append(self.pacer.until_s(complete_ns))
         known = [wait for wait in waits if wait is not None]
         return min(known) if known else None
 
@@ -187,26 +318,59 @@ class Server:
         room_ns = LINE_BYTES * self.twin.serial_format.byte_ns
         return self.pacer.until_s(self._line_free_ns - room_ns)
 
+    def _replies_pile_up(self) -> bool:
+        """Whether the line to the host is so far behind that no more questions should be asked."""
+        return getattr(self.twin, "replies_due", 0) > LINE_BYTES
+
     def _awake(self) -> None:
         with suppress(BlockingIOError):
             self._wake_out.recv(4096)
 
     def _reply(self) -> None:
-        if data := self.twin.read():
-            speaker = self._speaker or (self.endpoints[0] if self.endpoints else None)
-            if speaker is not None:
-                speaker.send(data)
+        """Hand what has arrived to the host, in pieces or as it comes."""
+        twin = self.twin
+        if data := twin.read():
+            if self._wire is not None:
+                self._wire.carry(twin.time_ns, data, sent=False)
+            self._piece.add(twin.time_ns, data)
+        if not self._piece:
+            return
+        if self._gathering:
+            complete_ns = self._piece.complete_ns(twin.serial_format.byte_ns)
+            if complete_ns is None or complete_ns > twin.time_ns:
+                return
+        self._hand_on()
+
+    @property
+    def _listener(self) -> Endpoint | None:
+        """Who gets the replies."""
+        return self._speaker or (self.endpoints[0] if self.endpoints else None)
+
+    @property
+    def _gathering(self) -> bool:
+        listener = self._listener
+        return self.pacer.speed is not None and listener is not None and listener.gathers
+
+    def _hand_on(self) -> None:
+        """Send the piece gathered so far."""
+        data, listener = self._piece.take(), self._listener
+        if data and listener is not None:
+            listener.send(data)
 
     # called by endpoints
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
         """A host of this endpoint has sent `data` just now."""
-        present = self.pacer.present_ns()
-        while present is not None and self.twin.time_ns < present:
-            self.pacer.advance(self.twin)
-            self._reply()
-        self._speaker = endpoint
+        self.pacer.catch_up(self.twin, self._reply)
+        if endpoint is not self._speaker:
+            self._hand_on()
+            self._speaker = endpoint
+        if self._wire is not None:
+            self._wire.carry(self.twin.time_ns, data, sent=True)
         self.twin.write(data)
+        if self.pacer.speed is None:
+            self._reply()  # it may have been answered already
+            return
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 

@@ -4,17 +4,26 @@ Addresses: HOST:PORT, [IPV6]:PORT, :PORT or PORT; without a host the loopback in
 
 The controller has one line, so one client is served at a time. A second one is told so in a line of text and closed;
 the first does not notice. A client that closes its sending side (`printf '@07\\r' | nc -N host port`) still gets the
-replies to what it has sent, unless somebody else connects.
+replies to what it has sent, unless somebody else connects. One that has vanished without a word (a pulled cable, a
+computer without power) gives up the line within a minute:
+
+    last sign of life --- PROBE_AFTER_S ---> probe --- PROBE_EVERY_S ---> probe ... PROBES in vain: gone, 50 s in all
+
+At a finite speed bytes that follow each other on the line are sent in one piece once it falls silent (server.py), as a
+terminal server does it.
 """
 
 from __future__ import annotations
 
+import errno
 import logging
+import os
 import select
 import selectors
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Protocol
 
@@ -26,6 +35,12 @@ log = logging.getLogger("isel_twin")
 
 REFUSALS = 16
 """Refused clients whose last words are still on the way; more than that are cut off."""
+
+PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3
+"""A client that has said nothing for so long is asked by the operating system whether it is still there, so often."""
+
+VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES
+"""Time after which a client that does not answer is given up, also one that was being sent something."""
 
 
 class ProtocolError(Exception):
@@ -63,6 +78,13 @@ def parse_address(text: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
 
+def _spare() -> int | None:
+    """A file that can be closed to have one free; None if there is none."""
+    with suppress(OSError):
+        return os.open(os.devnull, os.O_RDONLY)
+    return None
+
+
 def _hung_up(connection: socket.socket) -> bool:
     """Whether the other side has closed or will send no more, perhaps with bytes of it still unread."""
     if hasattr(select, "POLLRDHUP"):
@@ -75,6 +97,20 @@ def _hung_up(connection: socket.socket) -> bool:
         return False
     except OSError:
         return True
+
+
+def _keep_alive(connection: socket.socket) -> None:
+    """Have the operating system find out about a client that has vanished. See the module."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for names, value in (
+        (("TCP_KEEPIDLE", "TCP_KEEPALIVE"), PROBE_AFTER_S),  # the second is what macOS calls it
+        (("TCP_KEEPINTVL",), PROBE_EVERY_S),
+        (("TCP_KEEPCNT",), PROBES),
+        (("TCP_USER_TIMEOUT",), VANISHED_S * 1000),
+    ):
+        option = next((getattr(socket, name) for name in names if hasattr(socket, name)), None)
+        if option is not None:
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 class _Client:
@@ -94,6 +130,7 @@ class TcpEndpoint:
         self, address: str, kind: str = "tcp", codec: Callable[[Callable[[bytes], None]], Codec] = RawCodec
     ) -> None:
         self.kind = kind
+        self.gathers = True
         self._codec = codec
         self._client: _Client | None = None
         self._refused: deque[socket.socket] = deque()
@@ -105,6 +142,7 @@ class TcpEndpoint:
             reason = (error.strerror or str(error)).split(" (")[0]
             raise OSError(error.errno, f"{reason}; choose another address, or port 0 for a free one", address) from None
         self._listener.setblocking(False)
+        self._spare: int | None = _spare()
         host, port = self._listener.getsockname()[:2]
         self.address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
@@ -128,20 +166,34 @@ class TcpEndpoint:
     def _accept(self) -> None:
         try:
             connection, peer = self._listener.accept()
-        except OSError:
-            return  # it has gone already
+        except OSError as error:
+            if error.errno in (errno.EMFILE, errno.ENFILE):
+                self._turn_away()
+            return  # else it has gone already
         connection.setblocking(False)
         if not self._server.claim(self):
             self._refuse(connection)
             return
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            _keep_alive(connection)
             self._client = _Client(connection, self._codec)
         except OSError:
             connection.close()  # it has gone already
         else:
             log.info("%s: client %s:%s connected", self.kind, *peer[:2])
+
+    def _turn_away(self) -> None:
+        """No file is left for another connection: use the one that is kept for this to let go of who waits.
+
+        Else the listening socket would stay ready, and the server busy with it, until a file becomes free.
+        """
+        log.warning("%s: too many open files; a client was turned away", self.kind)
+        if self._spare is not None:
+            os.close(self._spare)
+            with suppress(OSError):
+                self._listener.accept()[0].close()
+        self._spare = _spare()
 
     def _refuse(self, connection: socket.socket) -> None:
         """Say why, and close once the client has: closing at once could make its kernel throw our words away."""
@@ -210,3 +262,6 @@ class TcpEndpoint:
         self._disconnect("the server stops")
         for connection in (self._listener, *self._refused):
             connection.close()
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None

@@ -1,12 +1,34 @@
-"""What all tests share: the option that writes golden files anew."""
+"""What all tests share: compiled code from the start, and the option that writes golden files anew."""
 
 from __future__ import annotations
 
 import pytest
 
+MANY = 200
+"""Tests in a session from which on everything is compiled before the first of them."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="write the digests in tests/golden anew")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile before any worker starts, so that only one does."""
+    if getattr(session.config.option, "numprocesses", None):
+        _warm_up()
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Without workers: compile if there is much to be done, so that no test is blamed for it."""
+    if len(session.items) >= MANY and not hasattr(session.config, "workerinput"):
+        _warm_up()
+
+
+def _warm_up() -> None:
+    from isel_twin.warm import warm_up
+
+    for plant in ("kinematic", "mujoco"):
+        warm_up(plant)
 
 
 @pytest.fixture

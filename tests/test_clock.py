@@ -509,6 +509,18 @@ def test_a_long_motion_is_made_whole(build: Build) -> None:
     assert (times[0] == np.arange(1, count + 1) * 50_000).all()
 
 
+def test_a_switch_far_into_a_long_motion_is_heard_at_its_tick(build: Build) -> None:
+    """64032.5 steps before the switch: tick 64033 strikes it, after more ticks than are expanded at once, none late."""
+    controller = Scripted()
+    controller.at(0, lambda: controller.start(steps(-80_000, 0, 0, 0, hz=20_000)))
+    controller.on_level = lambda terminal, level: controller.end()
+    twin = build(controller, start_mm=(64_032.5 * STEP_MM, 50.0, 30.0))
+    twin.run_until(10 * SECOND_NS)
+    assert controller.edges == [(64_033 * 50 * MICROSECOND_NS, "limit_x1", False)]
+    assert (twin.counts[0], len(twin.steps)) == (-64_033, 64_033)
+    assert twin.machine_position_mm[0] == pytest.approx(-0.5 * STEP_MM)
+
+
 # ---- edges ---------------------------------------------------------------------------------------------------------
 
 
@@ -750,6 +762,26 @@ def test_next_event_is_the_earliest_of_all(build: Build) -> None:
     assert 900 * MILLISECOND_NS < twin.next_event_ns <= 910 * MILLISECOND_NS, "something moves"
     twin.run(1.0)
     assert twin.next_event_ns is None
+
+
+def test_a_machine_that_still_moves_may_bring_something_about(build: Build) -> None:
+    """Without a motion or a timer, but pushed: whoever paces the twin has to look again."""
+    twin = build(Scripted(), "mujoco")
+    twin.run(1.0)
+    assert twin.next_event_ns is None
+    twin.apply_force(1, 300.0)
+    twin.run(0.001)
+    assert twin.next_event_ns is not None
+    assert twin.time_ns < twin.next_event_ns <= twin.time_ns + 10 * MILLISECOND_NS
+    twin.run(5.0)
+    assert twin.next_event_ns is None
+
+
+def test_whoever_builds_the_twin_has_the_last_word_on_its_machine(build: Build) -> None:
+    """The controller wants an ideal machine; its switches bounce all the same, and nothing else is as it was."""
+    twin = build(Scripted(), overrides={"imperfections.bounce": True})
+    assert twin.machine.imperfections.bounce
+    assert not twin.machine.imperfections.backlash
 
 
 def test_a_scenario_happens_at_its_times(build: Build, tmp_path: Any) -> None:

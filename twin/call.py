@@ -74,8 +74,10 @@ class TwinCall:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
 
-    def build(self) -> Twin:
+    def build(self, keep_motions: int | None = None) -> Twin:
         """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
+
+        keep_motions: see `Twin`.
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
@@ -98,6 +100,7 @@ class TwinCall:
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,
+                keep_motions=keep_motions,
             )
         if keeper is not None:
             if twin.outputs.get("flash_fault") and not (image or b"").startswith(_IMAGE):

@@ -1,16 +1,26 @@
-"""Files that are never seen half written.
+"""Files that are never seen half written, and of which there is one owner at a time.
 
 A file is written under a temporary name in the same folder, flushed to the disk, and only then renamed over the old
 one; the folder is flushed too, so that a power cut leaves the old file or the new one:
 
-    write .NAME.PID.tmp -> fsync -> rename to NAME -> fsync folder
+    write .NAME.PID-NUMBER.tmp -> fsync -> rename to NAME -> fsync folder
+
+Whoever keeps a file up to date claims it: among the twins of this process, and, where the operating system has `flock`,
+among all processes. The lock is on .NAME.lock beside it and ends with the process, however that ends; the empty file
+itself is left only by a process that was killed, and does no harm.
 """
 
 from __future__ import annotations
 
-import glob
+import errno
+import gc
+import itertools
 import logging
 import os
+import re
+import stat
+import threading
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,9 +29,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["FlashFile", "atomic_write", "replacing"]
+__all__ = ["FLASH_BYTES", "Claim", "FlashFile", "atomic_write", "flash_file", "replacing"]
 
 log = logging.getLogger("isel_twin")
+
+FLASH_BYTES = 1 << 24
+"""Largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores."""
+
+_numbers = itertools.count()
 
 
 @contextmanager
@@ -34,10 +49,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     given, target = Path(path), Path(os.path.realpath(path))
     if given.exists() and not given.is_file():  # a pipe behind /dev/stdout has no path of its own
         if given.is_dir():
-            raise IsADirectoryError(21, "is a folder, not a file", str(path))
+            raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(path))
         yield given
         return
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}-{next(_numbers)}.tmp")
     try:
         yield temporary
         if target.exists():
@@ -68,45 +83,187 @@ def _flush(path: Path) -> None:
         os.close(handle)
 
 
-def _remove_left_overs(target: Path) -> None:
-    """Remove temporary files of processes that were killed while they replaced `target`."""
-    for temporary in target.parent.glob(f".{glob.escape(target.name)}.*.tmp"):
-        pid = temporary.name.split(".")[-2]
-        if pid.isdigit() and not _alive(int(pid)):
-            with suppress(OSError):
-                temporary.unlink()
+# ---- one owner -----------------------------------------------------------------------------------------------------
+
+_claims: weakref.WeakValueDictionary[str, Claim] = weakref.WeakValueDictionary()
+_claiming = threading.Lock()
 
 
-def _alive(pid: int) -> bool:
+class Claim:
+    """The only owner of a path, until `release`, or until it is garbage or the process ends.
+
+    Raises OSError (EBUSY) if it has another owner. What the path is does not matter, nor whether it exists. In a folder
+    that cannot be written to nothing can be replaced either, so there a claim holds within this process only.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        name = os.fspath(path)
+        folder, base = os.path.split(os.path.abspath(name))
+        self._key = os.path.join(os.path.realpath(folder), base)
+        with _claiming:
+            if self._key in _claims:
+                gc.collect()  # its owner may be garbage already
+            if self._key in _claims:
+                raise _in_use(name, os.getpid())
+            lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
+            handle, self.abandoned = _lock(name, lock)
+            """Whether its last owner was killed before it could let go of it."""
+            _claims[self._key] = self
+        self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
+
+    def release(self) -> None:
+        """Let others have it. May be called again."""
+        with _claiming:
+            if _claims.get(self._key) is self:
+                del _claims[self._key]
+        self._finalizer()
+
+
+def _in_use(name: str, pid: int) -> OSError:
+    who = "this process" if pid == os.getpid() else f"process {pid}" if pid else "another process"
+    return OSError(errno.EBUSY, f"is in use by another twin, in {who}; stop that one or choose another name", name)
+
+
+def _lock(name: str, lock: str) -> tuple[int | None, bool]:
+    """Descriptor of the locked file `lock`, and whether it was there; None where locks cannot be had.
+
+    Raises OSError if it has an owner.
+    """
     try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        pass
-    return True
+        import fcntl
+    except ImportError:  # Windows
+        return None, False
+    while True:
+        handle, found = _open_lock(lock)
+        if handle is None:
+            return None, False
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            owner = os.read(handle, 20)
+            os.close(handle)
+            raise _in_use(name, int(owner) if owner.isdigit() else 0) from None
+        except OSError:  # a file system without locks
+            os.close(handle)
+            return None, found
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), os.stat(lock)):
+                with suppress(OSError):  # read-only, or a full disk: nobody will know who it was
+                    os.ftruncate(handle, 0)
+                    os.write(handle, b"%d" % os.getpid())
+                return handle, found
+        os.close(handle)  # its last owner has removed it while we waited for it
+
+
+def _open_lock(lock: str) -> tuple[int | None, bool]:
+    """The file, new or found. Another user's can only be read."""
+    for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
+        with suppress(OSError):
+            return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
+    return None, False
+
+
+def _unlock(pid: int, handle: int | None, lock: str) -> None:
+    if handle is None or pid != os.getpid():  # a fork of the owner owns nothing
+        return
+    with suppress(OSError):
+        os.unlink(lock)
+    os.close(handle)
+
+
+# ---- flash ---------------------------------------------------------------------------------------------------------
 
 
 class FlashFile:
-    """A controller's flash memory in a file.
+    """A controller's flash memory in a file, which is its own until it is released.
 
     `image` is what the file held, None for a new device; once `attach` has named the twin, the file follows its flash
-    and exists. Raises OSError if the file cannot be read or written.
+    and exists. Raises OSError if the file has another owner, is no regular file of at most FLASH_BYTES, or cannot be
+    read or written.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        _remove_left_overs(Path(os.path.realpath(path)))
-        self.image = (path.read_bytes() or None) if path.exists() else None
+        self._target = Path(os.path.realpath(path))
+        self._check()
+        self._claim: Claim | None = Claim(self._target)
+        try:
+            _remove_left_overs(self._target)
+            self.image = self._read()
+        except OSError:
+            self._claim.release()
+            raise
+        self._stored = self.image or b""
+
+    def _check(self) -> None:
+        try:
+            status = os.stat(self._target)
+        except FileNotFoundError:
+            return
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(self._path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "is no regular file, so no flash memory", str(self._path))
+        if status.st_size > FLASH_BYTES:
+            raise OSError(
+                errno.EFBIG,
+                f"is no flash image: larger than {FLASH_BYTES >> 20} MiB; name another file",
+                str(self._path),
+            )
+
+    def _read(self) -> bytes | None:
+        return (self._path.read_bytes() or None) if self._path.exists() else None
 
     def attach(self, twin: Twin) -> None:
         """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file."""
         if twin.flash != self.image or self.image is None:
-            atomic_write(self._path, twin.flash or b"")
+            self._write(twin.flash or b"")
         twin.on_flash = self._store
 
+    def release(self) -> None:
+        """Let another twin have the file; what this one writes from now on is not kept. May be called again."""
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+    def hold(self) -> None:
+        """Have it again. Raises OSError if it has another owner now, or has been changed meanwhile."""
+        if self._claim is not None:
+            return
+        claim = Claim(self._target)
+        if (self._read() or b"") != self._stored:
+            claim.release()
+            raise OSError(errno.EBUSY, "has been changed by another twin meanwhile", str(self._path))
+        self._claim = claim
+
+    def _write(self, image: bytes) -> None:
+        atomic_write(self._path, image)
+        self._stored = image
+
     def _store(self, image: bytes) -> None:
+        if self._claim is None:
+            log.error("%s: the flash image could not be stored: the file has been let go", self._path)
+            return
         try:
-            atomic_write(self._path, image)
+            self._write(image)
         except OSError as error:  # the machine runs on; its operator must know
-            log.error("%s: the flash image could not be stored: %s", self._path, error.strerror or error)
+            log.error(
+                "%s: the flash image could not be stored, the file is as it was: %s",
+                self._path,
+                error.strerror or error,
+            )
+
+
+def flash_file(twin: Twin) -> FlashFile | None:
+    """The file that keeps what this twin writes to its flash, for whoever has to release and hold it; None: no file."""
+    keeper = getattr(twin.on_flash, "__self__", None)
+    return keeper if isinstance(keeper, FlashFile) else None
+
+
+def _remove_left_overs(target: Path) -> None:
+    """Remove temporary files of owners of `target` that were killed while they replaced it."""
+    left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+-\d+\.tmp")
+    for name in os.listdir(target.parent):
+        if left_over.fullmatch(name):
+            with suppress(OSError):
+                os.unlink(target.parent / name)

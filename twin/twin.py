@@ -81,6 +81,7 @@ class Twin:
         line_speed: bool = False,
         overrides: Mapping[str, Any] | None = None,
         start_mm: Sequence[float] | None = None,
+        keep_motions: int | None = None,
     ) -> None:
         """Build a twin and switch it on.
 
@@ -93,6 +94,7 @@ class Twin:
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
         overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
+        keep_motions: motions that `steps` keeps, the last ones; None for all since power-on.
 
         Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
         OSError for a scenario file that cannot be read.
@@ -135,7 +137,7 @@ class Twin:
             if not self._plant.physics and (idle := sum(event.physical for event in events)):
                 what = f"{idle} of {len(events)} events push a carriage or interrupt a motor phase"
                 log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
-        self._stream = Stream(axes)
+        self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
 
@@ -194,6 +196,11 @@ class Twin:
         """Whether `read` would return something."""
         arrival_ns = self._line.next_reply_ns
         return arrival_ns is not None and arrival_ns <= self.time_ns
+
+    @property
+    def replies_due(self) -> int:
+        """Bytes of replies on the line that have not arrived at the host yet."""
+        return self._line.replies_due
 
     @property
     def serial_format(self) -> SerialFormat:
@@ -278,7 +285,7 @@ class Twin:
 
     @property
     def steps(self) -> Steps:
-        """The stream made since power-on: `.t_ns` int64 [n], `.delta` int8 [n, axes] (int32 with set points)."""
+        """The stream made since power-on, as far as it is kept: `.t_ns` int64 [n], `.delta` int8 [n, axes] or int32."""
         return self._stream.steps(self.time_ns)
 
     @property

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,9 +23,12 @@ def user_info(port) -> str:
 
 def test_the_flash_outlives_the_server(serve, tmp_path):
     flash = tmp_path / "imc.flash"
-    with serve("--flash", str(flash)).open() as port:
+    served = serve("--flash", str(flash))
+    with served.open() as port:
         assert ask(port, f"@0IU{OLD}") == "0"
         assert ask(port, "@0IW") == "0"
+    assert served.stop(signal.SIGTERM) == 0
+    assert [file.name for file in tmp_path.iterdir()] == ["imc.flash"]
     with serve("--flash", str(flash)).open() as port:
         assert OLD in user_info(port)
 
@@ -58,13 +63,37 @@ def test_a_damaged_flash_image_is_the_controllers_business(serve, tmp_path):
     """It starts with its defaults, and what is left of the image is not overwritten until something is stored."""
     flash = tmp_path / "imc.flash"
     flash.write_bytes(b"isel-twin imc flash 1 00000000\nhalf")
-    with serve("--flash", str(flash)).open() as port:
+    served = serve("--flash", str(flash))
+    with served.open() as port:
         assert ask(port, "@07") == "0"
         assert flash.read_bytes() == b"isel-twin imc flash 1 00000000\nhalf"
         assert ask(port, f"@0IU{NEW}") == "0"
         assert ask(port, "@0IW") == "0"
+    assert served.stop(signal.SIGTERM) == 0
     with serve("--flash", str(flash)).open() as port:
         assert NEW in user_info(port)
+
+
+def test_a_second_server_on_one_flash_file_is_refused_in_one_line(serve, tmp_path):
+    flash = tmp_path / "imc.flash"
+    served = serve("--flash", str(flash))
+    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--flash", str(flash)]
+    second = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert second.returncode == 2
+    assert second.stdout == ""
+    (line,) = second.stderr.splitlines()
+    assert f"imc.flash: is in use by another twin, in process {served.process.pid}" in line
+    with served.open() as port:
+        assert ask(port, "@07") == "0"
+
+
+@pytest.mark.parametrize("file", ["/dev/zero", "."])
+def test_a_flash_memory_is_a_regular_file(file):
+    command = [sys.executable, "-m", "isel_twin.cli", "serve", "--plant", "kinematic", "--flash", file]
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert "no regular file" in line or "folder" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 
 import pytest
@@ -10,7 +12,7 @@ import serial
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
-from isel_twin.bridge.server import OUTBOX_BYTES, Outbox, Server
+from isel_twin.bridge.server import LINE_BYTES, OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
 from isel_twin.bridge.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
 from isel_twin.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask
@@ -93,6 +95,94 @@ def test_a_client_that_has_sent_everything_still_gets_its_replies(serving):
         assert read_exactly(client, 21) == b"00" + b"0" * 19
 
 
+def test_a_client_that_vanishes_is_found_out_by_the_operating_system(serving):
+    """The options say within a minute; that they do it is measured, see docs/reliability.md."""
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint)
+    with connect(endpoint.address) as client:
+        client.sendall(b"@07\r")
+        assert read_exactly(client, 1) == b"0"
+        assert endpoint._client is not None
+        asked = endpoint._client.connection.getsockopt
+        assert asked(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        idle = socket.TCP_KEEPIDLE if hasattr(socket, "TCP_KEEPIDLE") else socket.TCP_KEEPALIVE
+        after_s, every_s, times = (
+            asked(socket.IPPROTO_TCP, option) for option in (idle, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT)
+        )
+        assert after_s + times * every_s <= 60
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            assert asked(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) <= 60_000
+
+
+def test_a_server_without_a_free_file_turns_clients_away_and_sleeps(serving, monkeypatch, caplog):
+    """EMFILE: the listening socket stays ready for ever unless somebody takes what waits there."""
+    endpoint = TcpEndpoint(LOOPBACK)
+    accept, failed = socket.socket.accept, []
+
+    def full(listener: socket.socket):
+        """As long as the spare file is open there is none to be had."""
+        if endpoint._spare is not None and not released:
+            failed.append(1)
+            raise OSError(errno.EMFILE, "Too many open files")
+        return accept(listener)
+
+    released: list[int] = []
+    close = os.close
+
+    def closing(file: int) -> None:
+        if file == endpoint._spare:
+            released.append(file)
+        close(file)
+
+    monkeypatch.setattr(socket.socket, "accept", full)
+    monkeypatch.setattr(os, "close", closing)
+    serving(endpoint)
+    with connect(endpoint.address) as client:
+        assert client.recv(1) == b""
+    assert len(failed) == 1
+    assert "too many open files" in caplog.text
+    with connect(endpoint.address) as client:
+        client.sendall(b"@07\r")
+        assert read_exactly(client, 1) == b"0"
+
+
+@pytest.mark.parametrize("codec", [RawCodec, Rfc2217Codec])
+@pytest.mark.parametrize("speed", [0.2, 1.0])
+def test_a_reply_over_the_network_comes_in_one_piece(serving, codec, speed):
+    """19 bytes take 9.9 ms on the line at speed 1 and 50 ms at 0.2, and come at once when they have come."""
+    endpoint = TcpEndpoint(LOOPBACK, codec=codec)
+    serving(endpoint, speed=speed)
+    with connect(endpoint.address) as client:
+        client.sendall(b"@07\r")
+        while client.recv(4096)[-1:] != b"0":  # Telnet's options come before it
+            pass
+        for _ in range(10):
+            client.sendall(b"@0P\r")
+            assert client.recv(4096) == b"0" * 19
+
+
+def test_a_long_stream_of_replies_is_not_kept_back(serving):
+    """What comes without a pause is handed on in pieces of at most PIECE_BYTES."""
+    endpoint = TcpEndpoint(LOOPBACK)
+    serving(endpoint, speed=20.0)
+    with connect(endpoint.address) as client:
+        client.sendall(b"@07\r" + b"@0P\r" * 200)
+        assert read_exactly(client, 1 + 200 * 19) == b"0" * (1 + 200 * 19)
+
+
+def test_a_piece_is_complete_after_silence_or_when_it_is_long():
+    piece = _Piece()
+    assert piece.complete_ns(10) is None
+    piece.add(100, b"0")
+    assert piece.complete_ns(10) == 100 + SILENCE_BYTES * 10
+    piece.add(110, b"0" * 18)
+    assert piece.complete_ns(10) == 110 + SILENCE_BYTES * 10
+    piece.add(120, b"0" * PIECE_BYTES)
+    assert piece.complete_ns(10) == 120
+    assert piece.take() == b"0" * (19 + PIECE_BYTES)
+    assert piece.complete_ns(10) is None
+
+
 def test_many_refused_clients_that_never_leave_do_no_harm(serving):
     endpoint = TcpEndpoint(LOOPBACK)
     serving(endpoint)
@@ -148,11 +238,13 @@ def test_a_reply_goes_to_the_endpoint_that_spoke_last(serving):
 class Mouth:
     """An endpoint without a host: says one thing, then keeps an eye on whether it is still listened to."""
 
-    kind, address, busy = "mouth", "", False
+    kind, address, gathers, busy = "mouth", "", False, False
 
-    def __init__(self, words: bytes, clock: Clock) -> None:
+    def __init__(self, words: bytes, clock: Clock, looks: int = 40, look_ns: int = 50 * MS) -> None:
         self._words = words
         self._clock = clock
+        self._looks = looks
+        self._look_ns = look_ns
         self.heard: list[bool] = []
 
     def attach(self, server: Server) -> None:
@@ -162,8 +254,8 @@ class Mouth:
         self.heard.append(listening)
         if len(self.heard) == 1:
             self._server.receive(self, self._words)
-        self._clock.now += 50 * MS
-        if len(self.heard) == 40:
+        self._clock.now += self._look_ns
+        if len(self.heard) == self._looks:
             self._server.stop()
         else:
             self._server.wake()
@@ -180,6 +272,39 @@ def test_a_paced_line_is_not_filled_further_than_it_can_carry():
     mouth = Mouth(b"\n" * 6000, clock)
     Server(Twin(plant="kinematic", line_speed=True), Pacer(1.0, clock=clock), [mouth]).run()
     assert mouth.heard == [True] + [False] * 19 + [True] * 20
+
+
+class CountingTwin(Twin):
+    """Tells what is on its line."""
+
+    @property
+    def replies_due(self) -> int:
+        return self._line.replies_due
+
+
+class Flood(Mouth):
+    """Asks whenever it is listened to, and far more than the line can answer."""
+
+    most = 0
+
+    def watches(self, listening: bool):
+        if listening:
+            self._server.receive(self, b"@0P\r" * (LINE_BYTES // 4))
+        self.most = max(self.most, self._server.twin.replies_due)
+        return super().watches(listening)
+
+
+def test_a_host_that_asks_faster_than_the_line_can_answer_is_made_to_wait():
+    """`@0P` is answered with 19 bytes for 4: in 20 s the replies to what the line carries would be 140 KB in arrears.
+
+    At most the answers to a full line of questions come on top of what is there when no more is taken.
+    """
+    clock = Clock()
+    flood = Flood(b"\n", clock, looks=400)
+    twin = CountingTwin(plant="kinematic", line_speed=True)
+    Server(twin, Pacer(1.0, clock=clock), [flood]).run()
+    assert flood.most <= LINE_BYTES + 2 * LINE_BYTES // 4 * 19
+    assert flood.heard.count(True) > 2, "it is listened to again"
 
 
 def test_an_unpaced_line_takes_everything():

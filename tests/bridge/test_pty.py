@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 from pathlib import Path
 
 import pytest
 
+from isel_twin.bridge.pty import PtyEndpoint
 from tests.bridge.conftest import REPLY_S, Served, ask
 
 MOVED = "0003E80001F40000000"
@@ -124,6 +126,43 @@ def test_a_link_left_behind_by_a_killed_server_is_replaced(serve, tmp_path):
     assert link.is_symlink()
     served = serve("--pty", str(link))
     assert os.readlink(link) == served.info["device"]
+
+
+def test_a_link_left_behind_whose_device_is_somebody_elses_by_now_is_replaced(serve, tmp_path):
+    """Numbers of pseudo terminals are used again: the link of a killed server may lead to a living one."""
+    link = tmp_path / "imc"
+    killed = serve("--pty", str(link))
+    killed.stop(signal.SIGKILL)
+    others = []
+    try:
+        while not link.exists():  # until somebody has the number
+            others.append(os.openpty())
+        served = serve("--pty", str(link))
+        assert os.readlink(link) == served.info["device"]
+        with served.open() as port:
+            assert ask(port, "@07") == "0"
+    finally:
+        for file in itertools.chain.from_iterable(others):
+            os.close(file)
+
+
+def test_a_link_that_is_in_use_is_left_alone(serve, tmp_path):
+    link = tmp_path / "imc"
+    served = serve("--pty", str(link))
+    with pytest.raises(OSError, match=f"in use by another twin, in process {served.process.pid}"):
+        PtyEndpoint(str(link))
+    assert os.readlink(link) == served.info["device"]
+    with served.open() as port:
+        assert ask(port, "@07") == "0"
+
+
+def test_a_link_of_another_program_is_left_alone(tmp_path):
+    link = tmp_path / "imc"
+    link.symlink_to("/dev/null")
+    with pytest.raises(FileExistsError, match="exists already"):
+        PtyEndpoint(str(link))
+    assert os.readlink(link) == "/dev/null"
+    assert os.listdir(tmp_path) == ["imc"]
 
 
 def test_the_server_survives_a_host_that_leaves_in_mid_reply(serve):

@@ -236,7 +236,7 @@ def test_windows_and_displacements_do_not_depend_on_how_they_are_cut(cuts: list[
     made = np.cumsum(whole.astype(np.int64), axis=0)
     edges = sorted({0, 160_000, *cuts})
     for first, last in pairwise(edges):
-        assert spiral.deltas(first, last).tolist() == whole[first:last].tolist()
+        assert np.array_equal(spiral.deltas(first, last), whole[first:last])
         assert spiral.displacement(last) == tuple(made[last - 1])
 
 

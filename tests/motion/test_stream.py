@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motion.plans import Table, table
 
@@ -64,6 +64,7 @@ def test_only_part_of_what_was_asked_for_may_be_made() -> None:
     some = Stream(3)
     some.follow(steps(10), 0)
     assert some.until(8 * MS)[0].tolist() == [k * MS for k in range(1, 9)]
+    assert not some.more_after(8), "the last two are expanded, too"
     some.make(3)
     assert some.until(6 * MS)[0].tolist() == [4 * MS, 5 * MS, 6 * MS]
 
@@ -140,6 +141,8 @@ def test_a_resumed_plan_goes_on_where_it_was_left() -> None:
 
 @given(st.lists(st.tuples(st.integers(1, 90), st.sampled_from(["go on", "stop", "cut", "anew", "rest"])), max_size=12))
 @settings(deadline=None, max_examples=100)
+@example([(1, "anew"), (1, "go on"), (83, "stop")])
+@example([(1, "anew"), (1, "stop"), (1, "stop")])
 def test_the_record_is_what_was_made(deeds: list[tuple[int, str]]) -> None:
     """Whatever a controller does: the ticks that were handed out, and no others, are in the record."""
     some, now, motion = Stream(2), 0, None
@@ -154,7 +157,7 @@ def test_the_record_is_what_was_made(deeds: list[tuple[int, str]]) -> None:
             motion = SetPointRun(PLAN, PERIOD, now) if wait % 2 else StepRun(line((50, -9)), constant(50, 700), now)
         elif deed == "rest" or motion is None:
             motion = None
-        elif deed == "stop":
+        elif deed == "stop" and motion.end_ns > now:  # nobody stops what is over
             motion = motion.stopped(now)
         elif deed == "cut":
             motion = motion.cut(now)

@@ -117,6 +117,35 @@ def test_the_spindle_needs_relay_hood_and_the_controller() -> None:
     assert not box.spindle_runs
 
 
+def test_the_spindle_stops_when_the_controller_stops_asking() -> None:
+    box = SafetyCabinet()
+    box.output("spindle", 1)
+    box.output("spindle", 0)
+    assert (box.spindle_runs, box.relay) == (False, True)
+
+
+def test_a_request_that_stands_is_no_new_request() -> None:
+    """Power and spindle come with a rising output; one that is told to be 1 again has not risen."""
+    box = SafetyCabinet()
+    box.output("power_request", 1)
+    box.output("spindle", 1)
+    press_estop(box, "pressed")
+    press_estop(box, "released")
+    box.output("power_request", 1)
+    assert not box.relay
+    box.operate("power", "on")
+    box.output("spindle", 1)
+    assert (box.relay, box.spindle_runs) == (True, False)
+
+
+def test_only_a_closed_hood_is_locked() -> None:
+    box = cabinet(hood="open")
+    box.output("hood_release", 0)
+    assert not box.locked
+    assert box.operate("hood", "closed") == "closed"
+    assert box.locked
+
+
 def test_asking_for_the_spindle_with_the_hood_open_starts_nothing_and_cuts_nothing() -> None:
     """The contactor does not close, so nothing runs that the open hood would endanger (W4)."""
     box = cabinet(hood="open")
@@ -157,6 +186,30 @@ def test_the_spindle_does_not_start_by_itself_when_the_hood_is_closed() -> None:
 def test_hood_contacts_combine_hood_and_key(hood: str, key: str, automatic: bool, setup: bool) -> None:
     contacts = cabinet(hood=hood, key=key).contacts()
     assert (contacts["hood_automatic"], contacts["hood_setup"], contacts["key"]) == (automatic, setup, key == "setup")
+
+
+@pytest.mark.parametrize(
+    ("element", "state", "closed", "opened"),
+    [
+        ("start", "down", {"start"}, set()),
+        ("stop", "down", set(), {"stop"}),
+        ("probe", "touched", {"probe"}, set()),
+        ("key", "setup", {"key"}, {"hood_automatic"}),
+        ("estop", "pressed", set(), {"estop_1", "estop_2"}),
+        ("overtemperature", "hot", set(), {"overtemperature", "power_ok"}),
+        ("power", "off", set(), {"power_ok"}),
+        ("hood", "open", set(), {"hood_automatic", "hood_setup"}),
+        *((f"user_{bit}", "high", {f"user_{bit}"}, set()) for bit in range(8)),
+    ],
+)
+def test_what_each_element_does_to_contacts(element: str, state: str, closed: set[str], opened: set[str]) -> None:
+    """The button of the E-stop opens two circuits; the relay looks at these, so it follows with `sense`."""
+    box = SafetyCabinet()
+    resting = box.contacts()
+    box.operate(element, state)
+    changed = box.contacts()
+    assert {name for name in changed if changed[name] and not resting[name]} == closed
+    assert {name for name in changed if resting[name] and not changed[name]} == opened
 
 
 def test_unknown_names_and_states_are_named() -> None:

@@ -15,6 +15,15 @@ def line(timed: bool) -> SerialLine:
     return SerialLine(timed, np.random.default_rng(0))
 
 
+def test_replies_on_their_way_are_counted() -> None:
+    line = SerialLine(timed=True, random=np.random.default_rng(0))
+    assert line.replies_due == 0
+    line.from_controller(0, b"12345", 100)
+    assert line.replies_due == 5
+    assert line.at_host(250) == b"12"
+    assert line.replies_due == 3
+
+
 def test_untimed_bytes_arrive_at_once() -> None:
     wire = line(timed=False)
     wire.from_host(7, b"@07\r", BYTE_NS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
@@ -24,6 +24,9 @@ from isel_twin.cli.options import (
 
 if TYPE_CHECKING:
     from isel_twin.bridge.server import Endpoint
+
+KEPT_MOTIONS = 1000
+"""Motions in the record of a server that records nothing: what its panel or a visitor may want to look back at."""
 
 
 def serve(
@@ -45,6 +48,9 @@ def serve(
         Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
     ] = None,
     interval: Interval = 0.01,
+    log: Annotated[
+        Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
+    ] = "events",
 ) -> int:
     """Put a twin behind a serial port and let host programs drive it until it is told to stop (Ctrl-C).
 
@@ -55,15 +61,17 @@ def serve(
             "panel: there is no operator panel yet; use --scenario to operate hood, key and E-stop", option=True
         )
     import json
-    import logging
 
+    from isel_twin.bridge.keeping import serve_and_keep
+    from isel_twin.bridge.log import log_to
     from isel_twin.bridge.pacing import Pacer, parse_speed
     from isel_twin.bridge.server import Server, on_signals
+    from isel_twin.bridge.wire_log import WireLog
     from isel_twin.cli import outputs
+    from isel_twin.language import create_language
     from isel_twin.trace.write import trace_kind, write_trace
     from isel_twin.warm import warm_up
 
-    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="isel-twin: %(message)s")
     check_seconds("interval", interval, 1e-9)
     with call_errors():
         factor = parse_speed(speed)
@@ -75,22 +83,29 @@ def serve(
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
+        if (stderr := _file_number(sys.stderr)) is not None:
+            stack.enter_context(log_to(stderr, count=log != "wire"))
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
-        twin = call.build()
+        twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
         warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints)
+        wire = WireLog(create_language(controller)) if log == "wire" else None
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire)
         stack.enter_context(on_signals(server.stop))
         where = {endpoint.kind: endpoint.address for endpoint in endpoints}
         if pty:
             where = {**where, "pty": pty, "device": where["pty"]}
         print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
-        server.run()
-        if record is not None:
-            with call_errors():
-                write_trace(record, twin, recorder)
-    return 0
+        return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+
+
+def _file_number(stream: TextIO) -> int | None:
+    """File descriptor of a stream; None if there is no file behind it, as where a caller has put its own in place."""
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
 
 
 def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: ExitStack) -> list[Endpoint]:

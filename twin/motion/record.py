@@ -1,7 +1,14 @@
-"""The record of what was commanded: a list of motions, expanded to arrays where it is looked at."""
+"""The record of what was commanded: a list of motions, expanded to arrays where it is looked at.
+
+A motion needs about a kilobyte, whatever its length. A twin that runs for weeks may keep the last ones only:
+
+    dropped                    motions
+    - - - - - - - - - - - -|---|--|----|---|-----|      keep = 5
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -14,7 +21,7 @@ __all__ = ["Steps"]
 
 
 class Steps:
-    """The stream of all motions so far, in the order of time.
+    """The stream of all motions so far that are kept, in the order of time.
 
     Whoever executes motions appends each one when it starts and calls `replace_last` when it was stopped or cut, so the
     last one may lie in the future: `until(t)` is the record of what has been commanded by t.
@@ -24,10 +31,17 @@ class Steps:
         record.until(now).t_ns                  # what has happened
     """
 
-    def __init__(self, axes: int, motions: Iterable[Motion] = ()) -> None:
-        """axes: number of axes of every motion."""
+    def __init__(self, axes: int, motions: Iterable[Motion] = (), keep: int | None = None) -> None:
+        """axes: number of axes of every motion. keep: number of motions that are kept, the last ones; None for all.
+
+        Raises ValueError if that is less than one, or as `append` does.
+        """
+        if keep is not None and keep < 1:
+            raise ValueError(f"a record keeps at least one motion, not {keep}")
         self.axes = axes
-        self._motions: list[Motion] = []
+        self.dropped = 0
+        """Motions at the beginning that are not kept."""
+        self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
             self.append(motion)
 
@@ -44,6 +58,7 @@ class Steps:
             raise ValueError(
                 f"a motion starts at {motion.start_ns} ns, before the last one ends at {self._motions[-1].end_ns} ns"
             )
+        self.dropped += len(self._motions) == self._motions.maxlen
         self._motions.append(motion)
 
     def replace_last(self, motion: Motion) -> None:
@@ -53,7 +68,8 @@ class Steps:
     def until(self, t_ns: int) -> Steps:
         """The record of the ticks at or before t_ns."""
         steps = Steps(self.axes)
-        steps._motions = [motion for motion in self._motions if motion.start_ns <= t_ns]
+        steps.dropped = self.dropped
+        steps._motions.extend(motion for motion in self._motions if motion.start_ns <= t_ns)
         if steps._motions:
             steps._motions[-1] = steps._motions[-1].cut(t_ns)
         return steps

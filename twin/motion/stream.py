@@ -26,8 +26,9 @@ CHUNK = 1 << 15
 class Stream:
     """See the module."""
 
-    def __init__(self, axes: int) -> None:
-        self._record = Steps(axes)
+    def __init__(self, axes: int, keep: int | None = None) -> None:
+        """keep: number of motions that the record keeps, the last ones; None for all. Raises ValueError below 1."""
+        self._record = Steps(axes, keep=keep)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8)
         self._motion: Motion | None = None
         self._made = 0

@@ -1,7 +1,8 @@
 """Look at the twin now and then, and remember.
 
 A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
-that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory.
+that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When there is no
+room for the file any more, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -10,6 +11,7 @@ that a long job needs little memory; changes of levels, inputs and outputs are f
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -28,6 +30,8 @@ __all__ = ["Change", "Recorder", "sample_dtype"]
 
 BUFFER = 4096
 """Samples kept before they go to the file."""
+
+log = logging.getLogger("isel_twin")
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,8 @@ class Recorder:
         self.changes: list[Change] = []
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
+        self.ended = False
+        """Nothing more is recorded: what there is was all there was room for."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=self.dtype)
         self._buffered = 0
@@ -84,16 +90,30 @@ class Recorder:
         seen = snapshot(twin)
         time_ns = seen.time_ns
         again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
-        if self._buffered == BUFFER and not again:
-            self._buffer.tofile(self._file)
-            self._stored += BUFFER
-            self._buffered = 0
+        if self.ended or (self._buffered == BUFFER and not again and not self._store()):
+            return
         if not again:  # of several looks at one instant, the last one counts
             self._buffered += 1
         self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
         self._compare(time_ns, "level", seen.levels)
         self._compare(time_ns, "input", seen.inputs)
         self._compare(time_ns, "output", seen.outputs)
+
+    def _store(self) -> bool:
+        """Move the buffer to the file. False if there is no room for it, which ends the recording."""
+        try:
+            self._buffer.tofile(self._file)
+        except OSError:  # numpy does not say why
+            self.ended = True
+            log.error(
+                "the recording ends at %.3f s: no room for it in %s",
+                self._buffer["time_ns"][-1] / 1e9,
+                tempfile.gettempdir(),
+            )
+            return False
+        self._stored += BUFFER
+        self._buffered = 0
+        return True
 
     def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
         last = self._last[group]

@@ -15,24 +15,33 @@ import numpy as np
 
 
 class _Direction:
-    """One direction of the line: a queue of (arrival time, byte)."""
+    """One direction of the line: a queue of (arrival time, bytes that arrive then), and how many bytes that are."""
 
     def __init__(self) -> None:
-        self.queue: deque[tuple[int, int]] = deque()
+        self.queue: deque[tuple[int, bytes]] = deque()
+        self.due = 0
         self._free_ns = 0
 
     def send(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         arrival = max(t_ns, self._free_ns)
-        for byte in data:
-            arrival += byte_ns
-            self.queue.append((arrival, byte))
+        if byte_ns:
+            for number in range(len(data)):
+                arrival += byte_ns
+                self.queue.append((arrival, data[number : number + 1]))
+        elif data:
+            self.queue.append((arrival, data))
+        self.due += len(data)
         self._free_ns = arrival
 
     def receive(self, t_ns: int) -> bytes:
-        data = bytearray()
-        while self.queue and self.queue[0][0] <= t_ns:
-            data.append(self.queue.popleft()[1])
-        return bytes(data)
+        queue = self.queue
+        if not queue or queue[0][0] > t_ns:
+            return b""
+        data = queue.popleft()[1]
+        while queue and queue[0][0] <= t_ns:
+            data += queue.popleft()[1]
+        self.due -= len(data)
+        return data
 
     @property
     def next_ns(self) -> int | None:
@@ -75,6 +84,11 @@ class SerialLine:
     def next_reply_ns(self) -> int | None:
         """When the next byte arrives at the host."""
         return self._to_host.next_ns
+
+    @property
+    def replies_due(self) -> int:
+        """Bytes on their way to the host."""
+        return self._to_host.due
 
     @property
     def quiet_ns(self) -> int:

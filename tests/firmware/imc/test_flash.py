@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import zlib
+
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
+from isel_twin.firmware.imc import commands
+from isel_twin.firmware.imc import settings as image_format
 from isel_twin.firmware.imc.profile import load_profile
 from isel_twin.firmware.imc.settings import VALID, Flash, Modal, Program, Settings, decode, default_settings, encode
 from isel_twin.testing import Desk
@@ -30,7 +36,7 @@ flashes = st.builds(
         Program,
         st.sampled_from(["empty", "incomplete", VALID]),
         st.lists(st.tuples(st.sampled_from("0567mz"), st.lists(numbers, max_size=8).map(tuple))).map(tuple),
-        st.sampled_from([0, 7, 15]),
+        st.sampled_from([1, 3, 7, 8, 15]),
         st.builds(Modal, start_stop_hz=st.none() | st.integers(20, 4000), three_d=st.none() | st.booleans()),
     ),
 )
@@ -66,6 +72,97 @@ def test_unreadable_flash_gives_defaults_and_says_so(image: bytes) -> None:
     assert desk.outputs["flash_fault"] == 0
     desk.power_cycle()
     assert desk.outputs["flash_fault"] == 0
+
+
+TREE = json.loads(encode(Flash(DEFAULTS, Program(VALID, (("5", (1,)),), 7))).partition(b"\n")[2])
+
+
+def image_with(part: str, name: str, value: object) -> bytes:
+    """An image with a right checksum in which one value is another one."""
+    tree = copy.deepcopy(TREE)
+    where = tree["program"]["modal"] if part == "modal" else tree[part]
+    assert name in where
+    where[name] = value
+    body = json.dumps(tree, separators=(",", ":")).encode()
+    return image_format.MAGIC + b"%08x\n" % zlib.crc32(body) + body
+
+
+NO_NUMBERS = ("300", 300.5, True, None, [], {}, 1e300)
+
+IMPOSSIBLE = (
+    *[("settings", "start_stop_hz", value) for value in (19, 4001, -1, 0, 10**30, *NO_NUMBERS)],
+    *[("settings", "acceleration_hz_per_ms", value) for value in (0, -5, 4001, *NO_NUMBERS)],
+    *[("settings", "limit_switches", value) for value in (-1, 65_536, *NO_NUMBERS)],
+    *[("settings", "reference_hz", [2000] * 3 + [value]) for value in (0, -1, 1 << 23, *NO_NUMBERS)],
+    *[("settings", "run_free_steps", [20] * 3 + [value]) for value in (-1, 1 << 23, *NO_NUMBERS)],
+    *[("settings", name, value) for name in ("reference_hz", "run_free_steps") for value in ([], [50] * 5, 50, "5050")],
+    *[
+        ("settings", name, value)
+        for name in ("swapped", "inverted", "reference_inverted", "rotary")
+        for value in (-1, 16, *NO_NUMBERS)
+    ],
+    *[("settings", name, value) for name in ("io_only", "baud_9600") for value in (-1, 2, *NO_NUMBERS)],
+    *[
+        ("settings", name, value)
+        for name in ("abort", "hood", "emergency", "error_signal")
+        for value in ([4, 0, 0], [-1, 0, 0], [0, 256, 0], [0, 0, -1], [0, 0], [0, 0, 0, 0], [0, 0, "0"], 0, None)
+    ],
+    ("settings", "error_signal", [1, 0, 0]),
+    *[("settings", "user_info", value) for value in ("x" * 33, "\n", "ä", 5, None)],
+    *[("program", "state", value) for value in ("other", 1, None)],
+    *[("program", "axes", value) for value in (0, 16, -1, *NO_NUMBERS)],
+    *[
+        ("program", "lines", value)
+        for value in ("5", [["5"]], [[5, [1]]], [["5", [1.5]]], [["5", ["1"]]], [["5", [1e9]]])
+    ],
+    ("program", "lines", [["5", [1 << 23]]]),
+    *[("modal", "start_stop_hz", value) for value in (19, 4001, 300.5, True, "300")],
+    *[("modal", "acceleration_hz_per_ms", value) for value in (0, 4001, 100.5, True, "100")],
+    *[("modal", "reference_hz", value) for value in ([2000] * 3, [0] * 4, 2000)],
+    *[("modal", "plane", value) for value in (-1, 3, True, "0")],
+    *[("modal", name, value) for name in ("three_d", "clockwise", "test_mode") for value in (0, 1, "true")],
+)
+
+
+@pytest.mark.parametrize(("part", "name", "value"), IMPOSSIBLE)
+def test_impossible_values_with_a_right_checksum_are_a_flash_fault(part: str, name: str, value: object) -> None:
+    desk = Desk.of("imc-s8", flash=image_with(part, name, value))
+    assert desk.outputs["flash_fault"] == 1
+    for command in ("@07", "@0N7", "@0A100,5000,0,30,0,30,0,30", "@0R7"):
+        assert desk.query(command) == "0"
+
+
+@pytest.mark.parametrize(
+    "body", [b"[]", b"null", b"{}", b'{"settings": 5, "program": 6}', b'{"settings": []}', b"[" * 99_999]
+)
+def test_an_image_of_something_else_is_a_flash_fault(body: bytes) -> None:
+    assert decode(image_format.MAGIC + b"%08x\n" % zlib.crc32(body) + body) is None
+
+
+def test_what_an_image_may_hold_is_what_the_commands_take() -> None:
+    for code, name in CODES.items():
+        numbers = commands.INITIALISATION[code].parameters
+        assert isinstance(numbers, tuple)
+        assert image_format.RANGES[name] == tuple((number.low, number.high) for number in numbers), code
+
+
+CODES = {
+    "IF": "run_free_steps",
+    "IJ": "acceleration_hz_per_ms",
+    "Ij": "start_stop_hz",
+    "IO": "io_only",
+    "IE": "limit_switches",
+    "Ie": "swapped",
+    "ID": "inverted",
+    "IR": "reference_inverted",
+    "IT": "rotary",
+    "IA": "abort",
+    "Ia": "error_signal",
+    "IH": "hood",
+    "IN": "emergency",
+    "IC": "baud_9600",
+}
+"""Initialisation commands and the values they set, but for the speeds, whose range is a matter of the profile."""
 
 
 @pytest.mark.parametrize("image", [None, b""])

@@ -173,17 +173,6 @@ def test_control_bytes_are_never_part_of_a_line() -> None:
     assert desk.finish() == "000"
 
 
-def test_commands_behind_a_stopped_move_are_carried_out() -> None:
-    desk = ready()
-    desk.start(MOVE)
-    desk.start("@0b0")
-    desk.start("@0S")
-    desk.run(0.3)
-    desk.send(b"\xfd")
-    assert desk.finish() == "F" + "000" + "0"
-    assert desk.counts[0] == 900
-
-
 def test_break_after_a_stop_forgets_the_rest() -> None:
     desk = ready()
     desk.start(MOVE)

@@ -243,3 +243,25 @@ def test_inverting_an_axis_loses_its_reference_only() -> None:
     assert desk.query("@0N7") == "0"
     assert desk.query("@0ID2") == "0"
     assert desk.query("@0A0,900,1,900,0,900,0,900") == "0"
+
+
+@pytest.mark.parametrize("swap", [("@0Ie1",), ("@0Ie1", "@0IW", "@0Ie0", "@0IL")], ids=["by-command", "from-flash"])
+def test_swapping_the_switches_holds_for_one_struck_before(swap: tuple[str, ...]) -> None:
+    """Switch 1, struck at the negative end, lies in the positive direction once the host says so."""
+    desk = desk_at(60_000)
+    strike(desk, -200_000)
+    assert desk.query("@0DRn") == "001"
+    for command in (*swap, "@0N7"):
+        assert desk.query(command) == "0"
+    assert [desk.query("@0DRn"), desk.query("@0DRp")] == ["000", "001"]
+    assert desk.query("@0A1,900,0,900,0,900,0,900") == "2"
+    assert desk.query("@0N7") == "0"
+    assert desk.query("@0A-1,900,0,900,0,900,0,900") == "0"
+
+
+def test_swapping_other_switches_leaves_what_was_found() -> None:
+    desk = desk_at(60_000, "@0ID1")
+    strike(desk, 200_000)
+    assert desk.query("@0DRp") == "001"
+    assert desk.query("@0Ie2") == "0"
+    assert desk.query("@0DRp") == "001"

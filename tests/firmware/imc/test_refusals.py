@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from desk import Desk
 
 from isel_twin.firmware.imc.commands import CNC, DNC, INITIALISATION, Command
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.replies import Refusal
+from isel_twin.testing import Desk
 
 ROWS = [(code, command) for table in (DNC, INITIALISATION, CNC) for code, command in table.items()]
 TEXTS = ["Rp", "S0", "Rx", "isel", "x" * 33, "\x07"]

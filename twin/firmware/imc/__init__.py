@@ -3,6 +3,7 @@
     grammar.py     bytes to lines, lines to codes and numbers
     commands.py    every command of the manual, as three tables
     controller.py  what host, inputs and clock do: implements isel_twin.controller.Controller
+    waiting.py     lines that wait, and those a stop holds
     supervisor.py  what takes time: what may happen to it, and what that means (executor.py of the folder above)
     purpose.py     what activities ask for things for
     moves.py       straight moves, arcs, moves until an event

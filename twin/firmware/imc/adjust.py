@@ -223,6 +223,12 @@ def set_inverted(device: Device, mask: int) -> None:
             device.referenced[axis] = False
 
 
+def set_swapped(device: Device, mask: int) -> None:
+    """`@0Ie`: where the switches of an axis lie is what the host has said last, whatever a motion has found (F21)."""
+    device.limits.forget_found(device.settings.swapped ^ mask)
+    device.set_settings(swapped=mask)
+
+
 def set_io_only(device: Device, on: int) -> None:
     """`@0IO`: without axes, the stages are off (F29)."""
     changed = device.settings.io_only != on
@@ -259,6 +265,7 @@ def default_all(device: Device) -> None:
 
 def _put_in_force(device: Device, settings: Settings) -> None:
     set_inverted(device, settings.inverted)
+    set_swapped(device, settings.swapped)
     set_io_only(device, settings.io_only)
     device.settings = settings
     device.set_modal(reference_hz=None, start_stop_hz=None, acceleration_hz_per_ms=None)

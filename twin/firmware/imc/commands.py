@@ -21,7 +21,7 @@ from typing import Any
 
 from isel_twin.firmware.imc import adjust, moves, program, query, reference
 from isel_twin.firmware.imc.device import Device
-from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers
+from isel_twin.firmware.imc.grammar import AXES_CODE, Number, read_numbers, split_dnc
 from isel_twin.firmware.imc.replies import NOT_STORABLE, SYNTAX, Refusal
 
 Numbers = tuple[Number, ...]
@@ -216,7 +216,7 @@ INITIALISATION: Mapping[str, Command] = {
     "Ij": Command("4.2.4", "default start-stop frequency", (START_STOP_HZ,), adjust.set_value("start_stop_hz")),
     "IO": Command("4.2.5", "IO-only mode", (SWITCH,), adjust.set_io_only),
     "IE": Command("4.2.6", "limit switches", (Number(0, 65535),), adjust.set_value("limit_switches")),
-    "Ie": Command("4.2.7", "swapped limit switches", (AXIS_MASK,), adjust.set_value("swapped")),
+    "Ie": Command("4.2.7", "swapped limit switches", (AXIS_MASK,), adjust.set_swapped),
     "ID": Command("4.2.8", "inverted axes", (AXIS_MASK,), adjust.set_inverted),
     "IR": Command("4.2.9", "inverted reference directions", (AXIS_MASK,), adjust.set_value("reference_inverted")),
     "IT": Command("4.2.10", "rotary axes", (AXIS_MASK,), adjust.set_value("rotary")),
@@ -306,6 +306,19 @@ CNC: Mapping[str, Command] = {
 
 CNC_ALIASES: Mapping[str, str] = {"F": "f", "G": "g", "M": "m", "O": "o", "P": "p", "W": "w", "Y": "y", "Z": "z"}
 """The overview prints these codes as capitals, their sections as small letters; both are taken."""
+
+
+QUESTIONS = frozenset("bDhHPUV")
+"""DNC commands that change nothing and take no time: they are answered even if a stop has overtaken them."""
+
+
+def dnc_code(line: bytes, device_number: int) -> str | None:
+    """Code of a DNC line: "" if it is no command, None if it is for another device."""
+    try:
+        parts = split_dnc(line, device_number, DNC_ALIASES)
+    except Refusal:
+        return ""
+    return None if parts is None else parts[1]
 
 
 def find_dnc(device: Device, code: str) -> Command:

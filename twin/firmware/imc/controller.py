@@ -1,7 +1,7 @@
 """The iMC: what the host, the inputs and the clock do to the device.
 
     host bytes --> 253, 254, 255 at once
-              `-> lines, first in first out --> refused, or done: reply now, or a task of the supervisor
+              `-> lines (waiting.py) --> refused, or done: reply now, or a task of the supervisor
     inputs ----> keys, limit switches, safety chain
     clock -----> ends of runs, pauses, supervision cycles
 
@@ -14,7 +14,6 @@ out in a second one that may not: the effect.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from functools import partial
 from typing import Any
@@ -25,10 +24,11 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.ports import SIGNALS, TERMINALS, Inputs
 from isel_twin.firmware.imc.profile import Profile
 from isel_twin.firmware.imc.program import Recorder, admit_recording, run_program
-from isel_twin.firmware.imc.replies import BAD_AXES, INVALID_FIELD, OK, SYNTAX, Refusal
+from isel_twin.firmware.imc.replies import BAD_AXES, INVALID_FIELD, OK, STOPPED, SYNTAX, Refusal
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.safety import State, powered
 from isel_twin.firmware.imc.supervisor import Supervisor, signal_error, watched
+from isel_twin.firmware.imc.waiting import WaitingLines
 from isel_twin.motion import Displacement, Motion
 
 FORMAT, SLOW_FORMAT = SerialFormat(19_200), SerialFormat(9_600)
@@ -51,9 +51,7 @@ class Imc:
 
     def _boot(self, now_ns: int) -> None:
         """Everything as after power-on; inputs are what they are."""
-        self._lines: deque[bytes] = deque()
-        self._lines_bytes = 0
-        self._lost_lines = 0
+        self._lines = WaitingLines(self._profile.input_bytes)
         self._assembler = grammar.LineAssembler(self._profile.line_bytes)
         self._recorder: Recorder | None = None
         self._shown: dict[str, bool] = {}
@@ -100,8 +98,8 @@ class Imc:
 
     @property
     def idle(self) -> bool:
-        """No command waits, none is carried out."""
-        return self._supervisor.task is None and not self._lines and not self._lost_lines
+        """No command waits for its turn, none is carried out. Those held by a stop wait for the host."""
+        return self._supervisor.task is None and not self._lines
 
     @property
     def fault(self) -> bool:
@@ -130,7 +128,8 @@ class Imc:
         if changed is not None:
             self._supervisor.input_changed(*changed)
             if changed == SIGNALS["stop_released"] and not level:
-                self._supervisor.stop_key()
+                if self._supervisor.stop_key():
+                    self._lines.hold()
             elif changed == SIGNALS["start"] and level:
                 self._start_key()
         self._settle()
@@ -161,16 +160,41 @@ class Imc:
         while True:
             if self._supervisor.due:
                 self._supervisor.tick()
-            elif self._supervisor.task is None and self._lines:
-                line = self._lines.popleft()
-                self._lines_bytes -= len(line) + 1
-                self._execute(line)
-            elif self._supervisor.task is None and self._lost_lines:
-                self._lost_lines -= 1
-                self._device.send(SYNTAX)
-            else:
+            elif self._supervisor.task is not None or not (self._answer_held() or self._next_line()):
                 break
         self._show()
+
+    def _next_line(self) -> bool:
+        """Carry out the next line, or answer one that was lost; return whether there was one."""
+        line = self._lines.take()
+        if line is not None:
+            self._execute(line, self._recorder)
+        elif self._lines.lost:
+            self._lines.lost -= 1
+            self._device.send(SYNTAX)
+        else:
+            return False
+        return True
+
+    def _answer_held(self) -> bool:
+        """Answer the first line that a stop holds; return whether that was possible (F5).
+
+        A question is answered; anything else only when there is nothing to go on with any more: `F`.
+        """
+        line = self._lines.first_held
+        if line is None:
+            return False
+        code = commands.dnc_code(line, self._device.number)
+        if code in commands.QUESTIONS:
+            self._lines.drop_first_held()
+            self._execute(line, None)
+        elif self._supervisor.parked is None:
+            self._lines.drop_first_held()
+            if code is not None:
+                self._device.send(STOPPED)
+        else:
+            return False
+        return True
 
     def _show(self) -> None:
         """Tell what goes on. A lamp the host has switched by hand stays so until what it stands for changes."""
@@ -191,9 +215,11 @@ class Imc:
     def _receive_byte(self, byte: int) -> bool:
         """Take a byte; return whether it has any effect yet: a byte within a line has none."""
         if byte == grammar.STOP:
-            self._supervisor.stop()
+            if self._supervisor.stop():
+                self._lines.hold()
         elif byte == grammar.BREAK:
             self._supervisor.break_off()
+            self._lines.hold()
         elif byte == grammar.RESET:
             self._reset()
         elif self._supervisor.listening and byte not in (grammar.CR, grammar.LF):
@@ -202,17 +228,8 @@ class Imc:
             line = self._assembler.feed(byte)
             if line is None:
                 return False
-            self._queue(line)
+            self._lines.put(line)
         return True
-
-    def _queue(self, line: bytes) -> None:
-        """Put a line in the queue. Once it is full, lines are lost until it is empty; each is answered `5` (F19)."""
-        size = len(line) + 1
-        if self._lost_lines or self._lines_bytes + size > self._profile.input_bytes:
-            self._lost_lines += 1
-        else:
-            self._lines.append(line)
-            self._lines_bytes += size
 
     def _reset(self) -> None:
         """Byte 254: as after power-on, at once; the flash stays (2.2.31)."""
@@ -226,10 +243,10 @@ class Imc:
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
-    def _execute(self, line: bytes) -> None:
-        """Refuse one line, or carry it out: reply, or start a task."""
+    def _execute(self, line: bytes, recorder: Recorder | None) -> None:
+        """Refuse one line, or carry it out: reply, or start a task. recorder: it belongs to a data field."""
         try:
-            effect = self._admit(line) if self._recorder is None else self._admit_stored(line, self._recorder)
+            effect = self._admit(line) if recorder is None else self._admit_stored(line, recorder)
         except Refusal as refusal:
             self._device.send(refusal.code)
             return
@@ -261,6 +278,8 @@ class Imc:
             return result or OK
         if command.forgets_rest:
             self._supervisor.forget_parked()
+            while self._answer_held():
+                pass
         self._supervisor.start(result, answers=not at_once)
         return OK if at_once else None
 
@@ -292,12 +311,18 @@ class Imc:
         device, parked = self._device, self._supervisor.parked
         device.require_supply()
         if parked is None:
-            self._admit_program()
-            return partial(self._start_program, answers=answers)
+            axes, modal = self._admit_program()
+            return partial(self._start_program, axes, modal, answers=answers)
         device.require_move()
+        self._supervisor.require_unchanged()
         if parked.program:
             self._require_watches()
-        return partial(self._supervisor.resume, answers=answers)
+        return partial(self._resume, answers=answers)
+
+    def _resume(self, *, answers: bool) -> None:
+        """Go on with what was stopped, then with what waited behind it."""
+        self._lines.release()
+        self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
         """The start key, which is heard at rest only; nobody is told if it does nothing (F33)."""
@@ -309,20 +334,22 @@ class Imc:
             return
         effect()
 
-    def _admit_program(self) -> None:
-        """The stored program may run, with the axes and modal values it was stored with. Raises Refusal."""
+    def _admit_program(self) -> tuple[int, settings.Modal]:
+        """The stored program may run: the axes, and the modal values it will have. Raises Refusal."""
         device, program = self._device, self._device.flash.program
         if program.state != settings.VALID:
             raise Refusal(INVALID_FIELD)
         device.require_power()
         self._require_watches()
-        device.axes = device.axes or program.axes
-        device.modal = device.modal.filled(program.modal)
-        if device.axes != program.axes:
+        if device.axes not in (0, program.axes):
             raise Refusal(BAD_AXES)
-        self._require_sound(program)
+        modal = device.modal.filled(program.modal)
+        with device.supposing(program.axes, modal):
+            self._require_sound(program)
+        return program.axes, modal
 
-    def _start_program(self, *, answers: bool) -> None:
+    def _start_program(self, axes: int, modal: settings.Modal, *, answers: bool) -> None:
+        self._device.axes, self._device.modal = axes, modal
         signal_error(self._device, error=False)
         self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
@@ -338,5 +365,4 @@ class Imc:
         """Raise Refusal if a port watched in CNC mode forbids the program to run."""
         code = watched(self._device)
         if code is not None:
-            signal_error(self._device, error=True)
             raise Refusal(code)

@@ -5,7 +5,8 @@ Counters count what motions make, and jump only where a CounterSet says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -230,6 +231,16 @@ class Device:
     def set_settings(self, **values: Any) -> None:
         """Change initialisation values (chapter 4) until the next reset; `@0IW` makes them last."""
         self.settings = replace(self.settings, **values)
+
+    @contextmanager
+    def supposing(self, axes: int, modal: Modal) -> Iterator[None]:
+        """Judge, within the block, as if these axes and modal values were set."""
+        kept = self.axes, self.modal
+        self.axes, self.modal = axes, modal
+        try:
+            yield
+        finally:
+            self.axes, self.modal = kept
 
     def set_modal(self, **values: Any) -> None:
         """Change values that last until the next reset."""

@@ -1,8 +1,8 @@
 """Limit switches: which are struck, which way they lie, and when one is newly struck.
 
 Switch 1 lies in the negative direction of the counter, switch 2 in the positive one; `@0Ie` exchanges them for an axis.
-A switch that a motion has struck lies where that motion went, whatever the settings say: so even an axis inverted by
-`@0ID` without exchanging its switches finds its way off them (F21).
+A switch that a motion has struck lies where that motion went, whatever the settings said before: so even an axis
+inverted by `@0ID` without exchanging its switches finds its way off them (F21). A later `@0Ie` counts again.
 
     level   ______|~|_|~~~~~~~~~~~~~~~|_|~|_______      active high, for the picture
     struck        ^ newly struck: at once
@@ -50,6 +50,10 @@ class LimitSwitches:
         """Remember that a motion of the motor in this direction (+1, -1) has struck the switch."""
         if motor_direction:
             self._found[bit] = motor_direction
+
+    def forget_found(self, axes: int) -> None:
+        """Forget what motions have found of the switches of these axes (mask)."""
+        self._found = {bit: direction for bit, direction in self._found.items() if not axes >> axis_of(bit) & 1}
 
     def lies(self, bit: int) -> int:
         """Counter direction (+1, -1) in which a switch lies."""

@@ -47,11 +47,9 @@ def _reference_run(device: Device, axes: list[int]) -> Activity:
 
 
 def run_free(device: Device, mask: int) -> Activity:
-    """`@0F`: run the axes in `mask` off the switches they stand on; they must be referenced afterwards."""
-    axes = [axis for axis in ORDER if mask >> axis & 1]
-    for axis in axes:
-        device.referenced[axis] = False
-    return _run_free(device, axes)
+    """`@0F`: run the axes in `mask` off the switches they stand on; then no axis is referenced any more (F40)."""
+    device.lose_references()
+    return _run_free(device, [axis for axis in ORDER if mask >> axis & 1])
 
 
 def _run_free(device: Device, axes: list[int]) -> Activity:

@@ -5,14 +5,15 @@ The image is one line of text with a checksum over the rest, then JSON:
     isel-twin imc flash 1 <crc32, 8 hex digits>\\n{"settings": {...}, "program": {...}}
 
 A FlashWrite hands over a whole new image, and whoever keeps it replaces the old one in one go, so after a power loss
-the flash holds the old image or the new one. An image that cannot be read (truncated, altered, another version) counts
-as none: the device comes up with its defaults and says so (F34).
+the flash holds the old image or the new one. An image that cannot be read (truncated, altered, another version) or
+holds a value that no command would have stored counts as none: the device comes up with its defaults and says so (F34).
 """
 
 from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -73,8 +74,9 @@ class Modal:
     test_mode: bool | None = None
 
     def filled(self, other: Modal) -> Modal:
-        """These values, and those of `other` where nothing is set."""
-        unset = {f.name: getattr(other, f.name) for f in fields(self) if getattr(self, f.name) is None}
+        """These values, and those of a stored program where nothing is set; test mode is never taken from it (F38)."""
+        names = {f.name for f in fields(self)} - {"test_mode"}
+        unset = {name: getattr(other, name) for name in names if getattr(self, name) is None}
         return replace(self, **unset)
 
 
@@ -105,21 +107,84 @@ def encode(flash: Flash) -> bytes:
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
 
+WHOLE = 0, (1 << 23) - 1
+"""Numbers of a command that have no narrower range."""
+PORT, BYTE, MASK, SWITCH = (0, 3), (0, 255), (0, 15), (0, 1)
+
+RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
+    "reference_hz": ((1, WHOLE[1]),) * AXES,
+    "run_free_steps": (WHOLE,) * AXES,
+    "start_stop_hz": ((20, 4000),),
+    "acceleration_hz_per_ms": ((1, 4000),),
+    "limit_switches": ((0, 65_535),),
+    "swapped": (MASK,),
+    "inverted": (MASK,),
+    "reference_inverted": (MASK,),
+    "rotary": (MASK,),
+    "io_only": (SWITCH,),
+    "baud_9600": (SWITCH,),
+    "abort": (PORT, BYTE, BYTE),
+    "error_signal": ((0, 0), BYTE, BYTE),
+    "hood": (PORT, BYTE, BYTE),
+    "emergency": (PORT, BYTE, BYTE),
+    "plane": ((0, 2),),
+}
+"""Ranges of the numbers of each value: those of the command that sets it (commands.py). The range of speeds is a
+setting of the profile, which may be another one at the next start; so for them any positive number will do."""
+
+
 def decode(image: bytes) -> Flash | None:
-    """Content of a flash image; None if it cannot be read as a whole."""
+    """Content of a flash image; None if it cannot be read as a whole or holds what cannot be."""
     head, _, body = image.partition(b"\n")
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
     try:
         tree = json.loads(body)
         program = tree["program"]
-        lines = tuple((str(code), tuple(int(n) for n in values)) for code, values in program["lines"])
-        return Flash(
+        lines = tuple((code, tuple(values)) for code, values in program["lines"])
+        flash = Flash(
             _build(Settings, tree["settings"]),
-            Program(str(program["state"]), lines, int(program["axes"]), _build(Modal, program["modal"])),
+            Program(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
         )
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
+    return flash if _possible(flash) else None
+
+
+def _possible(flash: Flash) -> bool:
+    """Whether commands could have stored this."""
+    settings, program = flash.settings, flash.program
+    info = settings.user_info
+    modal = {f.name: getattr(program.modal, f.name) for f in fields(Modal)}
+    switches = ("three_d", "clockwise", "test_mode")
+    return (
+        all(_in_range(name, getattr(settings, name)) for name in (f.name for f in fields(Settings)) if name in RANGES)
+        and (isinstance(info, str) and len(info) <= USER_INFO_LENGTH and info.isascii() and info.isprintable())
+        and all(value is None or isinstance(value, bool) for name, value in modal.items() if name in switches)
+        and all(value is None or _in_range(name, value) for name, value in modal.items() if name not in switches)
+        and program.state in (EMPTY, INCOMPLETE, VALID)
+        and _whole(program.axes, program.state != EMPTY, MASK[1])
+        and all(
+            isinstance(code, str) and all(_whole(value, -WHOLE[1] - 1, WHOLE[1]) for value in values)
+            for code, values in program.lines
+        )
+    )
+
+
+def _in_range(name: str, value: Any) -> bool:
+    """Whether the number or numbers of a value are what its command takes."""
+    ranges = RANGES[name]
+    numbers = value if isinstance(value, tuple) else (value,)
+    return (
+        isinstance(value, tuple) == (len(ranges) > 1)
+        and len(numbers) == len(ranges)
+        and all(_whole(number, *limits) for number, limits in zip(numbers, ranges, strict=True))
+    )
+
+
+def _whole(value: Any, low: int, high: int) -> bool:
+    """Whether it is a whole number (True and False are none) in this range."""
+    return type(value) is int and low <= value <= high
 
 
 def _build(kind: type[Any], tree: dict[str, Any]) -> Any:

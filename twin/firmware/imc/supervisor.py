@@ -24,10 +24,10 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import axis_of
 from isel_twin.firmware.imc.ports import LIMIT_PORT
 from isel_twin.firmware.imc.purpose import WAITING, Reference, Until
-from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, OK, STOPPED, Refusal
+from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, NOT_REFERENCED, OK, STOPPED, Refusal
 from isel_twin.firmware.imc.safety import State, hood_safe, powered
 from isel_twin.firmware.imc.settings import Watch
-from isel_twin.motion import Motion, StepRun
+from isel_twin.motion import Displacement, Motion, StepRun
 from isel_twin.units import MILLISECOND_NS
 
 
@@ -49,6 +49,8 @@ class Supervisor:
         self.task: Task | None = None
         self.parked: Task | None = None
         """A stopped task that can be resumed."""
+        self._stood: tuple[tuple[bool, ...], Displacement] = ((), ())
+        """References and directions of the axes when it was stopped."""
         self._cycle_ns: int | None = None
 
     # ---- starting and ending ----------------------------------------------------------------------------------------
@@ -64,6 +66,16 @@ class Supervisor:
         self.task, self.parked = self.parked, None
         self.task.answers |= answers
         self._executor.resume()
+
+    def require_unchanged(self) -> None:
+        """Raise Refusal(R) if since the stop an axis has lost its reference or changed its direction.
+
+        The rest would lead elsewhere (F28).
+        """
+        referenced, direction = self._stood
+        lost = any(was and not now for was, now in zip(referenced, self._device.referenced, strict=True))
+        if lost or direction != self._device.direction:
+            raise Refusal(NOT_REFERENCED)
 
     def forget_parked(self) -> None:
         """The rest of a stopped motion or program is forgotten."""
@@ -89,6 +101,7 @@ class Supervisor:
     def _parked(self) -> None:
         """The task stands, and waits for a start."""
         self.parked, self.task = self.task, None
+        self._stood = tuple(self._device.referenced), self._device.direction
         self._reply(STOPPED)
 
     # ---- time -------------------------------------------------------------------------------------------------------
@@ -139,8 +152,11 @@ class Supervisor:
         """Give the waiting program its byte."""
         self._executor.hear(byte)
 
-    def stop(self) -> None:
-        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off."""
+    def stop(self) -> bool:
+        """Byte 253 or the stop key: park the task where it can be resumed; a reference run is broken off.
+
+        Returns whether it is heard: not within a delay of a program (3.2.6).
+        """
         executor = self._executor
         if isinstance(executor.purpose, Reference):
             self.break_off()
@@ -149,14 +165,17 @@ class Supervisor:
                 executor.park(self._parked)
         elif self.listening or executor.purpose == WAITING:
             executor.park(self._parked)
+        else:
+            return self.task is None or not self.task.program
+        return True
 
-    def stop_key(self) -> None:
-        """The stop key; on the way to a reference switch it stands for the switch (2.2.22)."""
+    def stop_key(self) -> bool:
+        """The stop key; on the way to a reference switch it stands for the switch (2.2.22). Returns as `stop`."""
         purpose = self._executor.purpose
         if isinstance(purpose, Reference) and purpose.seek is not None and not self._executor.stopping:
             self._executor.cut()
-        else:
-            self.stop()
+            return False
+        return self.stop()
 
     def break_off(self, code: str = STOPPED) -> None:
         """Byte 255, or a port that ends the program: stop ramp, answer `code`, forget the rest."""

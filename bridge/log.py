@@ -1,0 +1,190 @@
+"""What a server says while it runs: never in its way, and never the same thing over and over.
+
+The goal of this code is that nobody who forgets to read the log can stop the machine. Lines go into a bounded queue,
+and a thread of its own writes them; when nobody reads and the queue is full, lines are counted and lost.
+
+    loop ---- line ----> queue (QUEUE_LINES) ---- thread ----> standard error, however slow
+
+A message that comes again and again is printed a few times and then counted. At the end of the minute one line tells
+how often it came:
+
+    isel-twin: tcp: client 127.0.0.1:40112 connected
+    isel-twin: tcp: client 127.0.0.1:40113 connected
+    isel-twin: tcp: client 127.0.0.1:40116 connected
+    isel-twin: tcp: client 127.0.0.1:40262 connected (17 times more in the last minute)
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TextIO
+
+__all__ = ["PatientHandler", "log_to"]
+
+QUEUE_LINES = 1000
+"""Lines kept for a reader that is slow."""
+
+SHOWN = 3
+"""Times that a message is printed within PERIOD_S before it is counted."""
+
+PERIOD_S = 60.0
+"""Over which repeated messages are counted."""
+
+FAREWELL_S = 0.5
+"""Wall time at the end in which the rest must be read; a reader that has gone does not keep the server from ending."""
+
+
+@dataclass
+class _Repeated:
+    """A message within its minute."""
+
+    until_s: float
+    last: str
+    times: int = 1
+
+
+class PatientHandler(logging.Handler):
+    """Writes log records to `stream` from a thread of its own. See the module.
+
+    stream: a file descriptor, or a text stream, past whose buffer it writes if it has a descriptor: whoever waits for a
+    reader with a lock in his hand would keep the interpreter from ending.
+    count: whether repeated messages are counted. A record with the attribute `each` is always printed.
+    Messages are alike if their text before the arguments are put in is the same.
+    """
+
+    def __init__(self, stream: int | TextIO, count: bool = True, period_s: float = PERIOD_S) -> None:
+        super().__init__()
+        self._stream = stream
+        self._file = _descriptor(stream)
+        self._count = count
+        self._period_s = period_s
+        self._queue: deque[bytes] = deque()
+        self._lost = 0
+        self._repeated: dict[str, _Repeated] = {}
+        self._changed = threading.Condition()
+        self._closing = False
+        self._thread = threading.Thread(target=self._write, name="log", daemon=True)
+        self._thread.start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Take a record; never waits for a reader."""
+        try:
+            line = self.format(record)
+        except Exception:
+            self.handleError(record)
+            return
+        with self._changed:
+            if self._count and not getattr(record, "each", False) and self._is_repeated(str(record.msg), line):
+                return
+            self._put(line)
+
+    def _is_repeated(self, key: str, line: str) -> bool:
+        """Whether the line is counted only. The first of its kind begins a minute."""
+        repeated = self._repeated.get(key)
+        if repeated is None:
+            self._repeated[key] = _Repeated(time.monotonic() + self._period_s, line)
+            self._changed.notify()
+            return False
+        repeated.times += 1
+        repeated.last = line
+        return repeated.times > SHOWN
+
+    def _put(self, line: str) -> None:
+        if len(self._queue) >= QUEUE_LINES:
+            self._lost += 1
+            return
+        if self._lost:
+            self._queue.append(f"isel-twin: {self._lost} lines of this log are lost, nobody read them\n".encode())
+            self._lost = 0
+        self._queue.append(f"{line}\n".encode(errors="backslashreplace"))
+        self._changed.notify()
+
+    def _tell_repeated(self, everything: bool = False) -> float | None:
+        """Tell how often messages came whose minute is over; seconds until the next one is."""
+        now = time.monotonic()
+        for key, repeated in list(self._repeated.items()):
+            if everything or repeated.until_s <= now:
+                del self._repeated[key]
+                if (more := repeated.times - SHOWN) > 0:
+                    self._put(f"{repeated.last} ({more} times more in the last minute)")
+        return min((repeated.until_s - now for repeated in self._repeated.values()), default=None)
+
+    def _write(self) -> None:
+        """What the thread does until the handler is closed."""
+        while True:
+            with self._changed:
+                while not self._queue:
+                    wait_s = self._tell_repeated()
+                    if self._queue:
+                        break
+                    if self._closing:
+                        return
+                    self._changed.wait(wait_s)
+                data = b"".join(self._queue)
+                self._queue.clear()
+            try:
+                while data:
+                    data = data[self._write_some(data) :]
+            except BlockingIOError:  # somebody has made the descriptor non-blocking: try again a little later
+                time.sleep(0.01)
+                with self._changed:
+                    self._queue.appendleft(data)
+            except OSError:  # there is no reader any more, and there will be none
+                with self._changed:
+                    self._closing = True
+                return
+
+    def _write_some(self, data: bytes) -> int:
+        if self._file is not None:
+            return os.write(self._file, data)
+        assert not isinstance(self._stream, int)
+        self._stream.write(data.decode())
+        return len(data)
+
+    def close(self) -> None:
+        """Write what is left, as far as somebody reads it soon."""
+        with self._changed:
+            self._tell_repeated(everything=True)
+            self._closing = True
+            self._changed.notify()
+        if self._thread is not threading.current_thread():
+            self._thread.join(FAREWELL_S)
+        super().close()
+
+
+def _descriptor(stream: int | TextIO) -> int | None:
+    """What to write to past the buffer of a stream; None if it has none, as one in memory."""
+    if isinstance(stream, int):
+        return stream
+    try:
+        return stream.fileno()
+    except (OSError, ValueError):
+        return None
+
+
+@contextmanager
+def log_to(stream: int | TextIO, count: bool = True) -> Iterator[None]:
+    """While the block lasts, everything logged from INFO on goes to this stream, without ever waiting for its reader.
+
+    count: whether repeated messages are counted instead of printed.
+    """
+    root = logging.getLogger()
+    handler = PatientHandler(stream, count)
+    handler.setFormatter(logging.Formatter("isel-twin: %(message)s"))
+    level = root.level
+    root.addHandler(handler)
+    root.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        root.removeHandler(handler)
+        root.setLevel(level)
+        with suppress(OSError):
+            handler.close()

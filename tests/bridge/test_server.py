@@ -1,0 +1,159 @@
+"""The loop: what it says about itself, and how it ends."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from isel_twin.bridge.keeping import keep, serve_and_keep
+from isel_twin.bridge.pacing import Pacer
+from isel_twin.bridge.pty import PtyEndpoint
+from isel_twin.bridge.server import Server, on_signals
+from isel_twin.trace.recorder import Recorder
+from isel_twin.twin import Twin
+from tests.bridge.test_network import Mouth
+from tests.bridge.test_pacing import MS, Clock
+
+
+def test_falling_behind_is_said_with_the_factor_and_catching_up_too(caplog):
+    """Somebody looks at the twin every 10 ms and takes 5 ms for it: twice real time, where 20 were asked for."""
+    clock = Clock()
+    twin = Twin(plant="kinematic")
+    busy_until = clock.now + 10_000 * MS
+
+    def look(_: Twin) -> None:
+        clock.now += 5 * MS if clock.now < busy_until else 0
+
+    twin.observe(look, 10 * MS)
+    seconds = 20
+    Server(twin, Pacer(20.0, clock=clock), [Mouth(b"\n", clock, looks=seconds * 1000, look_ns=1 * MS)]).run()
+    said = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(said) == 2
+    assert said[0].startswith("this computer does not reach speed 20: 1.")
+    assert said[1].startswith("speed 20 is reached again; it was 1.")
+
+
+def test_a_server_that_breaks_lets_go_of_everything(tmp_path):
+    """An observer raises: the link is gone, and whoever called `run` is told why."""
+    link = tmp_path / "imc"
+    twin = Twin(plant="kinematic")
+
+    def look(_: Twin) -> None:
+        if twin.time_ns > 0:
+            raise OSError(28, "No space left on device", "/tmp/somewhere")
+
+    twin.observe(look, 10 * MS)
+    server = Server(twin, Pacer(1.0), [PtyEndpoint(str(link))])
+    assert link.is_symlink()
+    with pytest.raises(OSError, match="No space left"):
+        server.run()
+    assert list(tmp_path.iterdir()) == []
+
+
+def breaking(twin: Twin, error: Exception) -> Server:
+    """A server whose twin breaks after 0.5 s."""
+
+    def look(_: Twin) -> None:
+        if twin.time_ns >= 500 * MS:
+            raise error
+
+    twin.observe(look, 10 * MS)
+    return Server(twin, Pacer(1.0), [PtyEndpoint()])
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(28, "No space left on device", "/tmp/samples"), "/tmp/samples: No space left on device"),
+        (ZeroDivisionError("a mistake of ours"), "ZeroDivisionError: a mistake of ours"),
+    ],
+    ids=["disk full", "mistake"],
+)
+def test_what_was_recorded_is_kept_when_the_server_breaks(tmp_path, caplog, error, said):
+    twin, record = Twin(plant="kinematic"), tmp_path / "session.npz"
+    with Recorder(twin, 100 * MS) as recorder:
+        code = serve_and_keep(breaking(twin, error), record, lambda path: path.write_text(str(len(recorder))))
+    assert code == 1
+    assert int(record.read_text()) >= 5
+    assert said in caplog.text
+
+
+def test_what_was_recorded_is_kept_when_the_interpreter_is_told_to_exit(tmp_path):
+    record = tmp_path / "session.npz"
+    server = breaking(Twin(plant="kinematic"), ZeroDivisionError())
+    server.run = lambda: sys.exit(3)  # type: ignore[method-assign]
+    with pytest.raises(SystemExit):
+        serve_and_keep(server, record, lambda path: path.write_text("all"))
+    assert record.read_text() == "all"
+
+
+def test_a_recording_whose_disk_is_full_is_kept_elsewhere(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def write(path: Path) -> None:
+        if path == Path("/full/session.npz"):
+            raise OSError(28, "No space left on device", str(path))
+        path.write_text("all")
+
+    assert not keep(Path("/full/session.npz"), write)
+    (kept,) = tmp_path.glob("isel-twin-*/session.npz")
+    assert kept.read_text() == "all"
+    assert str(kept) in caplog.text
+    assert "/full/session.npz: could not be written" in caplog.text
+
+
+def test_a_recording_that_can_be_written_nowhere_is_said_to_be_lost(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+
+    def write(path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    assert not keep(Path("session.npz"), write)
+    assert "session.npz: could not be written, and is lost" in caplog.text
+
+
+def test_signals_are_asked_for_and_given_back():
+    heard: list[int] = []
+    before = signal.getsignal(signal.SIGHUP)
+    with on_signals(lambda: heard.append(1)):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            os.kill(os.getpid(), number)
+    assert heard == [1, 1, 1]
+    assert signal.getsignal(signal.SIGHUP) is before
+
+
+def test_a_hang_up_that_is_ignored_stays_so():
+    """`nohup isel-twin serve`: the terminal goes, the machine stays."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    heard: list[int] = []
+    try:
+        with on_signals(lambda: heard.append(1)):
+            os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert heard == []
+
+
+def test_the_collector_does_not_hold_the_server_up():
+    """Looking at all there is takes a tenth of a second; while a server runs, what was there before is left out."""
+    clock = Clock()
+    mouth = Mouth(b"\n", clock)
+    frozen: list[int] = []
+
+    def look(_: Twin) -> None:
+        frozen.append(gc.get_freeze_count())
+
+    twin = Twin(plant="kinematic")
+    server = Server(twin, Pacer(1.0, clock=clock), [mouth])
+    before = gc.get_freeze_count()
+    twin.observe(look, 10 * MS)
+    server.run()
+    assert frozen[-1] > before + 10_000
+    assert gc.get_freeze_count() == 0

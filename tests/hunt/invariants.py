@@ -1,0 +1,412 @@
+"""What must hold in every world, whatever is drawn.
+
+At the controller's border, at every call (`Border`): time never runs back and never passes `next_ns`; a level is told
+once; the motor sense never changes within a motion; a counter that is said to be set has that value.
+
+At every look (`Watch`): all numbers are finite; switches follow the carriages and terminals their contacts; a contact
+that must cut the power has cut it; a limp machine gains no energy; nothing happens before `next_event_ns`.
+
+Over a whole life (`check_counters`, `difference`):
+
+    counter(t) - counter(t0) = sum of the recorded ticks in (t0, t]         t0: the last time it was set
+    command of the drives    = sum of the recorded ticks in the sense of the motors
+    two lives of one world   = the same replies, events, ticks, positions, to the bit
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.controller import Controller, CounterSet, Event, SerialFormat
+from isel_twin.machine import Contact
+from isel_twin.motion import Motion
+from isel_twin.twin import Twin
+from isel_twin.wiring import FAULTS
+
+COUNTED = 16
+"""Calls of which one is followed by a look at the counters, whether anything came of it or not."""
+SCATTERS = 8.0
+"""Standard deviations of a trip point beyond which no switch trips."""
+BENT_MM = 0.5
+"""Most by which the tool of a machine with physics is elsewhere than the screws say: structure, squareness."""
+GAIN = 1e-4
+"""Energy that a limp machine may seem to gain, as a share of what it has spent: the stops' springs are not in it."""
+GAIN_J = 1e-6
+"""And absolutely: what is left of rounding."""
+
+
+class Broken(Exception):
+    """An invariant does not hold."""
+
+
+class Border:
+    """A controller as the twin sees it, with every call checked and written down. Implements `Controller`."""
+
+    def __init__(self, controller: Controller) -> None:
+        self.inside = controller
+        self.happened: list[tuple[int, Any]] = []
+        """(time, event) of everything that came over the border: events of the controller, and its inputs."""
+        self.times: list[int] = []
+        self.counted: list[tuple[int, ...]] = []
+        self.senses: list[tuple[int, ...]] = []
+        self.was_set: list[tuple[int, ...]] = []
+        """At calls that something came of, and some others: time, counters, sense of the motors, counters set."""
+        self.known: dict[str, bool] = {}
+        """Levels that the controller has been told."""
+        self._now_ns = 0
+        self._due_ns: int | None = None
+        self._run: Motion | None = None
+        self._takes = 0
+
+    # What it says
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        return self.inside.serial_format
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        return self.inside.counts
+
+    @property
+    def direction(self) -> tuple[int, ...]:
+        return self.inside.direction
+
+    @property
+    def run(self) -> Motion | None:
+        return self.inside.run
+
+    @property
+    def next_ns(self) -> int | None:
+        return self.inside.next_ns
+
+    @property
+    def idle(self) -> bool:
+        return self.inside.idle
+
+    @property
+    def fault(self) -> bool:
+        return self.inside.fault
+
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        return self.inside.terminals()
+
+    def machine_overrides(self) -> Mapping[str, Any]:
+        return self.inside.machine_overrides()
+
+    # What it is told
+
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
+        self.known = dict(levels)
+        self.inside.power_on(t_ns, levels)
+
+    def receive(self, t_ns: int, data: bytes) -> None:
+        self._at(t_ns)
+        self.inside.receive(t_ns, data)
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        self._at(t_ns)
+        if self.known[terminal] == level:
+            raise Broken(f"the controller is told twice that {terminal} is {_word(level)}")
+        self.known[terminal] = level
+        self.happened.append((t_ns, (terminal, level)))
+        self.inside.set_input(t_ns, terminal, level)
+
+    def advance(self, t_ns: int) -> None:
+        self._at(t_ns)
+        self.inside.advance(t_ns)
+
+    def take(self) -> list[Event]:
+        events = self.inside.take()
+        run = self.inside.run
+        self._takes += 1
+        if events or run is not self._run or self._takes % COUNTED == 0:
+            self._write_down(events, run)
+        self._run = run
+        self._due_ns = self.inside.next_ns
+        return events
+
+    def _write_down(self, events: list[Event], run: Motion | None) -> None:
+        now_ns, counts, sense = self._now_ns, self.inside.counts, self.inside.direction
+        self.happened += [(now_ns, event) for event in events]
+        jumps = {event.axis: event.value for event in events if isinstance(event, CounterSet)}
+        for axis, value in jumps.items():
+            if counts[axis] != value:
+                raise Broken(f"the counter of axis {axis} is set to {value}, and shows {counts[axis]}")
+        goes_on = self._run is not None and run is not None and (run is self._run or run.continues(self._run))
+        if goes_on and sense != self.senses[-1]:
+            raise Broken(f"the motor sense changes from {self.senses[-1]} to {sense} in motion")
+        self.times.append(now_ns)
+        self.counted.append(counts)
+        self.senses.append(sense)
+        self.was_set.append(tuple(jumps))
+
+    def _at(self, t_ns: int) -> None:
+        if t_ns < self._now_ns:
+            raise Broken(f"the controller is told of {t_ns} ns after {self._now_ns} ns")
+        if self._due_ns is not None and t_ns > max(self._due_ns, self._now_ns):
+            raise Broken(f"time has passed {self._due_ns} ns, when the controller wanted to be called, to {t_ns} ns")
+        self._now_ns = t_ns
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is to be seen of a twin at one instant, and the little of it that cannot be seen from outside."""
+
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, int]
+    levels: Mapping[str, bool]
+    place_mm: Sequence[float]
+    """Carriages in machine coordinates."""
+    elements: Mapping[str, str]
+    """What people operate: a fault of the contact with the same name hides its state in `inputs`."""
+    bouncing: bool
+    """A position switch still chatters."""
+    powered: bool
+    """A motor has current."""
+
+    @staticmethod
+    def of(twin: Twin) -> Sight:
+        """Look at a twin."""
+        return Sight(
+            inputs=twin.inputs,
+            outputs=twin.outputs,
+            levels=twin.levels,
+            place_mm=twin.machine_position_mm.tolist(),
+            elements=dict(twin._wiring._cabinet.states),
+            bouncing=twin._wiring._contacts.next_ns is not None,
+            powered=bool(twin._plant.powered.any()),
+        )
+
+
+class Watch:
+    """Looks at a twin from time to time. `look` raises Broken for what must not be."""
+
+    def __init__(self, twin: Twin, border: Border) -> None:
+        self._twin = twin
+        self._border = border
+        self._physics = twin._plant.stages != ()
+        self._contacts = {contact.name: contact for contact in twin.machine.contacts}
+        self._switches_there = twin.machine.switches
+        wired = {
+            t: [self._contacts[n] for n in names if n in self._contacts] for t, names in border.terminals().items()
+        }
+        self._wired = {terminal: contacts for terminal, contacts in wired.items() if contacts}
+        self._scatter_mm = {c.name: SCATTERS * c.repeatability_mm + 1e-6 for c in twin.machine.switches}
+        self._promised_ns: int | None = None
+        self._happened = 0
+        self._limp_j: list[float] = []
+
+    def look(self, *, acted: bool, pushed: bool) -> None:
+        """acted: something was done to the twin since the last look; pushed: a force acts on a carriage."""
+        if acted:
+            self._promised_ns = 0
+        sight = Sight.of(self._twin)
+        self._numbers()
+        self._switches(sight)
+        self._terminals(sight)
+        self._power(sight)
+        self._promise()
+        if self._physics:
+            self._energy(sight, pushed)
+
+    def _numbers(self) -> None:
+        twin = self._twin
+        for name in ("position_mm", "position_error_mm", "machine_position_mm", "lost_steps", "forgotten_steps"):
+            if not np.isfinite(getattr(twin, name)).all():
+                raise Broken(f"{name} is {getattr(twin, name).tolist()}")
+
+    def _switches(self, sight: Sight) -> None:
+        bent_mm = BENT_MM if self._physics else 0.0
+        for switch in self._switches_there:
+            axis, sense = CARRIAGES.index(switch.axis), -1 if switch.end == "motor" else 1
+            beyond_mm = sense * (sight.place_mm[axis] - switch.position_mm)
+            slack_mm = self._scatter_mm[switch.name] + bent_mm
+            state = sight.inputs[switch.name]
+            if (state == "free" and beyond_mm > slack_mm) or (
+                state == "struck" and beyond_mm < -switch.hysteresis_mm - slack_mm
+            ):
+                raise Broken(f"{switch.name} is {state}, with its carriage {beyond_mm:+.6f} mm beyond it")
+
+    def _terminals(self, sight: Sight) -> None:
+        levels = sight.levels
+        for terminal, told in self._border.known.items():
+            if levels[terminal] != told:
+                raise Broken(f"{terminal} is {_word(levels[terminal])}, and the controller was told {_word(told)}")
+        closed = {name: _closed(contact, sight) for name, contact in self._contacts.items()}
+        for terminal, contacts in self._wired.items():
+            if sight.bouncing and any(contact.kind == "switch" for contact in contacts):
+                continue
+            high = all(closed[contact.name] != contact.inverted for contact in contacts)
+            if levels[terminal] != high:
+                states = ", ".join(f"{contact.name} {_state(closed[contact.name])}" for contact in contacts)
+                raise Broken(f"{terminal} is {_word(not high)}, with {states}")
+
+    def _power(self, sight: Sight) -> None:
+        states, outputs = sight.elements, sight.outputs
+        opened = [name for name in ("estop_1", "estop_2") if not _closed(self._contacts[name], sight)]
+        if states["overtemperature"] == "hot" or states["power"] == "off":
+            opened.append("supply or temperature")
+        moving = self._border.run is not None
+        if moving and states["hood"] != "closed" and states["key"] == "automatic":
+            opened.append("hood in motion")
+        if opened and outputs["power"]:
+            raise Broken(f"the stages have power with {', '.join(opened)} open")
+        if outputs["spindle_runs"] and not (outputs["power"] and states["hood"] == "closed"):
+            raise Broken("the spindle runs without power, or with the hood open")
+        if sight.powered and not (outputs["power"] and outputs.get("stages")):
+            raise Broken("motors have current, with the power or the stages off")
+        if moving and self._twin.idle:
+            raise Broken("the twin is idle in motion")
+
+    def _promise(self) -> None:
+        twin, happened = self._twin, len(self._border.happened)
+        early = self._promised_ns is None or twin.time_ns < self._promised_ns
+        if early and happened != self._happened:
+            raise Broken(f"{self._border.happened[self._happened]} came before next_event_ns, {self._promised_ns}")
+        self._happened = happened
+        self._promised_ns = twin.next_event_ns
+        if self._promised_ns is not None and self._promised_ns < twin.time_ns:
+            raise Broken(f"next_event_ns is {self._promised_ns} at {twin.time_ns} ns")
+
+    def _energy(self, sight: Sight, pushed: bool) -> None:
+        """While the stages are off and nobody pushes, energy only falls, but for carriages at their stops."""
+        plant: Any = self._twin._plant
+        at_stop = any(
+            not BENT_MM - axis.stop_margin_mm < x < axis.travel_mm + axis.stop_margin_mm - BENT_MM
+            for x, axis in zip(sight.place_mm, self._twin.machine.axes, strict=True)
+        )
+        if sight.powered or pushed or at_stop:
+            self._limp_j.clear()
+            return
+        self._limp_j.append(plant.energy_j)
+        lowest, highest = min(self._limp_j), max(self._limp_j)
+        gain = self._limp_j[-1] - lowest
+        if gain > GAIN_J + GAIN * (highest - lowest):
+            raise Broken(f"the limp machine has gained {gain:.3g} J, from {lowest:.6g} J")
+
+
+def _word(level: bool) -> str:
+    return "high" if level else "low"
+
+
+def _state(closed: bool) -> str:
+    return "closed" if closed else "open"
+
+
+def _closed(contact: Contact, sight: Sight) -> bool:
+    """Whether a contact should be closed by what is to be seen of the machine."""
+    state = sight.inputs.get(contact.name, "")
+    held = FAULTS.get(state)
+    if held is not None:
+        return held
+    if contact.kind == "switch":
+        return (contact.type == "opener") != (state == "struck")
+    return contact.kind == "bridge" or _signal(contact.name, sight.elements, sight.outputs)
+
+
+def _signal(name: str, states: Mapping[str, str], outputs: Mapping[str, int]) -> bool:
+    closed, setup = states["hood"] == "closed", states["key"] == "setup"
+    match name:
+        case "estop_1" | "estop_2":
+            return states["estop"] == "released"
+        case "overtemperature":
+            return states["overtemperature"] == "normal"
+        case "start":
+            return states["start"] == "down"
+        case "stop":
+            return states["stop"] == "up"
+        case "probe":
+            return states["probe"] == "touched"
+        case "spindle":
+            return bool(outputs["spindle_runs"])
+        case "power_ok":
+            return bool(outputs["power"])
+        case "hood_automatic":
+            return closed and not setup
+        case "hood_setup":
+            return closed or setup
+        case "key":
+            return setup
+    return states[name] == "high"
+
+
+# ---- over a whole life -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Life:
+    """What a world did, as bits: of two lives of the same world all of it is the same."""
+
+    said: bytes
+    """What arrived at the host."""
+    replies: tuple[tuple[int, bytes], ...]
+    """And when; empty if bytes take their time on the line: they are read when the last of several has come."""
+    happened: tuple[tuple[int, Any], ...]
+    """What came over the border, and when."""
+    t_ns: NDArray[np.int64]
+    delta: NDArray[Any]
+    counts: NDArray[np.int64]
+    position_mm: NDArray[np.float64]
+    machine_position_mm: NDArray[np.float64]
+    lost_steps: NDArray[np.float64]
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, int]
+    levels: Mapping[str, bool]
+    flash: bytes | None
+
+
+def check_counters(twin: Twin, border: Border) -> None:
+    """Counters and commands are the sums of the stream. Raises Broken."""
+    steps = twin.steps
+    t_ns, delta = steps.t_ns, steps.delta
+    if (np.diff(t_ns) < 0).any() or (len(t_ns) and not 0 <= t_ns[0] <= t_ns[-1] <= twin.time_ns):
+        raise Broken("the recorded stream is not in the order of time")
+    times = np.array(border.times, dtype=np.int64)
+    counted = np.array(border.counted, dtype=np.int64)
+    made = np.searchsorted(t_ns, times, side="right")
+    for axis in range(delta.shape[1]):
+        total = np.concatenate(([0], np.cumsum(delta[:, axis], dtype=np.int64)))[made]
+        begins = np.array([i == 0 or axis in jumps for i, jumps in enumerate(border.was_set)])
+        begin = np.maximum.accumulate(np.where(begins, np.arange(len(times)), 0))
+        wrong = np.flatnonzero(counted[:, axis] - counted[begin, axis] != total - total[begin])
+        if len(wrong):
+            at = int(wrong[0])
+            raise Broken(
+                f"axis {axis} counts {counted[at, axis]} at {times[at]} ns; since {times[begin[at]]} ns, when it was "
+                f"{counted[begin[at], axis]}, the stream has made {total[at] - total[begin[at]]} steps"
+            )
+    if tuple(twin.counts.tolist()) != border.counts:
+        raise Broken(f"counters are {twin.counts.tolist()}, the controller's are {border.counts}")
+    senses = np.array(border.senses, dtype=np.int64)[np.searchsorted(times, t_ns, side="left") - 1]
+    motors = (delta * senses).sum(axis=0, dtype=np.int64)
+    commanded = twin._plant.commanded
+    if (motors != commanded).any():
+        raise Broken(f"the drives were commanded {commanded.tolist()} steps, the stream makes {motors.tolist()}")
+
+
+def difference(first: Life, second: Life) -> str | None:
+    """The first thing in which two lives of one world differ, in words; None if there is nothing."""
+    for field in fields(Life):
+        a, b = getattr(first, field.name), getattr(second, field.name)
+        if isinstance(a, tuple):
+            for number, (left, right) in enumerate(zip(a, b, strict=False)):
+                if left != right:
+                    return f"{field.name}[{number}]: {left!r}, then {right!r}"
+            if len(a) != len(b):
+                return f"{field.name}: {len(a)}, then {len(b)}; next is {(a + b)[min(len(a), len(b))]!r}"
+        elif isinstance(a, np.ndarray):
+            if a.shape != b.shape:
+                return f"{field.name}: {len(a)} rows, then {len(b)}"
+            if a.tobytes() != b.tobytes():
+                at = int(np.flatnonzero(np.reshape(a != b, (len(a), -1)).any(axis=1))[0])
+                return f"{field.name}[{at}]: {a[at]!r}, then {b[at]!r}"
+        elif a != b:
+            return f"{field.name}: {a!r}, then {b!r}"
+    return None

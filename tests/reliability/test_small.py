@@ -1,0 +1,42 @@
+"""The measuring programs in small: what must be right is right; how fast it is, `make reliability` tells."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import pytest
+
+from tests.reliability import connects, echo, kills, memory, punctual, queries
+from tests.reliability.figures import Figure, table
+
+GENEROUS = 50.0
+"""Times a limit that a computer with other things to do may take."""
+
+
+@pytest.mark.parametrize(
+    ("program", "number"),
+    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 50)],
+    ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
+)
+def test_in_small(program: ModuleType, number: int) -> None:
+    figures: list[Figure] = program.measure(number)
+    assert figures
+    wrong = [figure.row for figure in figures if figure.limit is not None and figure.value > GENEROUS * figure.limit]
+    assert wrong == []
+
+
+def test_the_echo_is_compared() -> None:
+    bare, twin, ratio = echo.measure(200)
+    assert bare.value > 0
+    assert twin.value > 0
+    assert ratio.limit == 3.0
+
+
+def test_a_figure_beyond_its_limit_is_marked() -> None:
+    good, bad, plain = Figure("good", 1.0, "ms", 2.0), Figure("bad", 3.0, "ms", 2.0), Figure("plain", 5.0, "us")
+    assert [figure.holds for figure in (good, bad, plain)] == [True, False, True]
+    assert table([good, bad, plain]).splitlines()[2:] == [
+        "| good | 1 ms | 2 ms |  |",
+        "| bad | 3 ms | 2 ms | NO |",
+        "| plain | 5 us |  |  |",
+    ]

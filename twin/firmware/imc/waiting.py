@@ -1,0 +1,77 @@
+"""Lines that wait for their turn, and those that a stop holds back (F5, F19).
+
+    received ----> waiting --first in first out--> carried out
+                     |  ^
+             stopped |  | the stopped motion goes on
+                     v  |
+                     held -------> dropped, if the rest of the stopped motion is forgotten
+
+A stop holds what has come before it; what comes after it is carried out at once. So nothing starts to move that was
+not asked for after the stop, and the position can be asked for. Memory is bounded: what does not fit is lost, and only
+counted.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+
+class WaitingLines:
+    """See the module."""
+
+    def __init__(self, limit: int) -> None:
+        """limit: bytes, line ends included, that may wait; twice as many may be held."""
+        self._limit = limit
+        self._waiting: deque[bytes] = deque()
+        self._held: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._held_bytes = 0
+        self.lost = 0
+        """Lines lost and not answered yet."""
+
+    def __bool__(self) -> bool:
+        """Is there anything that is not held?"""
+        return bool(self._waiting or self.lost)
+
+    def put(self, line: bytes) -> None:
+        """Let a line wait. Once one does not fit, it and all behind it are lost until the others have been taken."""
+        size = len(line) + 1
+        if self.lost or self._waiting_bytes + size > self._limit:
+            self.lost += 1
+        else:
+            self._waiting.append(line)
+            self._waiting_bytes += size
+
+    def take(self) -> bytes | None:
+        """The next line that waits."""
+        if not self._waiting:
+            return None
+        line = self._waiting.popleft()
+        self._waiting_bytes -= len(line) + 1
+        return line
+
+    def hold(self) -> None:
+        """A stop: all that waits is held."""
+        while (line := self.take()) is not None:
+            size = len(line) + 1
+            if self._held_bytes + size > 2 * self._limit:
+                self.lost += 1
+            else:
+                self._held.append(line)
+                self._held_bytes += size
+
+    def release(self) -> None:
+        """What was held waits again, before all that has come since."""
+        self._waiting.extendleft(reversed(self._held))
+        self._waiting_bytes += self._held_bytes
+        self._held.clear()
+        self._held_bytes = 0
+
+    @property
+    def first_held(self) -> bytes | None:
+        """The first line held."""
+        return self._held[0] if self._held else None
+
+    def drop_first_held(self) -> None:
+        """It has been answered."""
+        self._held_bytes -= len(self._held.popleft()) + 1
