@@ -37,11 +37,12 @@ group `isel_twin.controllers`; see docs/controllers.md.
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
+from isel_twin.parameters import Limits
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the compiler behind a motion much longer
@@ -229,6 +230,26 @@ class UnknownNameError(ValueError):
     """A controller, machine or other named thing does not exist; the message lists what there is."""
 
 
+Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
+"""What a setting may be: a number within limits, one of some words (none: any text), or true and false."""
+
+Factory = TypeVar("Factory", bound=Callable[..., Any])
+
+
+def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
+    """Tell which settings a factory takes, so that machine files with a misspelt one can be refused when they are read.
+
+    @takes({"program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
+    def create(name, *, flash, settings): ...
+    """
+
+    def told(factory: Factory) -> Factory:
+        factory.settings = settings  # type: ignore[attr-defined]
+        return factory
+
+    return told
+
+
 class PluginError(ValueError):
     """A controller or language that is installed does not work; the message is one line that names it and says why."""
 
@@ -256,6 +277,23 @@ def create_controller(
             with plugin_errors("controller", entry, ValueError):
                 return factory(name, flash=flash, settings=settings or {})
     raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
+
+
+def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
+    """The settings that installed controllers take, by name; looked for until those `wanted` have been found.
+
+    A controller that does not work takes none.
+    """
+    if not set(wanted) <= _settings.keys():
+        for entry in importlib.metadata.entry_points(group=_GROUP):
+            with suppress(PluginError), plugin_errors("controller", entry):
+                _settings.update(getattr(entry.load(), "settings", {}))
+            if set(wanted) <= _settings.keys():
+                break
+    return _settings
+
+
+_settings: dict[str, Setting] = {}
 
 
 @contextmanager

@@ -9,6 +9,7 @@ harm. The fields of the dataclasses below, and those of motor, stage and screw i
     [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
     [switches]            holds for all position switches; an entry in [contacts] may override it
 
+Settings under [controller] belong to the controllers, who tell which there are (`isel_twin.controller.takes`).
 A machine is built whole: a motor has been found, the microsteps follow from it, imperfections that are off are zero.
 
 Machine coordinates of an axis run from 0, the nominal trip point of the motor-end switch, away from the motor to
@@ -17,11 +18,13 @@ Machine coordinates of an axis run from 0, the nominal trip point of the motor-e
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import math
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -220,6 +223,8 @@ class Machine:
     imperfections: Imperfections
     contacts: tuple[Contact, ...]
     """With those of their imperfections that are on."""
+    motors: Mapping[str, Motor]
+    """Motors of its own, by name; they go before those of `isel_twin.drives.MOTORS`."""
     controller: Mapping[str, Any]
     """Settings handed to the controller, such as program_memory_bytes."""
     tree: Mapping[str, Any] = field(repr=False, compare=False)
@@ -337,7 +342,7 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
     imperfections = section(Imperfections, tree["imperfections"], place.at("imperfections"))
-    motors = {key: _motor(value, place.at("motors").at(key)) for key, value in sections["motors"].items()}
+    motors = {key: section(Motor, value, place.at("motors").at(key)) for key, value in sections["motors"].items()}
     axes = tuple(
         _axis(name, sections["axes"][name], {**motors, **MOTORS, **motors}, imperfections, place.at("axes").at(name))
         for name in CARRIAGES
@@ -367,29 +372,21 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
             _contact(key, value, sections["switches"], axes, imperfections, place.at("contacts").at(key))
             for key, value in sections["contacts"].items()
         ),
-        controller={key: free(value, place.at("controller").at(key)) for key, value in sections["controller"].items()},
+        motors=motors,
+        controller=_settings(sections["controller"], place.at("controller")),
         tree=tree,
     )
     _check(machine, place)
     return machine
 
 
-def _motor(value: Any, place: Place) -> Motor:
-    """A motor of the machine's own: the fields of Motor by name."""
-    content = table(value, place)
-    fields = {item.name: item for item in dataclasses.fields(Motor)}
-    known(content, tuple(fields), place)
-    for name, item in fields.items():
-        if name not in content and item.default is MISSING:
-            raise place.at(name).wrong("missing")
-    values = {key: free(value, place.at(key)) for key, value in content.items()}
-    for key, given in values.items():
-        if isinstance(given, bool) or not isinstance(given, int | float):
-            raise place.at(key).wrong(f"{given!r}; allowed: a number")
-    try:
-        return Motor(**values)
-    except ValueError as error:
-        raise place.wrong(str(error)) from None
+def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
+    """Settings for controllers, which may be of several: those that one of the installed ones takes."""
+    from isel_twin.controller import controller_settings
+
+    rules = controller_settings(content)
+    known(content, rules, place)
+    return {key: free(value, rules[key], place.at(key)) for key, value in content.items()}
 
 
 def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections, place: Place) -> Axis:
@@ -412,17 +409,23 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
         screw["lead_error"] = 0.0
     if not on.backlash:
         screw["backlash_mm"] = 0.0
+    rod = Rod(**read(Rod, content, place))
+    own = read(Axis, content, place)
+    if own["travel_mm"] > rod.length_mm:
+        raise place.at("travel").wrong(
+            f"{own['travel_mm']:g} mm; allowed: up to the length of the screw, screw_length = {rod.length_mm:g} mm"
+        )
     stribeck_mm_s = quantity(content["stribeck_speed"], _STRIBECK_MM_S, place.at("stribeck_speed"))
     return Axis(
         name=name,
         motor=motor,
         stage=section(Stage, content["stage"], place.at("stage"), microsteps=microsteps),
         screw=Screw(
-            inertia_kgm2=Rod(**read(Rod, content, place)).inertia_kgm2,
+            inertia_kgm2=rod.inertia_kgm2,
             stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
             **screw,
         ),
-        **read(Axis, content, place),
+        **own,
     )
 
 
@@ -444,6 +447,41 @@ def _check(machine: Machine, place: Place) -> None:
     for key, path in (("model", machine.model_file), ("fixture", machine.fixture_file)):
         if path is not None and not path.is_file():
             raise place.at(key).wrong(f"{path} does not exist; allowed: an MJCF file")
+    longest_mm = _model_travels_mm(machine.model_file)
+    for axis in machine.axes:
+        if axis.travel_mm > longest_mm.get(axis.name, math.inf):
+            raise place.at(f"axes.{axis.name}.travel").wrong(
+                f"{axis.travel_mm:g} mm; allowed: up to {longest_mm[axis.name]:g} mm, "
+                f"where joint {axis.name} ends in {machine.model_file}"
+            )
+    _check_signals(machine, place.at("contacts"))
+
+
+def _check_signals(machine: Machine, place: Place) -> None:
+    """A signal is worked by the cabinet; one that it does not know would never change."""
+    from isel_twin.wiring.cabinet import CABINETS as KINDS
+
+    known([c.name for c in machine.contacts if c.kind == "signal"], KINDS[machine.cabinet]().signals, place)
+
+
+def _model_travels_mm(file: Path) -> dict[str, float]:
+    """Where the joints of a MuJoCo model end, by name, as far as its files say so; without MuJoCo, which takes longer.
+
+    A file that cannot be read says nothing here: whoever loads the model says what is wrong with it.
+    """
+    ends: dict[str, float] = {}
+    try:
+        root = ElementTree.parse(file).getroot()
+    except (OSError, ElementTree.ParseError):
+        return ends
+    for element in root.iter():
+        name, limits = element.get("name"), (element.get("range") or "").split()
+        if element.tag == "include" and element.get("file"):
+            ends |= _model_travels_mm(file.parent / str(element.get("file")))
+        elif element.tag == "joint" and name and len(limits) == 2:
+            with contextlib.suppress(ValueError):
+                ends[name] = 1e3 * float(limits[1])
+    return ends
 
 
 def _contact(

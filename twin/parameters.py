@@ -22,7 +22,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import difflib
-import math
+import sys
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
@@ -231,8 +231,6 @@ def quantity(value: Any, limits: Limits, place: Place) -> float:
     if value["unit"] != limits.unit:
         raise place.wrong(f"unit {value['unit']!r}; allowed: {limits.unit!r}")
     given = plain(value["value"], limits, place)
-    if not math.isfinite(given):
-        raise place.wrong(f"{given}; allowed: {limits}")
     text(value["grade"], place.at("grade"), GRADES)
     text(value["source"], place.at("source"))
     held = float(given * limits.scale)
@@ -243,12 +241,21 @@ def quantity(value: Any, limits: Limits, place: Place) -> float:
     return round(held)
 
 
-def free(value: Any, place: Place) -> Any:
-    """A value whose meaning belongs to somebody else: a plain one, or a number with any unit."""
-    if not isinstance(value, Mapping):
-        return value
-    held = quantity(value, Limits(value.get("unit", ""), -math.inf, math.inf), place)
-    return int(held) if isinstance(value["value"], int) else held
+def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) -> Any:
+    """A value whose rule belongs to somebody else: a plain one, or a number with any unit, which is left as it is."""
+    if isinstance(value, Mapping):
+        any_number = Limits(value.get("unit", ""), -sys.float_info.max, sys.float_info.max)
+        held = quantity(value, any_number, place)
+        value = int(held) if isinstance(value["value"], int) else held
+    if rule is bool:
+        return _boolean(value, place)
+    if isinstance(rule, tuple):
+        return text(value, place, rule)
+    if isinstance(rule, Limits):
+        plain(value, rule, place)
+        if rule.whole and not isinstance(value, int):
+            raise place.wrong(f"{value}; allowed: whole numbers")
+    return value
 
 
 def _boolean(value: Any, place: Place) -> bool:

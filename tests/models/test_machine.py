@@ -151,18 +151,41 @@ def test_the_cabinet_is_inherited_and_has_a_default(tmp_path):
         load_machine(heir)
 
 
+UNITS = {
+    "resistance_ohm": "ohm",
+    "inductance_h": "H",
+    "torque_constant_nm_per_a": "N m/A",
+    "rotor_inertia_kgm2": "kg m2",
+    "iron_loss_ohm": "ohm",
+    "pole_pairs": "1",
+}
+
+
+def motor(name: str, **values: float | str) -> str:
+    """A section of a machine file."""
+    usual = {"resistance_ohm": 1.0, "inductance_h": 3e-3, "torque_constant_nm_per_a": 0.4, "rotor_inertia_kgm2": 5e-5}
+    lines = [
+        f'{key} = {{ value = {value}, unit = "{UNITS[key]}", grade = "datasheet", source = "label" }}\n'
+        for key, value in {**usual, **values}.items()
+    ]
+    return f"[motors.{name}]\n{''.join(lines)}"
+
+
 def test_a_motor_of_the_machines_own_goes_before_that_of_the_table(tmp_path):
     (tmp_path / "machine.toml").write_text(
         'based_on = "4030"\n[axes.x]\nmotor = "mine"\n'
-        "[motors.mine]\nresistance_ohm = 0.5\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\npole_pairs = 25\n"
-        'rotor_inertia_kgm2 = { value = 5e-5, unit = "kg m2", grade = "measured", source = "run-down" }\n'
-        "[motors.23HS32-4004S]\nresistance_ohm = 0.7\ninductance_h = 3e-3\ntorque_constant_nm_per_a = 0.4\n"
-        "rotor_inertia_kgm2 = 5e-5\n"
+        + motor("mine", resistance_ohm=0.5, inductance_h=1e-3, pole_pairs=25, iron_loss_ohm="inf")
+        + motor("23HS32-4004S", resistance_ohm=0.7)
     )
-    x, y, _ = load_machine(tmp_path).axes
-    assert x.motor == Motor(0.5, 1e-3, 0.4, 5e-5, pole_pairs=25)
+    machine = load_machine(tmp_path)
+    x, y, _ = machine.axes
+    assert x.motor == Motor(0.5, 1e-3, 0.4, 5e-5, iron_loss_ohm=math.inf, pole_pairs=25)
     assert (x.steps_per_rev, x.stage.microsteps) == (1600, 16)
     assert y.motor.resistance_ohm == 0.7
+    assert machine.motors == {"mine": x.motor, "23HS32-4004S": y.motor}
+    (row,) = [row for row in describe(machine) if row.parameter == "motors.mine.resistance_ohm"]
+    assert (row.value, row.unit, row.grade, row.source) == (0.5, "ohm", "datasheet", "label")
+    assert with_overrides(machine, {"motors.mine.resistance_ohm": 0.6}).axes[0].motor.resistance_ohm == 0.6
 
 
 @pytest.mark.parametrize(
@@ -213,18 +236,39 @@ def test_a_motor_of_the_machines_own_goes_before_that_of_the_table(tmp_path):
             "[timing]\nmujoco_step = { value = 0.51, %s }",
             r"mujoco_step: 0\.51 ms; allowed: whole multiples of motor_sub",
         ),
-        ("[motors.q]\nresistance_ohm = 1.0", r"motors\.q\.inductance_h: missing"),
+        ("[motors.q]\n", r"motors\.q\.resistance_ohm: missing"),
         ("[motors.q]\nresistance = 1.0", r"motors\.q\.resistance: unknown key; did you mean 'resistance_ohm'\?"),
         (
-            '[motors.q]\nresistance_ohm = "x"\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\n'
-            "rotor_inertia_kgm2 = 5e-5",
-            r"motors\.q\.resistance_ohm: 'x'; allowed: a number",
+            "[motors.q]\nresistance_ohm = 1.0",
+            r"motors\.q\.resistance_ohm: 1\.0; allowed: a table such as .*unit = \"ohm\".*, 0\.001 \.\. 1000 ohm$",
+        ),
+        (motor("q", resistance_ohm='"x"'), r"motors\.q\.resistance_ohm: 'x'; allowed: 0\.001 \.\. 1000 ohm$"),
+        (motor("q", resistance_ohm=-1.0), r"motors\.q\.resistance_ohm: -1\.0; allowed: 0\.001 \.\. 1000 ohm$"),
+        (motor("q", inductance_h="inf"), r"motors\.q\.inductance_h: inf; allowed: 1e-06 \.\. 10 H$"),
+        (motor("q", iron_loss_ohm="nan"), r"motors\.q\.iron_loss_ohm: nan; allowed: 0\.001 \.\. inf ohm$"),
+        (motor("q").replace('"H"', '"mH"'), r"motors\.q\.inductance_h: unit 'mH'; allowed: 'H'$"),
+        ("screw_length = { value = 390.0, %s }", r"axes\.x\.travel: 395 mm; allowed: up to the length of the screw, "),
+        ("travel = { value = 600.5, %s }", r"axes\.x\.travel: 600\.5 mm; allowed: .* screw_length = 600 mm$"),
+        (
+            "travel = { value = 398.5, %s }",
+            r"axes\.x\.travel: 398\.5 mm; allowed: up to 398 mm, where joint x ends in .*4030/scene\.xml$",
         ),
         (
-            "[motors.q]\nresistance_ohm = -1.0\ninductance_h = 1e-3\ntorque_constant_nm_per_a = 0.4\n"
-            "rotor_inertia_kgm2 = 5e-5",
-            r"motors\.q: .*resistance_ohm",
+            "[contacts]\nestopp_1 = { kind = 'signal' }",
+            r"contacts\.estopp_1: unknown key; did you mean 'estop_1'\?$",
         ),
+        (
+            "[controller]\nprogram_memory_bites = 4096",
+            r"controller\.program_memory_bites: unknown key; did you mean 'program_memory_bytes'\?$",
+        ),
+        (
+            "[controller]\nprogram_memory_bytes = 0",
+            r"controller\.program_memory_bytes: 0; allowed: 1 \.\. 1e\+09$",
+        ),
+        ("[controller]\nprogram_memory_bytes = 4.5", r"program_memory_bytes: 4\.5; allowed: whole numbers$"),
+        ("[controller]\nprogram_memory_bytes = true", r"program_memory_bytes: True; allowed: 1 \.\. 1e\+09$"),
+        ("[controller]\nfrequency_error_ppm = 60000", r"frequency_error_ppm: 60000; allowed: -50000 \.\. 50000$"),
+        ("[controller]\nreference_hz = [1, 2]", r"controller\.reference_hz: unknown key"),
         ("[tming]\n", r"tming: unknown key; did you mean 'timing'\?"),
         ("[axes.w]\n", r"axes\.w: unknown key"),
         ("travel = ", r"not a TOML file: Invalid value"),

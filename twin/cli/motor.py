@@ -3,29 +3,62 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import call_errors
+from isel_twin.call import CallError, call_errors
 from isel_twin.cli.options import check_writable
+
+if TYPE_CHECKING:
+    from isel_twin.drives import Stage
+    from isel_twin.machine import Machine
 
 
 def motor(
     name: Annotated[str, Parameter(help="Type name of a motor, such as 23HS32-4004S.")],
     *,
+    machine: Annotated[
+        str | None, Parameter(help="Machine (name or folder) whose own motors and stages are to be taken.")
+    ] = None,
     picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
 ) -> int:
-    """Show a motor's torque curve with its closed-form envelope."""
+    """Show a motor's torque curve with its closed-form envelope.
+
+    On 48 V with the rated current and 1600 microsteps a revolution, or on the stage that a machine has for it.
+    """
     from tempfile import TemporaryDirectory
 
     check_writable(picture)
+    if picture is not None:
+        _check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
+        from isel_twin.drives.motor import MOTORS
         from isel_twin.drives.report import show_motor
         from isel_twin.files import atomic_write
+        from isel_twin.machine import load_machine
 
         drawn = Path(folder) / picture.name if picture is not None else None
-        show_motor(name, picture=drawn)
+        if machine is None:
+            show_motor(name, picture=drawn)
+        else:
+            owner = load_machine(machine)
+            show_motor(name, _stage(owner, name), drawn, {**MOTORS, **owner.motors})
         if picture is not None and drawn is not None:
             atomic_write(picture, drawn.read_bytes())
     return 0
+
+
+def _stage(machine: Machine, motor: str) -> Stage | None:
+    """The stage of the first axis with that motor."""
+    return next((a.stage for a in machine.axes if machine.tree["axes"][a.name]["motor"] == motor), None)
+
+
+def _check_picture(picture: Path) -> None:
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError:
+        raise CallError("picture needs matplotlib: pip install 'isel-twin[report]'", option=True) from None
+    kinds = FigureCanvasBase.get_supported_filetypes()
+    if picture.suffix.removeprefix(".") not in kinds:
+        raise CallError(f"{picture}: the name must end in one of .{', .'.join(sorted(kinds))}")

@@ -70,6 +70,8 @@ def run(
     needs_recorder = vcd is not None or trace is not None or report is not None
     if needs_recorder:
         _check_samples(lines, interval)
+    if trace is not None:
+        _need_pyarrow()
     if report is not None:
         _need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
@@ -175,6 +177,15 @@ def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
             f"samples; take {least_s / MOST_SAMPLES * 1.01:.3g} or more",
             option=True,
         )
+
+
+def _need_pyarrow() -> None:
+    from isel_twin.trace.write import check_kind
+
+    try:
+        check_kind(".parquet", "trace")
+    except ValueError as error:
+        raise CallError(str(error), option=True) from None
 
 
 def _need_matplotlib() -> None:

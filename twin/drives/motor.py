@@ -35,21 +35,21 @@ class Motor:
     Raises ValueError for a value that no motor can have.
     """
 
-    resistance_ohm: float = number("ohm", 1e-3, 1e3)
+    resistance_ohm: float = number("ohm", 1e-3, 1e3, key="resistance_ohm")
     """Phase resistance."""
-    inductance_h: float = number("H", 1e-6, 10.0)
+    inductance_h: float = number("H", 1e-6, 10.0, key="inductance_h")
     """Phase inductance."""
-    torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3)
+    torque_constant_nm_per_a: float = number("N m/A", 1e-4, 1e3, key="torque_constant_nm_per_a")
     """Km: peak torque of one phase per ampere, and back-EMF in V s/rad."""
-    rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0)
+    rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia_kgm2")
     """Rotor inertia."""
-    detent_torque_nm: float = number("N m", 0.0, 1e3, default=math.nan)
+    detent_torque_nm: float = number("N m", 0.0, 1e3, key="detent_torque_nm", optional=True, default=math.nan)
     """Peak detent torque; nan: by rule from Km and R."""
-    iron_loss_ohm: float = number("ohm", 1e-3, math.inf, default=math.nan)
+    iron_loss_ohm: float = number("ohm", 1e-3, math.inf, key="iron_loss_ohm", optional=True, default=math.nan)
     """Resistance that stands for the iron loss, math.inf for none; nan: by rule from L."""
-    pole_pairs: int = number("1", 1, 1000, whole=True, default=50)
+    pole_pairs: int = number("1", 1, 1000, key="pole_pairs", whole=True, optional=True, default=50)
     """Rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step."""
-    rated_current_a: float = number("A", 1e-3, 1e3, default=math.nan)
+    rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current_a", optional=True, default=math.nan)
     """Phase current the maker allows with both phases on; nan: unknown."""
 
     def __post_init__(self) -> None:

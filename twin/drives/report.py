@@ -10,7 +10,7 @@ The goal of this code is to show what a motor and a stage can do, with the close
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,11 +41,11 @@ def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEED
     ]
 
 
-def find_motor(name: str) -> Motor:
-    """The motor of MOTORS called `name`. Raises ValueError with the names there are."""
-    if name not in MOTORS:
-        raise ValueError(f"unknown motor {name!r}; there are: {', '.join(MOTORS)}")
-    return MOTORS[name]
+def find_motor(name: str, motors: Mapping[str, Motor] = MOTORS) -> Motor:
+    """The motor called `name`. Raises ValueError with the names there are."""
+    if name not in motors:
+        raise ValueError(f"unknown motor {name!r}; there are: {', '.join(motors)}")
+    return motors[name]
 
 
 def default_stage(motor: Motor) -> Stage:
@@ -54,12 +54,14 @@ def default_stage(motor: Motor) -> Stage:
     return Stage(supply_v=48.0, current_a=current, microsteps=max(1, 1600 // motor.full_steps_per_rev))
 
 
-def show_motor(name: str, stage: Stage | None = None, picture: Path | None = None) -> None:
+def show_motor(
+    name: str, stage: Stage | None = None, picture: Path | None = None, motors: Mapping[str, Motor] = MOTORS
+) -> None:
     """Print what motor `name` does on a stage (None: `default_stage`); with `picture`, draw the curve into that file.
 
     Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
     """
-    motor = find_motor(name)
+    motor = find_motor(name, motors)
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
     print("\n".join(_text(name, motor, stage, table)))

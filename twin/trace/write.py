@@ -2,7 +2,7 @@
 
     .npz        the step stream, exactly                    npz.py
     .vcd        a value change dump for waveform viewers    vcd.py
-    .parquet    the samples of a recorder as a table        parquet.py
+    .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
 
 Each kind is imported when it is written: who wants none pays for none.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,15 +19,22 @@ if TYPE_CHECKING:
     from isel_twin.trace.recorder import Recorder
     from isel_twin.twin import Twin
 
-__all__ = ["KINDS", "trace_kind", "write_trace"]
+__all__ = ["KINDS", "check_kind", "trace_kind", "write_trace"]
 
 
 def trace_kind(path: Path) -> str:
-    """The kind of trace that a file name ends in, one of KINDS. Raises ValueError."""
+    """The kind of trace that a file name ends in, one of KINDS. Raises ValueError, also if it needs an extra."""
     if path.suffix not in KINDS:
         *others, last = KINDS
         raise ValueError(f"{path}: the name must end in {', '.join(others)} or {last}")
+    check_kind(path.suffix, f"{path}:")
     return path.suffix
+
+
+def check_kind(kind: str, about: str) -> None:
+    """Raise ValueError, of one line that begins with `about`, if traces of a kind need what is not installed."""
+    if kind == ".parquet" and find_spec("pyarrow") is None:
+        raise ValueError(f"{about} needs pyarrow: pip install 'isel-twin[trace]'")
 
 
 def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | None = None) -> None:
@@ -36,7 +44,9 @@ def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | N
     recorder: has watched the twin; an .npz can do without. Raises ValueError for a name that says nothing and for a
     recorder that is missing, OSError about `path` if the file cannot be written.
     """
-    write = KINDS[kind or trace_kind(path)]
+    kind = kind or trace_kind(path)
+    check_kind(kind, f"{path}:")
+    write = KINDS[kind]
     try:
         write(path, twin, recorder)
     except OSError as error:  # which may name a temporary file, or none

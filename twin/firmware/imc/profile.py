@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from importlib.resources import files
 from typing import Any
 
+from isel_twin.parameters import Limits
+
 BASE = "imc-s8"
 
 
@@ -40,12 +42,18 @@ class Profile:
     relative_unreferenced: bool
 
 
+def settings() -> Mapping[str, Limits]:
+    """What a machine file may set: every number of the base profile, which is positive and whole."""
+    base = _profiles()[BASE]
+    return {key: Limits("", 1, 1e9, whole=True) for key, value in base.items() if isinstance(value, int)}
+
+
 def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
     """The profile called `name`, with the numbers and switches in `settings` in place of its own; others are ignored.
 
     Raises ValueError if a setting is not a positive whole number, or not true or false where the profile has that.
     """
-    profiles = tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))
+    profiles = _profiles()
     values = profiles[BASE] | profiles[name]
     for key, value in settings.items():
         if key not in values or not isinstance(values[key], int):
@@ -58,3 +66,7 @@ def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
         values[key] = value
     as_tuples: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
     return Profile(**{field.name: as_tuples[field.name] for field in fields(Profile)})
+
+
+def _profiles() -> dict[str, dict[str, Any]]:
+    return tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))

@@ -17,13 +17,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from isel_twin.controller import takes
 from isel_twin.firmware.ismif.interface import Ismif
+from isel_twin.parameters import Limits
 
 __all__ = ["Ismif", "create"]
 
 ERROR_LIMIT_PPM = 50_000
 
 
+@takes({"frequency_error_ppm": Limits("", -ERROR_LIMIT_PPM, ERROR_LIMIT_PPM, whole=True)})
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Ismif:
     """Entry point of `isel_twin.controllers`. The interface keeps nothing without power, so there is no flash image.
 

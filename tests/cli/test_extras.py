@@ -1,0 +1,80 @@
+"""What is not installed is not needed, and who asks for it is told in one line what to install."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from isel_twin import Twin
+from isel_twin.cli import main
+from isel_twin.trace.recorder import Recorder
+from isel_twin.trace.write import write_trace
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune"}
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As after `pip install isel-twin`, in a folder with a job."""
+    for package in EXTRAS:
+        monkeypatch.setitem(sys.modules, package, None)
+    for module in ("isel_twin.trace.parquet", "isel_twin.trace.report"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.txt").write_text("@07\n@0R7\n")
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as caught:
+        main([*words])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code, capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("bare")
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("run job.txt --trace out", "--trace needs pyarrow: pip install 'isel-twin[trace]'"),
+        ("run job.txt --report out", "--report needs matplotlib: pip install 'isel-twin[report]'"),
+        ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
+        ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
+    ],
+)
+def test_who_asks_for_an_extra_is_told_what_to_install(
+    words: str, line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said(capsys, *words.split()) == (2, f"isel-twin: {line}\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["job.txt"]
+
+
+@pytest.mark.usefixtures("bare")
+def test_so_is_who_asks_in_python(tmp_path: Path) -> None:
+    twin = Twin(plant="kinematic")
+    with Recorder(twin, 10_000_000) as recorder, pytest.raises(ValueError, match=r"out: needs pyarrow: .*\[trace\]"):
+        write_trace(tmp_path / "out", twin, recorder, ".parquet")
+
+
+@pytest.mark.usefixtures("bare")
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_everything_else_needs_no_extra(plant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, err = said(capsys, "run", "job.txt", "--plant", plant, "--steps", "o.npz", "--vcd", "o.vcd")
+    assert (code, err) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"job.txt", "o.npz", "o.vcd"}
+    assert said(capsys, "motor", "23HS32-4004S") == (0, "")
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {requirement.split(">")[0] for requirement in requirements}
+
+
+def test_extras_are_no_dependencies_and_tests_have_them_all() -> None:
+    extras = PROJECT["optional-dependencies"]
+    assert not names(PROJECT["dependencies"]) & EXTRAS.keys()
+    assert {package: extra for package, extra in EXTRAS.items() if package in names(extras[extra])} == EXTRAS
+    tested = EXTRAS.keys() - {"optuna"}  # docs/tuning.md shows it; nothing here imports it
+    assert tested <= names(extras["dev"])
