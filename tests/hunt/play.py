@@ -343,7 +343,8 @@ def _look_at_everything(twin: Twin) -> None:
     """Looking changes nothing."""
     for name in (
         "fault", "reply_waiting", "serial_format", "idle", "next_event_ns", "counts", "position_mm",
-        "position_error_mm", "step_mm", "lost_steps", "slip_steps", "forgotten_steps", "machine_position_mm", "inputs", "outputs", "levels",
+        "position_error_mm", "step_mm",
+        "lost_steps", "slip_steps", "forgotten_steps", "machine_position_mm", "inputs", "outputs", "levels",
     ):  # fmt: skip
         getattr(twin, name)
     len(twin.steps)

@@ -199,7 +199,7 @@ def test_lamps() -> None:
     assert [desk.outputs[f"lamp_{name}"] for name in ("start", "stop", "fault")] == [0, 0, 1]
 
 
-# --- stages and brake --------------------------------------------------------------------------------------------------
+# --- stages and brake ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("off", "on"), [("@0B3,0", "@0B3,1"), ("@0B100,129", "@0B3,1"), ("@0B100,193", "@0B3,1")])
@@ -235,7 +235,7 @@ def test_stages_on_that_are_on_leave_the_brake_as_it_is() -> None:
     assert (desk.outputs["stages"], desk.outputs["brake"]) == (1, 0)
 
 
-# --- what forgets the rest ---------------------------------------------------------------------------------------------
+# --- what forgets the rest --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

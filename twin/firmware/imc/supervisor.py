@@ -33,7 +33,7 @@ from isel_twin.units import MILLISECOND_NS
 
 @dataclass
 class Task:
-    """What is in progress. `answers`: its end is reported to the host, as a stop always is; `program`: the stored one."""
+    """What is in progress. `answers`: its end is reported to the host, as a stop always is; `program`: stored."""
 
     answers: bool
     program: bool
