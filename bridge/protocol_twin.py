@@ -44,6 +44,7 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException, to_
 
 from isel_twin.bridge.pacing import Pacer, parse_speed
 from isel_twin.call import TwinCall
+from isel_twin.files import flash_file
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -119,6 +120,11 @@ class Serial(SerialBase):
             if self._twin is None or self._port != self._url:
                 self._power_on(self._port)
                 self._url = self._port
+            elif (keeper := flash_file(self._twin)) is not None:
+                try:
+                    keeper.hold()
+                except OSError as error:
+                    raise SerialException(f"{self._port}: {error.strerror}") from error
             self.is_open = True
             self.reset_input_buffer()
 
@@ -134,7 +140,9 @@ class Serial(SerialBase):
         self._pacer = Pacer(speed, twin.time_ns)
 
     def close(self) -> None:
-        """Close the port; the twin waits for it to be opened again."""
+        """Close the port; the twin waits for it to be opened again, and lets go of its flash file meanwhile."""
+        if self._twin is not None and (keeper := flash_file(self._twin)) is not None:
+            keeper.release()
         self.is_open = False
 
     def _reconfigure_port(self) -> None:

@@ -11,6 +11,7 @@ import serial
 import isel_twin  # noqa: F401  (registers twin://)
 from isel_twin.call import CallError, TwinCall, call_errors
 from isel_twin.cli import main
+from isel_twin.files import flash_file
 
 
 class Asked(CallError):
@@ -22,7 +23,7 @@ def asked(monkeypatch):
     """asked: what `TwinCall.build` was called on; nothing is built."""
     calls = []
 
-    def build(call):
+    def build(call, keep_motions=None):
         calls.append(call)
         raise Asked("enough")
 
@@ -146,6 +147,7 @@ def test_a_flash_file_follows_the_twin(tmp_path):
     first.query("@0IUx")
     first.query("@0IW")
     assert flash.read_bytes() == first.flash
+    flash_file(first).release()
     assert TwinCall(plant="kinematic", flash=flash).build().flash == first.flash
 
 

@@ -512,9 +512,10 @@ def test_output_ports(number: int, values: tuple[int, ...], output: str) -> None
     ],
 )
 def test_control_and_signal_bits(number: int, bit: int, output: str) -> None:
-    """Each bit alone switches its output on; without it the output is off."""
+    """Each bit alone switches its output on; without it the output is off. The brake needs stages that hold (F24)."""
     desk = initialised()
-    assert desk.query(f"@0B{number},{1 << bit}") == "0"
+    stages = 1 << 3 if output == "brake" else 0
+    assert desk.query(f"@0B{number},{1 << bit | stages}") == "0"
     assert desk.outputs[output] == 1
     assert desk.query(f"@0B{number},0") == "0"
     assert desk.outputs[output] == 0

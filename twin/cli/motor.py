@@ -56,6 +56,7 @@ def _stage(machine: Machine, motor: str) -> Stage | None:
 
 def _check_picture(picture: Path) -> None:
     try:
+        import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
         from matplotlib.backend_bases import FigureCanvasBase
     except ImportError:
         raise CallError("picture needs matplotlib: pip install 'isel-twin[report]'", option=True) from None
