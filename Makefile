@@ -24,9 +24,10 @@ demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 test: $(READY)       ## all tests, on two workers
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup
 
-quick: $(READY)      ## the tests of single parts, in a minute
+quick: $(READY)      ## tests of single parts, in about a minute
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup -m "not slow" \
-	  tests/motion tests/wiring tests/drives tests/plant tests/models tests/firmware tests/trace tests/test_*.py
+	  tests/motion tests/wiring tests/drives tests/models tests/firmware/ismif tests/trace tests/test_borders.py \
+	  tests/test_position.py tests/test_testing.py tests/test_verdict.py
 
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
