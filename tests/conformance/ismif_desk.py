@@ -1,16 +1,15 @@
 """The iSMIF on the test desk, and what its streams must be, from closed forms; nothing here is the twin's code.
 
-Ramp law: the leading axis starts with f0, rises evenly to V within R, stays, falls the same way: a = (V - f0) / R and
-
-    t(k) = (sqrt(f0^2 + 2 a k) - f0) / a    while rising, up to k = (V^2 - f0^2) / (2 a) or the middle of the motion
+Ramp law: the leading axis starts with f0, rises evenly to V within R, stays, falls the same way: that of closed_forms
+with a = (V - f0) / R.
 """
 
 from __future__ import annotations
 
-from decimal import ROUND_HALF_EVEN, Decimal, localcontext
+from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
+from conformance.closed_forms import times_ns
 
 from isel_twin.testing import Desk, Ticks, switches
 
@@ -75,38 +74,11 @@ def moved(desk: Desk, *commands: str) -> Ticks:
 
 
 def pulse_times_ns(steps: int, v: int, f0: int = 200, ramp_ms: int = 500, error_ppm: int = 0) -> list[int]:
-    """Times of leading pulses 1 .. steps after the start, nearest nanosecond, ties to even."""
-    with localcontext() as context:
-        context.prec = 60
-        n, scale = Decimal(steps), 1 + Decimal(error_ppm) / 1_000_000
-        if v <= f0 or ramp_ms == 0:
-            return [_ns(k / (v * scale)) for k in range(1, steps + 1)]
-        high, low = v * scale, f0 * scale
-        a = (high - low) * 1000 / Decimal(ramp_ms)
-        rise = min((high * high - low * low) / (2 * a), n / 2)
-        rise_s = ((low * low + 2 * a * rise).sqrt() - low) / a
-        end_s = 2 * rise_s + (n - 2 * rise) / high
-        times = []
-        for k in range(1, steps + 1):
-            if k <= rise:
-                times.append(((low * low + 2 * a * k).sqrt() - low) / a)
-            elif k < n - rise:
-                times.append(rise_s + (k - rise) / high)
-            else:
-                times.append(end_s - ((low * low + 2 * a * (n - k)).sqrt() - low) / a)
-        return [_ns(t) for t in times]
-
-
-def _ns(seconds: Decimal) -> int:
-    return int((seconds * 10**9).to_integral_value(rounding=ROUND_HALF_EVEN))
-
-
-def line(x: int = 0, y: int = 0, z: int = 0) -> NDArray[np.int8]:
-    """int8 [N, 4]: axis i has made floor((2 k n_i + N) / (2 N)) of its steps after leading pulse k."""
-    lead = max(abs(x), abs(y), abs(z))
-    k = np.arange(lead + 1, dtype=np.int64)
-    made = np.stack([np.sign(n) * ((2 * k * abs(n) + lead) // (2 * lead)) for n in (x, y, z, 0)], axis=1)
-    return np.diff(made, axis=0).astype(np.int8)
+    """Times in ns of leading pulses 1 .. steps after the start; the error is that of the output frequency."""
+    scale = 1 + Fraction(error_ppm, 1_000_000)
+    if v <= f0 or ramp_ms == 0:
+        return times_ns(steps, v * scale, v * scale, 1)
+    return times_ns(steps, v * scale, f0 * scale, (v - f0) * scale * 1000 / ramp_ms)
 
 
 def top_speed_hz(stream: Ticks) -> float:

@@ -11,6 +11,7 @@ from conformance.closed_forms import (
     directions,
     hex24,
     interpolation_parameter,
+    made_after,
     off_circle,
     pulse_times_ns,
     turned_deg,
@@ -317,8 +318,7 @@ def test_third_axis_is_spread_evenly(steps: int) -> None:
     assert desk.query("@0f-1") == "0"
     stream = made(desk, f"@0w{max(400, abs(steps))},1500,119,-141,141,-1,-1,{steps}")
     n = len(stream)
-    k = np.arange(1, n + 1)
-    assert stream.path()[:, 2].tolist() == (np.sign(steps) * ((2 * k * abs(steps) + n) // (2 * n))).tolist()
+    assert stream.path()[:, 2].tolist() == made_after(np.arange(1, n + 1), steps, n).tolist()
 
 
 @shows("imc-2.2.27-6")

@@ -158,11 +158,9 @@ def test_stop_ramps_down_from_the_momentary_frequency(command: str, at_ns: int) 
     desk.send(STOP)
     assert desk.finish() == "F"
     stream = desk.steps
-    before, after = stop_times_ns(at_ns, 5000)
     t_ns = stream.t_ns - begin
-    assert t_ns[:before].tolist() == pulse_times_ns(20_000, 5000)[:before]
-    assert t_ns[before:].tolist() == after
-    assert len(after) in (124, 125)  # (5000^2 - 300^2) / (2 * 100000) = 124.55
+    assert t_ns.tolist() == stop_times_ns(20_000, 5000, 300, 100_000, at_ns)
+    assert np.count_nonzero(t_ns > at_ns) in (124, 125)  # (5000^2 - 300^2) / (2 * 100000) = 124.55
     assert stream.delta.tolist() == line(20_000, -7000)[: len(stream)].tolist()
     assert desk.replies[-1] == (int(stream.t_ns[-1]), b"F")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conformance.closed_forms import line
 from conformance.ismif_desk import (
     ACK,
     DONE,
@@ -11,7 +12,6 @@ from conformance.ismif_desk import (
     TRAVEL,
     fresh,
     job,
-    line,
     moved,
     now,
     pulse_times_ns,

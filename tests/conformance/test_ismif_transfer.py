@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conformance.closed_forms import line
 from conformance.ismif_desk import (
     ACK,
     DONE,
@@ -11,7 +12,6 @@ from conformance.ismif_desk import (
     HYSTERESIS,
     fresh,
     job,
-    line,
     moved,
     now,
     pulse_times_ns,
@@ -143,7 +143,7 @@ def test_stored_commands_wait_for_the_start() -> None:
 def test_01h_starts_everything_stored_in_its_order() -> None:
     desk = referenced()
     stream = moved(desk, "L1,x300", "L1,y200", "L1,x-100")
-    assert stream.delta.tolist() == [*line(300).tolist(), *line(y=200).tolist(), *line(-100).tolist()]
+    assert stream.delta.tolist() == [*line(300).tolist(), *line(0, 200).tolist(), *line(-100).tolist()]
 
 
 @shows("ismif-5.2-9", "ismif-5.2-10")

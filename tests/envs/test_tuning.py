@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from conformance.closed_forms import tick_ns
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,11 +43,8 @@ def step(env: JobTuning, settings: Settings) -> tuple[np.ndarray, float, bool, b
 
 
 def ramped_s(steps: int, speed_hz: int, acceleration_hz_per_ms: int, start_stop_hz: int) -> float:
-    """Duration of a trapezoid that reaches its speed: two ramps and what is left at speed."""
-    acceleration = 1000.0 * acceleration_hz_per_ms
-    ramp_s = (speed_hz - start_stop_hz) / acceleration
-    ramp_steps = (speed_hz**2 - start_stop_hz**2) / (2.0 * acceleration)
-    return 2.0 * ramp_s + (steps - 2.0 * ramp_steps) / speed_hz
+    """Duration of a move."""
+    return 1e-9 * float(tick_ns(steps, steps, speed_hz, start_stop_hz, 1000 * acceleration_hz_per_ms))
 
 
 @pytest.mark.filterwarnings("ignore:.*Box observation space m..imum value is.*infinity")

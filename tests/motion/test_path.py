@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from conformance.closed_forms import made_after
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -16,9 +17,8 @@ steps = st.lists(st.integers(-300, 300), min_size=1, max_size=8).map(tuple)
 
 
 def floor_rule(n: tuple[int, ...], k: int) -> tuple[int, ...]:
-    """Axis i has made floor((2 k n_i + N) / (2 N)) steps after leading pulse k, on its side of zero."""
-    lead = max(abs(i) for i in n)
-    return tuple((2 * k * abs(i) + lead) // (2 * lead) * (1 if i > 0 else -1) for i in n)
+    """Steps of each axis after leading pulse k."""
+    return tuple(made_after(k, i, max(abs(j) for j in n)) for i in n)
 
 
 def positions_of(delta: NDArray[np.int8]) -> NDArray[np.int64]:

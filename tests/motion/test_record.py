@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from motion.oracle import times_ns
+from conformance.closed_forms import times_ns
 from motion.plans import table
 
 from isel_twin.motion import SetPointRun, StepRun, Steps, constant, line, trapezoid

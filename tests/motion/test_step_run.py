@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conformance.closed_forms import times_ns
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motion.oracle import times_ns
 
 from isel_twin.motion import StepRun, Steps, circle, constant, line, trapezoid
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conformance.closed_forms import times_ns
 from numpy.typing import NDArray
 
 from isel_twin.machine import load_machine, with_overrides
@@ -27,21 +28,8 @@ def ticks(count: int, *changes: int) -> NDArray[np.int8]:
 
 
 def ramp_ns(steps: int, top_hz: float, start_hz: float = 300.0, hz_per_ms: float = 100.0) -> NDArray[np.int64]:
-    """Times of the pulses of a move: s(t) = start t + a t^2 / 2 up to the top, mirrored at the end."""
-    acceleration = 1e3 * hz_per_ms
-    ramp = min((top_hz**2 - start_hz**2) / (2.0 * acceleration), steps / 2.0) if top_hz > start_hz else 0.0
-    top = np.sqrt(start_hz**2 + 2.0 * acceleration * ramp) if ramp else min(top_hz, start_hz)
-
-    def rising(s: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (np.sqrt(start_hz**2 + 2.0 * acceleration * s) - start_hz) / acceleration
-
-    k = np.arange(1.0, steps + 1.0)
-    up = (top - start_hz) / acceleration if ramp else 0.0
-    total = 2.0 * up + (steps - 2.0 * ramp) / top
-    seconds = up + (k - ramp) / top
-    seconds = np.where(k < ramp, rising(k), seconds)
-    seconds = np.where(k > steps - ramp, total - rising(steps - k), seconds)
-    return np.rint(seconds * 1e9).astype(np.int64)
+    """Times of the pulses of a move."""
+    return np.array(times_ns(steps, top_hz, start_hz, 1e3 * hz_per_ms), dtype=np.int64)
 
 
 class Bench:

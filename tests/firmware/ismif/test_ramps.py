@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conformance.ismif_desk import job, line, moved, pulse_times_ns, referenced, send_job
+from conformance.closed_forms import line
+from conformance.ismif_desk import job, moved, pulse_times_ns, referenced, send_job
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
