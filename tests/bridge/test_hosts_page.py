@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.bridge.tcp import TcpEndpoint, parse_address
+from isel_twin.cli import main
 
 PAGE = (Path(__file__).parents[2] / "docs" / "hosts.md").read_text()
 
@@ -45,6 +47,19 @@ def test_a_machine_whose_z_counts_negative_downwards():
     assert host.machine_position_mm[2] == pytest.approx(top_mm + 10.0, abs=0.02)
     assert host.query("@0A0,900,0,900,6400,5000,0,900") == "2"  # the upper switch
     assert [host.query(command) for command in ("@07", "@0N7", move)] == ["0", "0", "0"]  # and off it again, downwards
+
+
+def test_the_sample_job(tmp_path, capsys):
+    job = tmp_path / "job.txt"
+    job.write_text(re.search(r"( {4}# set up.*?)\n\n", PAGE, re.DOTALL)[1])
+    with pytest.raises(SystemExit) as caught:
+        main(["run", str(job), "--json", "--plant", "kinematic"])
+    *lines, summary = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (caught.value.code, [line["reply"] for line in lines]) == (0, ["0", "0", "F0"])
+    assert summary["counts"][0] == 16000
+    named = set(re.findall(r"`(\w+)`", PAGE))
+    told = {"machine", "controller", "plant", "seed", "interrupted"}  # "and what was called"
+    assert set(summary) - told - {"summary", "ok"} <= named
 
 
 def test_modem_lines_of_a_pseudo_terminal_are_refused_as_the_page_says(serve):
