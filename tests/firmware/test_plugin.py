@@ -53,6 +53,20 @@ except ValueError as error:
     print(error)
 """
 
+SETTINGS = """
+from pathlib import Path
+from isel_twin import Twin
+from isel_twin.machine import MachineError, load_machine
+
+for line in ("toy_speed_hz = 1000", "toy_speed_hz = 20", "toy_sped_hz = 1000"):
+    Path("machine.toml").write_text(f'based_on = "4030"\\n[controller]\\n{line}\\n')
+    try:
+        twin = Twin(machine="machine.toml", controller="toy", plant="kinematic", start_mm=(100.0, 50.0, 30.0))
+        print(twin.query("X1600"), int(twin.steps.t_ns[800] - twin.steps.t_ns[799]))
+    except MachineError as error:
+        print(str(error).split("machine.toml: ")[1])
+"""
+
 JOB = "X1600\n?\nno<13>\nX-1600<13> <0.1s> ?\n"
 
 
@@ -126,6 +140,16 @@ def test_the_toy_runs_as_an_installed_plugin(plugins: Path) -> None:
     answer, count, at_switch = third.split()
     assert (answer, at_switch) == ("'2'", "True")
     assert float(count) == pytest.approx(-100 * 160, abs=1)
+
+
+def test_its_settings_are_those_of_a_machine_file(
+    plugins: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (made, low, misspelt), _ = run(plugins, "-c", SETTINGS)
+    assert made == "0 1000000"  # ns between pulses at 1000 Hz
+    assert low == "controller.toy_speed_hz: 20; allowed: 300 .. 20000 Hz"
+    assert misspelt.startswith("controller.toy_sped_hz: unknown key; did you mean 'toy_speed_hz'?")
 
 
 def test_its_bytes_have_words(plugins: Path) -> None:
