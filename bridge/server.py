@@ -47,11 +47,11 @@ PIECE_BYTES = 1024
 
 
 class SerialTwin(Clocked, Protocol):
-    """What the server needs of a twin.
+    """What the server needs of a twin."""
 
-    If it has a `replies_due` (bytes of replies on the line that have not arrived at the host), no more is taken from
-    a host that asks faster than a paced line can answer.
-    """
+    @property
+    def replies_due(self) -> int:
+        """Bytes of replies still on the line; from a host that asks faster than it can answer, no more is taken."""
 
     @property
     def serial_format(self) -> SerialFormat: ...
@@ -320,7 +320,7 @@ class Server:
 
     def _replies_pile_up(self) -> bool:
         """Whether the line to the host is so far behind that no more questions should be asked."""
-        return getattr(self.twin, "replies_due", 0) > LINE_BYTES
+        return self.twin.replies_due > LINE_BYTES
 
     def _awake(self) -> None:
         with suppress(BlockingIOError):

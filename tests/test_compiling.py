@@ -96,3 +96,27 @@ def test_what_is_no_matter_of_folders_is_raised(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("numba.core.caching.FunctionCache.__init__", fail)
     with pytest.raises(RuntimeError, match="something else"):
         compiling.njit()(lambda n: n)
+
+
+def test_a_fresh_installation_says_that_it_compiles_and_only_then(tmp_path: Path) -> None:
+    """`run` says so while it lasts; `serve`, which warms up before it says that it listens, finds everything there."""
+    (tmp_path / "job.txt").write_text("@07\n@0R7\n")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    call = [sys.executable, "-c", "from isel_twin.cli import main; main()"]
+    run = [*call, "run", "job.txt", "--plant", "kinematic"]
+    first, second = (
+        subprocess.run(run, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=240)
+        for _ in range(2)
+    )
+    assert "compiling the physics (once per installation) ...\n" in first.stderr
+    assert "compiled in " in first.stderr
+    assert second.stderr == ""
+    shutil.rmtree(tmp_path / "cache")
+    serve = [*call, "serve", "--plant", "kinematic", "--tcp", "127.0.0.1:0"]
+    with subprocess.Popen(serve, env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as live:
+        assert live.stdout is not None
+        assert live.stderr is not None
+        assert b'"tcp"' in live.stdout.readline()
+        live.terminate()
+        said = live.stderr.read().decode()
+    assert said.index("compiling the physics") < said.index("compiled in ")

@@ -10,7 +10,6 @@ import os
 import tracemalloc
 
 from isel_twin import Twin
-from isel_twin.motion import Stream
 from tests.reliability.figures import Figure, main, resident_mb
 
 NUMBER = 20_000
@@ -28,8 +27,7 @@ def moves(twin: Twin, number: int) -> None:
 
 
 def measure(number: int) -> list[Figure]:
-    twin = Twin(plant="kinematic", start_mm=(30.0, 30.0, 30.0))
-    twin._stream = Stream(len(twin.counts), keep=KEEP)
+    twin = Twin(plant="kinematic", start_mm=(30.0, 30.0, 30.0), keep_motions=KEEP)
     for command in ("@07", "@0R7"):
         twin.query(command)
     moves(twin, 2 * KEEP)

@@ -83,7 +83,9 @@ def run(
         from isel_twin.job import play
         from isel_twin.trace.write import write_trace
         from isel_twin.verdict import judge
+        from isel_twin.warm import told_of_compiling
 
+        stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
