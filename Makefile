@@ -39,6 +39,10 @@ reliability: $(READY) ## what a server that runs for weeks must hold; takes half
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report
 
+.PHONY: mutants
+mutants: $(READY)    ## change firmware, motion and wiring in one place at a time: do the tests notice? takes hours
+	for part in firmware motion wiring; do nice $(BIN)/python tests/mutants.py twin/$$part || exit 1; done
+
 golden: $(READY)     ## digest behaviour anew after a deliberate change
 	$(BIN)/python -m pytest -q --update-golden tests/golden tests/conformance
 

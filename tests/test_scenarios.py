@@ -57,6 +57,24 @@ def test_event_in_a_motion(tmp_path: Path, plant: str, event: str, reply: str) -
         assert 21.99e9 < stopped <= 22.0e9, "no pulse after the event"
 
 
+@pytest.mark.parametrize("order", ['{ hood = "open", key = "setup" }', '{ key = "setup", hood = "open" }'])
+def test_what_changes_in_one_event_changes_together(tmp_path: Path, order: str) -> None:
+    """The hood is never seen open in automatic, nor is it on the way back, however the table is written."""
+    back = order.replace("open", "closed").replace("setup", "automatic")
+    events = f"[[event]]\nat = 21.0\nset = {order}\n[[event]]\nat = 23.0\nset = {back}"
+    twin = home(twin_with(tmp_path, events))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == "0"
+    assert twin.inputs["key"] == "automatic"
+
+
+def test_two_events_at_one_instant_happen_one_after_the_other(tmp_path: Path) -> None:
+    events = '[[event]]\nat = 21.0\nset = { hood = "open" }\n[[event]]\nat = 21.0\nset = { key = "setup" }'
+    twin = home(twin_with(tmp_path, events))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    assert twin.query(MOVE) == "9"
+
+
 def test_a_locked_hood_stays_closed_and_the_motion_goes_on(tmp_path: Path) -> None:
     twin = home(twin_with(tmp_path, '[[event]]\nat = 22.0\nset = { hood = "open" }'))
     assert twin.query("@0B1,0") == "0"

@@ -9,6 +9,9 @@ from isel_twin.testing import Desk, Ticks
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 """Carriages far from all switches, steps from the motor end."""
 
+TRAVEL = (126_400, 96_000, 44_800, 100_000)
+"""Trip points of the switches at the far end, where those of the motor end trip at 0."""
+
 XYZA = 15
 """Not a number of the manual: the desk says `@07`, then `@08`."""
 

@@ -347,6 +347,17 @@ def test_the_longest_way_gives_the_speed(x: int, gx: int, y: int, gy: int, speed
     assert stream.delta.tolist() == line(x, y).tolist()
 
 
+@shows("imc-2.2.2-17", "imc-2.2.2-18")
+@pytest.mark.parametrize("three_d", [0, 1])
+def test_the_speed_is_that_of_the_leading_axis_and_not_of_the_path(three_d: int) -> None:
+    """On the diagonal of X and Y the tool is sqrt(2) times as fast as the number given (M1)."""
+    desk = ready()
+    assert desk.query(f"@0z{three_d}") == "0"
+    stream = made(desk, "@0A4000,900,4000,900,0,900,0,900")
+    assert len(stream) == 4000
+    assert 1e9 / 901 < (stream.t_ns[2000] - stream.t_ns[1000]) / 1000 < 1e9 / 899
+
+
 @shows("imc-2.2.2-18", "imc-2.2.29-6")
 def test_3d_takes_the_speed_of_x() -> None:
     desk = ready()

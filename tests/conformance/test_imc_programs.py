@@ -328,6 +328,13 @@ def test_seven_loops_in_one_another() -> None:
     assert result(x(1), *[f"3 1,-{depth}" for depth in range(1, 8)]) == (2**7, 0, 0, 0)
 
 
+@shows("imc-3.2.5-8")
+def test_loops_in_sequence_are_not_nested() -> None:
+    """Eight loops behind one another, and the last of them within six more: seven deep."""
+    assert result(*[x(1), "3 1,-1"] * 8) == (16, 0, 0, 0)
+    assert result(*[x(1), "3 1,-1"] * 8, *[f"3 1,-{depth}" for depth in range(2, 8)]) == (14 + 2**7, 0, 0, 0)
+
+
 @shows("imc-3.2.5-9")
 def test_eight_loops_in_one_another() -> None:
     assert refused(x(1), *[f"3 1,-{depth}" for depth in range(1, 9)])
@@ -403,6 +410,16 @@ def test_condition_on_a_bit() -> None:
     assert 1790 <= made(desk, "@0S").total[0] <= 1810
 
 
+@shows("imc-3.2.7-3")
+def test_condition_of_one_move_only() -> None:
+    """It still holds when the second move begins, which is made in full."""
+    desk = stored("60,0,1", x(9000), "00,900,7,900,0,900,0,900")
+    desk.at(1.0, lambda: desk.set("user_0", True))
+    stream = made(desk, "@0S")
+    assert 890 <= stream.total[0] <= 910
+    assert stream.total[1] == 7
+
+
 @shows("imc-3.2.7-4")
 def test_condition_that_is_never_met() -> None:
     assert result("60,128,77", x(900), x(-3)) == (897, 0, 0, 0)
@@ -452,9 +469,14 @@ def test_stop_key_ends_the_run_of_an_axis_without_switch() -> None:
     desk.start("@0S")
     desk.run(60.0)
     assert desk.steps.t_ns[-1] > desk.time_ns - 10_000_000
+    made_before = desk.counts[0]
     desk.press("stop", 0.1)
-    assert desk.finish() in ("0", "F")
+    assert desk.finish() == "0"
     assert desk.time_ns < 70_000_000_000
+    assert (
+        desk.carriage[0] == MIDDLE[0] + made_before + 20 + 5
+    )  # run free from where the key was pressed, then the move
+    assert desk.counts == (5, 0, 0, 0)
 
 
 # --- 3.2.9: end ----------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conformance.closed_forms import hex24, pulse_times_ns
-from conformance.imc_desk import MIDDLE, XYZA, fresh, initialised, made, ready, stored
+from conformance.imc_desk import MIDDLE, TRAVEL, XYZA, fresh, initialised, made, ready, stored
 from conformance.rows import case, shows
 
 AXES_NAMED = {1: (0,), 2: (1,), 3: (0, 1), 4: (2,), 5: (0, 2), 6: (1, 2), 7: (0, 1, 2), 8: (3,)}
@@ -27,13 +27,30 @@ def test_run_off_the_switch() -> None:
     assert (desk.steps.delta == (1, 0, 0, 0)).all()
 
 
+@shows("imc-2.2.9-1")
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("end", [1, 2])
+def test_run_off_either_switch_of_an_axis(axis: int, end: int) -> None:
+    """Away from it, beyond its edge, and no other axis moves."""
+    stands = list(MIDDLE)
+    stands[axis] = -5 if end == 1 else TRAVEL[axis] + 5
+    desk = initialised(carriage=stands)
+    assert desk.struck(f"limit_{'xyz'[axis]}{end}")
+    assert desk.query(f"@0F{1 << axis}") == "0"
+    assert not desk.struck(f"limit_{'xyz'[axis]}{end}")
+    total = desk.steps.total
+    assert total[axis] == (1 if end == 1 else -1) * sum(abs(n) for n in total)
+    assert 10 < abs(total[axis]) < 100
+
+
 @shows("imc-2.2.9-4")
 def test_after_running_off_a_reference_run_is_needed() -> None:
     desk = ready(carriage=(-5, *MIDDLE[1:]))
     assert desk.query("@0F1") == "0"
-    assert desk.query("@0A10,900,0,900,0,900,0,900") == "R"
+    for pairs in ("10,900,0,900,0,900", "0,900,10,900,0,900", "0,900,0,900,10,900"):
+        assert desk.query(f"@0A{pairs},0,900") == "R"
     assert desk.query("@0R7") == "0"
-    assert desk.query("@0A10,900,0,900,0,900,0,900") == "0"
+    assert desk.query("@0A10,900,10,900,10,900,0,900") == "0"
 
 
 @shows("imc-2.2.9-5")

@@ -91,6 +91,14 @@ def test_after_a_limit_switch_a_reference_run_at_once() -> None:
     assert desk.query(OUT) == "0"
 
 
+@shows("imc-5-34")
+def test_no_reference_run_yet() -> None:
+    """The manual lists this under `2` and under `R`; hosts know it as `R` (F50)."""
+    desk = initialised(7)
+    assert desk.query(OUT) == "R"
+    assert desk.ticks == 0
+
+
 @shows("imc-5-7")
 @pytest.mark.parametrize("text", ["@0R8", "@0n8", "@0N8", "@0F8", "@0R0", "@0n9"])
 def test_3_an_axis_that_is_not_defined(text: str) -> None:

@@ -83,6 +83,9 @@ class Cabinet(Protocol):
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now. Raises UnknownNameError for one that does not exist."""
 
+    def operate_all(self, changes: Mapping[str, str]) -> None:
+        """Operate elements at the same instant: no state in between is seen. Raises as `operate`."""
+
     def output(self, name: str, value: int) -> None:
         """A controller output changes; only those the cabinet is wired to matter."""
 
@@ -123,19 +126,27 @@ class SafetyCabinet:
 
         Raises UnknownNameError for an element or a state that does not exist.
         """
-        if element not in ELEMENTS:
-            raise UnknownNameError(f"unknown input {element!r}; there are: {', '.join(ELEMENTS)}")
-        if state not in ELEMENTS[element]:
-            raise UnknownNameError(f"input {element!r} cannot be {state!r}; it can be: {', '.join(ELEMENTS[element])}")
-        if element == "hood" and state == "open" and self.locked:
-            return self.state["hood"]
-        self.state[element] = "open" if state == "forced" else state
-        if element in self._user:
-            self._user[element] = state == "high"
-        if element == "power" and state == "on":
+        self.operate_all({element: state})
+        return self.state[element]
+
+    def operate_all(self, changes: Mapping[str, str]) -> None:
+        """See Cabinet.operate_all."""
+        for element, state in changes.items():
+            if element not in ELEMENTS:
+                raise UnknownNameError(f"unknown input {element!r}; there are: {', '.join(ELEMENTS)}")
+            if state not in ELEMENTS[element]:
+                raise UnknownNameError(
+                    f"input {element!r} cannot be {state!r}; it can be: {', '.join(ELEMENTS[element])}"
+                )
+        for element, state in changes.items():
+            if element == "hood" and state == "open" and self.locked:
+                continue
+            self.state[element] = "open" if state == "forced" else state
+            if element in self._user:
+                self._user[element] = state == "high"
+        if changes.get("power") == "on":
             self._close_relay()
         self._settle()
-        return self.state[element]
 
     def output(self, name: str, value: int) -> None:
         """A controller output changes; only those the cabinet is wired to matter."""

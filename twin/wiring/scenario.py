@@ -21,7 +21,9 @@
     at = 6.0
     noise = 0.01                             # chance of a flipped bit in each byte on the serial line
 
-One file serves the command line, tests and environments. Everything is checked when the file is read.
+What one event sets changes together, in whatever order it is written; events at the same instant happen one after the
+other, in the order of the file. One file serves the command line, tests and environments. All of it is checked when
+the file is read.
 """
 
 from __future__ import annotations

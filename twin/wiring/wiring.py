@@ -131,11 +131,7 @@ class Wiring:
         Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
         """
         check_input(name, state, self.settable, "wiring")
-        if state in self._cabinet.elements.get(name, ()):
-            self._cabinet.operate(name, state)
-        if name in self._contacts.names and state in FAULTS:
-            self._contacts.set_fault(name, state)
-        self._settle_cabinet()
+        self._operate_all({name: state})
 
     def schedule(self, events: Sequence[ScenarioEvent]) -> None:
         """Let these events happen, each at its time; they are sorted by it."""
@@ -211,14 +207,23 @@ class Wiring:
 
     def _carry_out(self, event: ScenarioEvent) -> None:
         self.events_without_effect += event.physical and not self._plant.physics
-        for name, state in event.inputs.items():
-            self.operate(name, state)
+        if event.inputs:
+            self._operate_all(event.inputs)
         for axis, force_n in event.force_n.items():
             self._plant.apply_force(axis, force_n)
         for axis, phases in event.phase_lost.items():
             self._plant.set_phase_lost(axis, phases)
         if event.noise is not None:
             self._line.noise = event.noise
+
+    def _operate_all(self, changes: Mapping[str, str]) -> None:
+        """Elements and contacts change together; all of it has been checked."""
+        elements = self._cabinet.elements
+        self._cabinet.operate_all({name: state for name, state in changes.items() if state in elements.get(name, ())})
+        for name, state in changes.items():
+            if name in self._contacts.names and state in FAULTS:
+                self._contacts.set_fault(name, state)
+        self._settle_cabinet()
 
     def _settle_cabinet(self) -> None:
         """Carry the cabinet's signals to the contacts, their real states back, and its power to the stages."""

@@ -72,6 +72,38 @@ def test_running_free_between_two_struck_switches_goes_nowhere() -> None:
     assert desk.ticks == 0
 
 
+@pytest.mark.parametrize("command", ["@0R1", "@0R7", "@0F1", "@0F7"])
+def test_a_run_refused_for_two_struck_switches_changes_nothing(command: str) -> None:
+    """Refused before the first step of any axis: references, position and the rest of a stopped move stay."""
+    desk = desk_after("@07", "@0N7", "@0z1")
+    going(desk, MOVE).send(b"\xfd")
+    assert desk.finish() == "F"
+    for contact in ("limit_x1", "limit_x2"):
+        desk.set(contact, "open")
+    mark = desk.ticks
+    assert desk.query(command) == "2"
+    assert desk.ticks == mark
+    for contact in ("limit_x1", "limit_x2"):
+        desk.set(contact, "closed")
+    assert desk.query("@0S") == "0"
+    assert desk.counts[0] == 9000
+
+
+def test_a_stored_run_between_two_struck_switches_ends_its_program() -> None:
+    desk = with_program("77")
+    for contact in ("limit_x1", "limit_x2"):
+        desk.set(contact, "open")
+    assert desk.query("@0S") == "2"
+    assert desk.ticks == 0
+
+
+def test_in_test_mode_a_reference_run_looks_at_no_switch() -> None:
+    desk = desk_after("@07", "@0T1")
+    for contact in ("limit_x1", "limit_x2"):
+        desk.set(contact, "open")
+    assert desk.query("@0R1") == "0"
+
+
 # --- stop, break and keys --------------------------------------------------------------------------------------------
 
 
@@ -94,6 +126,38 @@ def test_a_stop_in_the_ramp_of_a_break_does_not_bring_the_rest_back(second: str)
     else:
         desk.set("stop", "down")
     assert desk.finish() == "F"
+    assert desk.query("@0S") == "G"
+
+
+@pytest.mark.parametrize("how", ["byte", "key"])
+def test_a_stop_in_the_ramp_of_a_condition_stops_the_program(how: str) -> None:
+    """The ramp of the condition is in progress; the next line must wait for a start."""
+    desk = going(with_program("60,0,1", "050000,30000,0,900,0,900,0,900", PROGRAM), "@0S", 1.0)
+    desk.set("user_0", True)
+    desk.run(0.01)
+    if how == "byte":
+        desk.send(b"\xfd")
+    else:
+        desk.set("stop", "down")
+    assert desk.finish() == "F"
+    stands = desk.counts[0]
+    desk.run(10.0)
+    assert desk.counts[0] == stands
+    desk.set("stop", "up")
+    assert desk.query("@0S") == "0"
+    assert desk.counts[0] == stands + 9000
+
+
+def test_a_stop_in_the_ramp_of_a_move_until_an_event_is_a_stop() -> None:
+    """`F`, and a start ends the command, whose event has come: there is nothing left to travel."""
+    desk = going(desk_after("@07", "@0N7"), "@0Z0,1,1,30000,50000,0,0", 1.0)
+    desk.set("user_0", True)
+    desk.run(0.01)
+    desk.send(b"\xfd")
+    assert desk.finish() == "F"
+    stands = desk.counts
+    assert desk.query("@0S") == "0"
+    assert desk.counts == stands
     assert desk.query("@0S") == "G"
 
 

@@ -110,7 +110,7 @@ IMPOSSIBLE = (
     ("settings", "error_signal", [1, 0, 0]),
     *[("settings", "user_info", value) for value in ("x" * 33, "\n", "ä", 5, None)],
     *[("program", "state", value) for value in ("other", 1, None)],
-    *[("program", "axes", value) for value in (0, 16, -1, *NO_NUMBERS)],
+    *[("program", "axes", value) for value in (0, 2, 6, 10, 16, -1, *NO_NUMBERS)],
     *[
         ("program", "lines", value)
         for value in ("5", [["5"]], [[5, [1]]], [["5", [1.5]]], [["5", ["1"]]], [["5", [1e9]]])

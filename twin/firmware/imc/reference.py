@@ -29,6 +29,27 @@ FARTHEST = (1 << 23) - 1
 """Steps after which a switch that does not answer is taken to be missing."""
 
 
+def admit_reference_run(device: Device, mask: int) -> tuple[int]:
+    """`@0R`, `7`: axes may move, and no axis stands between two struck switches (2), unless in test mode."""
+    device.require_power()
+    if not device.test_mode:
+        _require_ways_off(device, mask)
+    return (mask,)
+
+
+def admit_run_free(device: Device, mask: int) -> tuple[int]:
+    """`@0F`: axes may move, and no axis stands between two struck switches (2)."""
+    device.require_power()
+    _require_ways_off(device, mask)
+    return (mask,)
+
+
+def _require_ways_off(device: Device, mask: int) -> None:
+    """Raise Refusal(2) if both switches of an axis are struck: nobody knows which way leads off them."""
+    if any(len(device.limits.struck(axis)) > 1 for axis in ORDER if mask >> axis & 1):
+        raise Refusal(LIMIT_SWITCH)
+
+
 def reference_run(device: Device, mask: int) -> Activity:
     """`@0R`, `7`: find the reference points of the axes in `mask`. In test mode they are where the axes stand."""
     device.note(Event.REFERENCE_BEGUN)

@@ -111,6 +111,9 @@ WHOLE = 0, (1 << 23) - 1
 """Numbers of a command that have no narrower range."""
 PORT, BYTE, MASK, SWITCH = (0, 3), (0, 255), (0, 15), (0, 1)
 
+AXIS_SETS = frozenset((0, 1, 3, 7, 8, 9, 11, 15))
+"""Axes that `@0<axes>` can have set: none, X, XY, XYZ, and A alone or with those."""
+
 RANGES: Mapping[str, tuple[tuple[int, int], ...]] = {
     "reference_hz": ((1, WHOLE[1]),) * AXES,
     "run_free_steps": (WHOLE,) * AXES,
@@ -164,6 +167,7 @@ def _possible(flash: Flash) -> bool:
         and all(value is None or _in_range(name, value) for name, value in modal.items() if name not in switches)
         and program.state in (EMPTY, INCOMPLETE, VALID)
         and _whole(program.axes, program.state != EMPTY, MASK[1])
+        and program.axes in AXIS_SETS
         and all(
             isinstance(code, str) and all(_whole(value, -WHOLE[1] - 1, WHOLE[1]) for value in values)
             for code, values in program.lines

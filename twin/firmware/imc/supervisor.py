@@ -160,10 +160,7 @@ class Supervisor:
         executor = self._executor
         if isinstance(executor.purpose, Reference):
             self.break_off()
-        elif executor.motion is not None:
-            if not executor.stopping:
-                executor.park(self._parked)
-        elif self.listening or executor.purpose == WAITING:
+        elif executor.motion is not None or self.listening or executor.purpose == WAITING:
             executor.park(self._parked)
         else:
             return self.task is None or not self.task.program

@@ -1,0 +1,124 @@
+"""Mutations: change one thing of a module at a time, and see whether the tests notice.
+
+    python tests/mutants.py twin/motion                          every module of a folder, against tests/motion
+    python tests/mutants.py twin/wiring/line.py tests/wiring --sample 20
+
+    a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
+
+Goal: to find what no test looks at. Each mutant is written into a copy of the package, so the working tree stays as it
+is, and the tests run in a process of their own; a mutant whose tests take ten times as long as without it is stopped
+and counts as noticed. What survives is printed as file:line and the change; some of that means the same as before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
+COMPARED |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
+CALCULATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult}
+
+
+def changes(node: ast.AST) -> Iterator[ast.AST]:
+    """What may stand in the place of this node."""
+    match node:
+        case ast.Compare(left, [op], right) if type(op) in COMPARED:
+            yield ast.Compare(left, [COMPARED[type(op)]()], right)
+        case ast.UnaryOp(ast.Not(), operand):
+            yield operand
+        case ast.BoolOp(op, values):
+            yield ast.BoolOp(ast.Or() if isinstance(op, ast.And) else ast.And(), values)
+        case ast.BinOp(left, op, right) if type(op) in CALCULATED:
+            yield ast.BinOp(left, CALCULATED[type(op)](), right)
+        case ast.Constant(bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(int(value)):
+            yield from (ast.Constant(value + 1), ast.Constant(value - 1))
+        case ast.Expr(ast.Call()) | ast.AugAssign() | ast.Raise():
+            yield ast.Pass()
+
+
+def mutants(source: str) -> Iterator[tuple[int, str, str]]:
+    """Line, what was changed, and the whole changed text, for each mutation of a module."""
+    tree = ast.parse(source)
+    for parent in ast.walk(tree):
+        for name, value in ast.iter_fields(parent):
+            places = enumerate(value) if isinstance(value, list) else [(None, value)]
+            for index, node in places:
+                for new in changes(node) if isinstance(node, ast.AST) else ():
+                    put(parent, name, index, new)
+                    what = f"{ast.unparse(node)}  ->  {ast.unparse(ast.fix_missing_locations(copy.copy(new)))}"
+                    yield node.lineno, what, ast.unparse(ast.fix_missing_locations(tree))  # type: ignore[attr-defined]
+                    put(parent, name, index, node)
+
+
+def put(parent: ast.AST, name: str, index: int | None, node: ast.AST) -> None:
+    """Replace a child."""
+    if index is None:
+        setattr(parent, name, node)
+    else:
+        getattr(parent, name)[index] = node
+
+
+def noticed(package: Path, tests: list[str], limit_s: float | None) -> bool:
+    """Do the tests fail with this copy of the package?"""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        return True
+    return done.returncode != 0
+
+
+def main() -> int:
+    """Returns 1 if the tests fail without any mutation."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", type=Path, help="a module or a folder below twin/")
+    parser.add_argument("tests", nargs="*", help="tests to run; by default the folder of tests/ of the same name")
+    parser.add_argument("--sample", type=int, default=0, help="so many mutants, drawn at random (0: all)")
+    parser.add_argument("--seed", type=int, default=1)
+    call = parser.parse_args()
+    modules = call.modules.resolve()
+    tests = call.tests or [str(ROOT / "tests" / modules.relative_to(ROOT / "twin"))]
+    files = sorted(modules.rglob("*.py")) if modules.is_dir() else [modules]
+    work = [(file, *mutant) for file in files for mutant in mutants(file.read_text("utf-8"))]
+    if call.sample:
+        work = sorted(random.Random(call.seed).sample(work, min(call.sample, len(work))), key=lambda m: (m[0], m[1]))
+    with tempfile.TemporaryDirectory() as folder:
+        package = Path(folder) / "isel_twin"
+        shutil.copytree(ROOT / "twin", package, ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("models", "bridge", "envs"):
+            (package / name).symlink_to(ROOT / name)
+        begun = time.monotonic()
+        if noticed(package, tests, None):
+            print("the tests fail without a mutation")
+            return 1
+        limit_s = 10 * (time.monotonic() - begun) + 5
+        survivors = 0
+        for file, line, what, text in work:
+            copied = package / file.relative_to(ROOT / "twin")
+            original = copied.read_text("utf-8")
+            copied.write_text(text, "utf-8")
+            if not noticed(package, tests, limit_s):
+                survivors += 1
+                print(f"{file.relative_to(ROOT)}:{line}: {what}", flush=True)
+            copied.write_text(original, "utf-8")
+    print(f"{len(work)} mutants, {survivors} survived")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
