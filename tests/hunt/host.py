@@ -6,8 +6,8 @@ A host is a generator. It yields what it wants and is sent what it hears:
     Heard = yield Pass(seconds)          it lets time pass
     Heard = yield Listen(seconds)        it waits until the controller is idle and has answered, at most so long
 
-It sees the twin as its operator would, never changes it, and draws whatever it does. What it can say is its
-controller's `Dialect`: the language (isel_twin.language) for what any host says, lines of random sessions for the rest.
+It sees the twin as its operator would, never changes it, and draws whatever it does. What it can say depends on the
+controller: its language (isel_twin.language) says what any host says, its `Dialect` here the rest.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ FAR_MM = 15.0
 """With physics, one that stands farther away is brought there too: it saves computing."""
 MISSED_MM = 0.5
 """Most by which a carriage may miss its target after a reference run, elasticity and errors of the screw included."""
+ZERO_MM = 2.0
+"""Most by which the zero that a reference run has found may be away from the nominal trip point of the switch."""
 
 
 @dataclass(frozen=True)
@@ -364,6 +366,9 @@ def recovery(seat: Seat) -> Host:
             f"a move after the reference run misses its target by {twin.position_error_mm.tolist()} mm, "
             f"steps lost: {twin.lost_steps.tolist()}"
         )
+    zero_mm = twin.machine_position_mm - twin.position_mm
+    if abs(zero_mm).max() > ZERO_MM:
+        raise NotDone(f"the reference run has found its zero at {zero_mm.tolist()} mm of the machine")
 
 
 def _reset(seat: Seat) -> Host:

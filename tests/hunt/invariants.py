@@ -3,18 +3,22 @@
 At the controller's border, at every call (`Border`): time never runs back and never passes `next_ns`; a level is told
 once; the motor sense never changes within a motion; a counter that is said to be set has that value.
 
-At every look (`Watch`): all numbers are finite; switches follow the carriages and terminals their contacts; a contact
-that must cut the power has cut it; a limp machine gains no energy; nothing happens before `next_event_ns`.
+At every look (`Watch`): all numbers are finite; carriages stay between their stops, or follow their counters if there
+is no physics; switches follow the carriages and terminals their contacts; a contact that must cut the power has cut it;
+a limp machine gains no energy; while nothing moves nothing happens before `next_event_ns`.
+
+At every read of the host (`check_read`): it gets the bytes that have arrived by now, all of them and no others.
 
 Over a whole life (`check_counters`, `difference`):
 
     counter(t) - counter(t0) = sum of the recorded ticks in (t0, t]         t0: the last time it was set
     command of the drives    = sum of the recorded ticks in the sense of the motors
-    two lives of one world   = the same replies, events, ticks, positions, to the bit
+    two lives of one world   = the same replies, events, ticks, positions, to the bit, however time is cut
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -23,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.controller import Controller, CounterSet, Event, SerialFormat
+from isel_twin.controller import Controller, CounterSet, Event, Reply, SerialFormat
 from isel_twin.machine import Contact
 from isel_twin.motion import Motion
 from isel_twin.twin import Twin
@@ -35,6 +39,8 @@ SCATTERS = 8.0
 """Standard deviations of a trip point beyond which no switch trips."""
 BENT_MM = 0.5
 """Most by which the tool of a machine with physics is elsewhere than the screws say: structure, squareness."""
+EXACT_MM = 1e-6
+"""What is left of rounding where nothing is elastic."""
 GAIN = 1e-4
 """Energy that a limp machine may seem to gain, as a share of what it has spent: the stops' springs are not in it."""
 GAIN_J = 1e-6
@@ -48,8 +54,10 @@ class Broken(Exception):
 class Border:
     """A controller as the twin sees it, with every call checked and written down. Implements `Controller`."""
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, *, line_speed: bool = False) -> None:
+        """line_speed: bytes take their time on the line between it and its host."""
         self.inside = controller
+        self._timed = line_speed
         self.happened: list[tuple[int, Any]] = []
         """(time, event) of everything that came over the border: events of the controller, and its inputs."""
         self.times: list[int] = []
@@ -59,6 +67,10 @@ class Border:
         """At calls that something came of, and some others: time, counters, sense of the motors, counters set."""
         self.known: dict[str, bool] = {}
         """Levels that the controller has been told."""
+        self.arrivals: list[int] = []
+        """When each byte of its replies has to arrive at the host: at once, or one by one on a line that takes time."""
+        self._stretches: list[int] = []
+        """Number of the byte with which the line has begun to be busy, each time."""
         self._now_ns = 0
         self._due_ns: int | None = None
         self._run: Motion | None = None
@@ -135,6 +147,9 @@ class Border:
     def _write_down(self, events: list[Event], run: Motion | None) -> None:
         now_ns, counts, sense = self._now_ns, self.inside.counts, self.inside.direction
         self.happened += [(now_ns, event) for event in events]
+        for event in events:
+            if isinstance(event, Reply):
+                self._say(len(event.data))
         jumps = {event.axis: event.value for event in events if isinstance(event, CounterSet)}
         for axis, value in jumps.items():
             if counts[axis] != value:
@@ -146,6 +161,21 @@ class Border:
         self.counted.append(counts)
         self.senses.append(sense)
         self.was_set.append(tuple(jumps))
+
+    def _say(self, count: int) -> None:
+        """So many bytes go on the line now, behind those that are on it."""
+        byte_ns = self.inside.serial_format.byte_ns if self._timed else 0
+        free_ns = self.arrivals[-1] if self.arrivals else 0
+        if free_ns <= self._now_ns:
+            self._stretches.append(len(self.arrivals))
+        begin_ns = max(free_ns, self._now_ns)
+        self.arrivals += [begin_ns + number * byte_ns for number in range(1, count + 1)]
+
+    def silent_ns(self, number: int) -> int:
+        """When the line falls silent after a byte, as far as can be said yet."""
+        after = bisect_right(self._stretches, number)
+        end = self._stretches[after] if after < len(self._stretches) else len(self.arrivals)
+        return self.arrivals[end - 1]
 
     def _at(self, t_ns: int) -> None:
         if t_ns < self._now_ns:
@@ -198,8 +228,9 @@ class Watch:
             t: [self._contacts[n] for n in names if n in self._contacts] for t, names in border.terminals().items()
         }
         self._wired = {terminal: contacts for terminal, contacts in wired.items() if contacts}
-        self._scatter_mm = {c.name: SCATTERS * c.repeatability_mm + 1e-6 for c in twin.machine.switches}
+        self._scatter_mm = {c.name: SCATTERS * c.repeatability_mm + EXACT_MM for c in twin.machine.switches}
         self._promised_ns: int | None = None
+        self._still = False
         self._happened = 0
         self._limp_j: list[float] = []
 
@@ -209,6 +240,7 @@ class Watch:
             self._promised_ns = 0
         sight = Sight.of(self._twin)
         self._numbers()
+        self._carriages(sight)
         self._switches(sight)
         self._terminals(sight)
         self._power(sight)
@@ -221,6 +253,17 @@ class Watch:
         for name in ("position_mm", "position_error_mm", "machine_position_mm", "lost_steps", "forgotten_steps"):
             if not np.isfinite(getattr(twin, name)).all():
                 raise Broken(f"{name} is {getattr(twin, name).tolist()}")
+
+    def _carriages(self, sight: Sight) -> None:
+        """With physics they stay between their stops; without it they follow their counters."""
+        if not self._physics:
+            error_mm = self._twin.position_error_mm
+            if abs(error_mm).max() > EXACT_MM or self._twin.lost_steps.any():
+                raise Broken(f"without physics, carriages are {error_mm.tolist()} mm away from their counters")
+            return
+        for x_mm, axis in zip(sight.place_mm, self._twin.machine.axes, strict=True):
+            if not -axis.stop_margin_mm - BENT_MM < x_mm < axis.travel_mm + axis.stop_margin_mm + BENT_MM:
+                raise Broken(f"the carriage of {axis.name} stands at {x_mm:.6f} mm, beyond its stop")
 
     def _switches(self, sight: Sight) -> None:
         bent_mm = BENT_MM if self._physics else 0.0
@@ -266,11 +309,13 @@ class Watch:
             raise Broken("the twin is idle in motion")
 
     def _promise(self) -> None:
+        """While nothing moves, nothing happens before `next_event_ns`; in motion it says when to look again."""
         twin, happened = self._twin, len(self._border.happened)
-        early = self._promised_ns is None or twin.time_ns < self._promised_ns
+        early = self._still and (self._promised_ns is None or twin.time_ns < self._promised_ns)
         if early and happened != self._happened:
             raise Broken(f"{self._border.happened[self._happened]} came before next_event_ns, {self._promised_ns}")
         self._happened = happened
+        self._still = not twin._stream.moving and twin._plant.at_rest
         self._promised_ns = twin.next_event_ns
         if self._promised_ns is not None and self._promised_ns < twin.time_ns:
             raise Broken(f"next_event_ns is {self._promised_ns} at {twin.time_ns} ns")
@@ -345,9 +390,7 @@ class Life:
     """What a world did, as bits: of two lives of the same world all of it is the same."""
 
     said: bytes
-    """What arrived at the host."""
-    replies: tuple[tuple[int, bytes], ...]
-    """And when; empty if bytes take their time on the line: they are read when the last of several has come."""
+    """What arrived at the host; `check_read` says when."""
     happened: tuple[tuple[int, Any], ...]
     """What came over the border, and when."""
     t_ns: NDArray[np.int64]
@@ -389,6 +432,26 @@ def check_counters(twin: Twin, border: Border) -> None:
     commanded = twin._plant.commanded
     if (motors != commanded).any():
         raise Broken(f"the drives were commanded {commanded.tolist()} steps, the stream makes {motors.tolist()}")
+
+
+def check_read(border: Border, before: int, count: int, now_ns: int, late_ns: int | None) -> None:
+    """`count` bytes are read at now_ns, after `before` others. Raises Broken.
+
+    A byte can be read from the instant on in which it arrives, and not before: so far nobody can tell how time is cut.
+    When it *is* read depends on when somebody looks. A run that stops when there is something to read looks whenever
+    anything happens, which bytes on a line that takes time do not do one by one: it stops at the latest when the line
+    falls silent, and earlier if something else has happened meanwhile. A server at a finite speed (late_ns) looks so
+    much later at most.
+    """
+    arrivals, end = border.arrivals, before + count
+    if end > len(arrivals) or (count and arrivals[end - 1] > now_ns):
+        raise Broken(f"at {now_ns} ns the host reads a byte that has not arrived yet")
+    if end < len(arrivals) and arrivals[end] <= now_ns:
+        raise Broken(f"at {now_ns} ns the host does not get the byte that has arrived at {arrivals[end]} ns")
+    if count:
+        latest_ns = border.silent_ns(before) if late_ns is None else arrivals[before] + late_ns
+        if now_ns > latest_ns:
+            raise Broken(f"the host reads a byte at {now_ns} ns, and should have by {latest_ns} ns")
 
 
 def difference(first: Life, second: Life) -> str | None:

@@ -10,6 +10,7 @@ again     what was written down is done at the same times, and the time between 
 
 from __future__ import annotations
 
+import math
 import signal
 import tempfile
 import traceback
@@ -27,9 +28,9 @@ from golden.random_sessions import Draw, pick
 
 import isel_twin.twin as twin_module
 from hunt.host import Heard, Host, Listen, NotDone, Pass, Seat, Send, dialect_of, habitual, recovery
-from hunt.invariants import Border, Broken, Life, Watch, check_counters, difference
-from hunt.world import World, calm_doings, draw_world
-from isel_twin.bridge.pacing import Pacer
+from hunt.invariants import Border, Broken, Life, Watch, check_counters, check_read, difference
+from hunt.world import PACED_GRID_NS, World, calm_doings, draw_world
+from isel_twin.bridge.pacing import TICK_NS, Pacer
 from isel_twin.controller import create_controller
 from isel_twin.language import create_language, needed
 from isel_twin.twin import Twin
@@ -81,7 +82,6 @@ class Stage:
     def __init__(self, world: World, folder: Path) -> None:
         self.world = world
         self.actions: list[tuple[int, Action]] = []
-        self.replies: list[tuple[int, bytes]] = []
         self.heard = bytearray()
         """What has arrived since the host last sent something."""
         self.acted = True
@@ -93,7 +93,9 @@ class Stage:
         borders: list[Border] = []
 
         def bordered(*args: Any, **kwargs: Any) -> Border:
-            borders.append(Border(create_controller(*args, **kwargs)))
+            borders.append(
+                Border(create_controller(*args, **kwargs), line_speed=world.options.get("line_speed", False))
+            )
             return borders[-1]
 
         flash, scenario = _flash(world), _scenario(world, folder)
@@ -123,18 +125,13 @@ class Stage:
                 self.twin.apply_force(axis, newton)
         self.read()
 
-    def read(self) -> bytes:
-        """What has arrived at the host by now."""
+    def read(self, late_ns: int | None = None) -> None:
+        """Take what has arrived at the host by now; late_ns: how long after that a server may look."""
         data = self.twin.read()
+        check_read(self.border, len(self._talk[False]), len(data), self.time_ns, late_ns)
         if data:
             self.heard += data
             self._decode(data, sent=False)
-            if self.replies and self.replies[-1][0] == self.time_ns:
-                data_before = self.replies.pop()[1]
-                self.replies.append((self.time_ns, data_before + data))
-            else:
-                self.replies.append((self.time_ns, data))
-        return data
 
     def run_until(self, until_ns: int, until_idle: bool = False) -> None:
         """Let time pass in one piece, but for replies, which are read when they arrive."""
@@ -169,8 +166,7 @@ class Stage:
                 raise Broken(f"the language has lost some of what was {'sent' if sent else 'received'}")
         steps = twin.steps
         return Life(
-            said=b"".join(data for _, data in self.replies),
-            replies=() if self.world.options.get("line_speed") else tuple(self.replies),
+            said=bytes(self._talk[False]),
             happened=tuple(self.border.happened),
             t_ns=steps.t_ns,
             delta=steps.delta,
@@ -339,13 +335,15 @@ class Cut:
         stage.run_until(until_ns)
 
 
+_SIGHTS = (
+    *("fault", "reply_waiting", "serial_format", "idle", "next_event_ns", "inputs", "outputs", "levels"),
+    *("counts", "position_mm", "position_error_mm", "machine_position_mm", "step_mm", "lost_steps", "slip_steps"),
+)
+
+
 def _look_at_everything(twin: Twin) -> None:
     """Looking changes nothing."""
-    for name in (
-        "fault", "reply_waiting", "serial_format", "idle", "next_event_ns", "counts", "position_mm",
-        "position_error_mm", "step_mm",
-        "lost_steps", "slip_steps", "forgotten_steps", "machine_position_mm", "inputs", "outputs", "levels",
-    ):  # fmt: skip
+    for name in _SIGHTS:
         getattr(twin, name)
     len(twin.steps)
 
@@ -356,6 +354,7 @@ class Paced:
     def __init__(self, speed: float) -> None:
         self._wall_ns = 0
         self._speed = speed
+        self._late_ns = math.ceil(TICK_NS * speed) + PACED_GRID_NS
         self._pacer = Pacer(speed, clock=lambda: self._wall_ns)
         self._fast = Pacer(None, clock=lambda: self._wall_ns)
 
@@ -369,12 +368,12 @@ class Paced:
         wall_until_ns = self._wall_at(until_ns)
         while twin.time_ns < until_ns:
             pacer.advance(_Counted(stage))
-            stage.read()
+            stage.read(self._late_ns)
             wait_s = pacer.wait_s(twin)
             assert wait_s is not None
             self._wall_ns = min(wall_until_ns, self._wall_ns + max(round(wait_s * SECOND_NS), 1000))
-        if pacer.slipped:
-            raise Broken("the pacer has slipped, with a computer that takes no time")
+        if pacer.behind:
+            raise Broken("the pacer has fallen behind, with a computer that takes no time")
 
     def _wall_at(self, time_ns: int) -> int:
         """Wall time at which virtual time is time_ns."""
