@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from isel_twin.job import Line, Result
+    from isel_twin.robust import Trial
     from isel_twin.trace.recorder import Recorder
     from isel_twin.twin import Twin
     from isel_twin.verdict import Verdict
@@ -27,6 +28,9 @@ MANY_SAMPLES = 10_000_000
 
 LONG_COMMAND = 56
 """Characters of a command beyond which it makes its row longer than the others."""
+SHOWN_TRIALS = 5
+"""Repetitions of a job that are shown one by one if they ended otherwise."""
+
 LONG_REPLY = 25
 """The same of a reply: a position of four axes."""
 
@@ -71,6 +75,9 @@ class JobOutput(Protocol):
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """So is the job; `call`: what else belongs to its summary."""
 
+    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
+        """And so are its repetitions; return whether all ended as the job did."""
+
 
 class JsonOutput:
     """One line a command and one for the summary."""
@@ -87,6 +94,20 @@ class JsonOutput:
         import json
 
         print(json.dumps({"summary": True, **verdict.summary(), **call}), flush=True)
+
+    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
+        """A line a repetition and one for all."""
+        import json
+
+        from isel_twin.robust import agree
+
+        other = [trial for trial in trials if not agree(verdict, trial.verdict)]
+        for trial in trials:
+            factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
+            told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
+            print(json.dumps({**told, **trial.verdict.summary()}), flush=True)
+        print(json.dumps({"robust": not other, "trials": len(trials), "other": len(other)}), flush=True)
+        return not other
 
 
 class TableOutput:
@@ -162,6 +183,27 @@ class TableOutput:
             f"{_in_words(verdict)}: {counted}, lost steps: {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
             style="bold green" if verdict.ok else "bold red",
         )
+
+    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
+        """One line, and a line for the first few that ended otherwise."""
+        from isel_twin.robust import agree
+
+        other = [trial for trial in trials if not agree(verdict, trial.verdict)]
+        runs = f"{len(trials)} repetitions with small perturbations"
+        if not other:
+            self._print(f"robust: {runs} ended alike", style="bold green" if verdict.ok else "")
+        else:
+            self._print(f"fragile: {len(other)} of {runs} ended otherwise", style="bold red")
+        for trial in other[:SHOWN_TRIALS]:
+            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.1f} %" for name, factor in trial.factors.items())
+            ended = trial.verdict
+            steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
+            lost = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
+            what = (
+                f"lost {lost}" if lost else f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
+            )
+            self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
+        return not other
 
     def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
         places = "".join(f"{position:>11}" for position in positions)

@@ -1,0 +1,183 @@
+"""A job that works by luck is told from one that works: repetitions with small perturbations, drawn from the seed."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from isel_twin import robust
+from isel_twin.call import CallError, TwinCall
+from isel_twin.cli import main
+from isel_twin.job import parse_job
+from isel_twin.language import create_language
+from isel_twin.machine import load_machine, with_overrides
+
+SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
+AT_36_V = """based_on = "4030"
+[axes.all.stage]
+supply = { value = 36.0, unit = "V", grade = "setting", source = "the supply in question" }
+"""
+NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,23000,0,900,0,900,0,30\n"
+"""At 36 V it loses nearly everything or nothing, as chance has it."""
+
+
+@pytest.fixture
+def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with a machine `m36`."""
+    (tmp_path / "m36").mkdir()
+    (tmp_path / "m36" / "machine.toml").write_text(AT_36_V)
+    monkeypatch.chdir(tmp_path)
+
+    def call(job: str, *words: str) -> tuple[int, list[str], str]:
+        (tmp_path / "job.txt").write_text(job)
+        with pytest.raises(SystemExit) as caught:
+            main(["run", "job.txt", *words])
+        assert isinstance(caught.value.code, int)
+        said = capsys.readouterr()
+        return caught.value.code, said.out.splitlines(), said.err
+
+    return call
+
+
+# What is perturbed ---
+
+
+def test_factors_lie_in_their_ranges_and_fill_them() -> None:
+    machine = with_overrides(load_machine("4030"), {"payload.mass": 2.0})
+    drawn = [robust.perturbation(machine, 5, number)[1] for number in range(1, 201)]
+    for name in drawn[0]:
+        size = {"supply": 0.05, "friction": 0.2}.get(name.partition("_")[0], 0.1)
+        size = 0.1 if name in machine.masses_kg else size
+        values = np.array([factors[name] for factors in drawn]) - 1.0
+        assert np.abs(values).max() <= size
+        assert values.min() < -0.95 * size
+        assert values.max() > 0.95 * size
+    assert set(drawn[0]) == {"supply", "friction_x", "friction_y", "friction_z", "payload", *machine.masses_kg}
+
+
+def test_the_machine_is_changed_by_its_factors_and_in_nothing_else() -> None:
+    machine = with_overrides(load_machine("4030"), {"payload.mass": 2.0, "axes.y.stage.supply": 24.0})
+    _, factors, overrides = robust.perturbation(machine, 5, 1)
+    other = with_overrides(machine, overrides)
+    for axis, changed, name in zip(machine.axes, other.axes, "xyz", strict=True):
+        assert changed.stage.supply_v == pytest.approx(axis.stage.supply_v * factors["supply"])
+        rubbed = factors[f"friction_{name}"]
+        assert changed.guide_friction_n == pytest.approx(axis.guide_friction_n * rubbed)
+        assert changed.screw.coulomb_nm == pytest.approx(axis.screw.coulomb_nm * rubbed)
+        assert changed.screw.viscous_nm_s_per_rad == pytest.approx(axis.screw.viscous_nm_s_per_rad * rubbed)
+        stage = dataclasses.replace(changed.stage, supply_v=axis.stage.supply_v)
+        assert (changed.motor, stage, changed.travel_mm) == (axis.motor, axis.stage, axis.travel_mm)
+    for name, mass_kg in machine.masses_kg.items():
+        assert other.masses_kg[name] == pytest.approx(mass_kg * factors[name])
+    assert other.payload_kg == pytest.approx(2.0 * factors["payload"])
+
+
+def test_each_number_and_each_seed_draws_anew_and_always_the_same() -> None:
+    machine = load_machine("4030")
+    drawn = [robust.perturbation(machine, seed, number) for seed in (0, 1) for number in (1, 2)]
+    assert drawn == [robust.perturbation(machine, seed, number) for seed in (0, 1) for number in (1, 2)]
+    assert len({seed for seed, _, _ in drawn}) == 4
+    assert len({factors["supply"] for _, factors, _ in drawn}) == 4
+
+
+def test_the_supply_of_an_ismif_is_that_of_its_own_stages() -> None:
+    """32 V (its controller's wish), not the machine's 48."""
+    call = TwinCall(controller="ismif")
+    robust.check(call, 3)
+    supplies = [robust.perturbation(robust._machine(call), 0, number)[2]["axes.x.stage.supply"] for number in (1, 2)]
+    assert all(30.4 <= volts <= 33.6 for volts in supplies)
+
+
+# What comes of it ---
+
+
+def test_a_sound_job_is_robust(run: Any) -> None:
+    code, out, err = run(SOUND, "--robust", "5")
+    assert (code, err) == (0, "")
+    assert out[-1] == "robust: 5 repetitions with small perturbations ended alike"
+
+
+@pytest.mark.slow
+def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
+    code, out, _ = run(NEAR_STALL, "--machine", "m36", "--robust", "20", "--json", "--jobs", "2")
+    *lines, last = (json.loads(line) for line in out)
+    assert code == 1
+    assert last["robust"] is False
+    assert last["trials"] == 20
+    trials = [line for line in lines if "trial" in line]
+    assert [trial["trial"] for trial in trials] == list(range(1, 21))
+    assert sum(not trial["agrees"] for trial in trials) == last["other"]
+    assert 0 < sum(trial["ok"] for trial in trials) < 20
+
+
+def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
+    call, lines = TwinCall(), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    first, second = (trial.verdict for trial in robust.trials(call, lines, 2, timeout_s=60.0))
+    assert robust.agree(first, second)
+    assert not robust.agree(first, dataclasses.replace(second, refused=1))
+    lost = dataclasses.replace(second, lost_steps=(32.1, 0.0, 0.0, 0.0))
+    assert not robust.agree(first, lost)
+    assert robust.agree(lost, dataclasses.replace(lost, lost_steps=(64.0, 0.0, 0.0, 0.0)))
+
+
+def test_other_processes_find_the_same(run: Any) -> None:
+    call, lines = TwinCall(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    here = list(robust.trials(call, lines, 2, timeout_s=60.0))
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        assert list(robust.trials(call, lines, 2, timeout_s=60.0, executor=pool)) == here
+    assert here[0].verdict.position_mm != here[1].verdict.position_mm
+
+
+def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run: Any, tmp_path: Path) -> None:
+    """A stored reference speed of 500 Hz makes the reference run four times as long as the built-in 2000 Hz; the job
+    stores 4000 Hz at its end, which no repetition may meet at its beginning."""
+    file = tmp_path / "kept.flash"
+    assert run("@07\n@0Id500,500,500,500\n@0IW\n", "--flash", file.name)[0] == 0
+    slow = file.read_bytes()
+    code, out, _ = run(SOUND + "@0Id4000,4000,4000,4000\n@0IW\n", "--flash", file.name, "--robust", "1", "--json")
+    *_, trial, _ = (json.loads(line) for line in out)
+    stored = file.read_bytes()
+    assert (code, trial["agrees"]) == (0, True)
+    assert stored != slow
+    call, lines = TwinCall(flash=file), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    times_s = [
+        next(robust.trials(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
+        for flash in (slow, None)
+    ]
+    assert trial["time_ns"] / 1e9 == pytest.approx(times_s[0], abs=4.0)  # and some seconds for storing
+    assert times_s[0] > 2.0 * times_s[1]
+    assert file.read_bytes() == stored
+
+
+# Refusals ---
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("--robust", "3", "--plant", "kinematic"),
+            "--robust: the kinematic plant loses no step whatever",
+        ),
+        (("--robust", "-1"), "--robust -1: must be a number of repetitions"),
+        (("--robust", "3", "--jobs", "0"), "--jobs 0: must be a number of processes from 1"),
+    ],
+)
+def test_a_call_that_makes_no_sense_is_refused_before_anything_runs(run: Any, words: Any, said: str) -> None:
+    code, out, err = run(SOUND, *words)
+    assert (code, out) == (2, [])
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_machine_at_the_limit_of_a_number_is_refused_with_key_and_range() -> None:
+    call = TwinCall(overrides={"axes.all.stage.supply": 200.0})
+    with pytest.raises(CallError, match=r"axes\.[xyz]\.stage\.supply: 20\d.*; allowed: 5 \.\. 200 V"):
+        robust.check(call, 20)

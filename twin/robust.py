@@ -1,0 +1,149 @@
+"""Is the outcome of a job luck? The same job on machines that differ by no more than machines of one kind do.
+
+Near stall what happens is chaotic in narrow bands: one speed loses everything, a little more and a little less lose
+nothing. One run cannot tell such a job from a sound one. So it is repeated with small perturbations, each drawn from
+seed and number of the repetition:
+
+    start       another power-on position of each carriage, so another rotor angle and another scatter of the switches
+    supply      of all stages, +-5 %: mains and load of an unregulated supply
+    friction    of each axis (guide, shaft), +-20 %: temperature and age of the grease
+    load        each moving mass and the payload, +-10 %
+
+A job is robust if all repetitions end as the job itself does: accepted or not, and on each axis lost or not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.controller import create_controller
+from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.verdict import Verdict, judge
+
+if TYPE_CHECKING:
+    from isel_twin.job import Line
+
+__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "trials"]
+
+SUPPLY = 0.05
+"""Largest part by which the supply of the stages differs."""
+FRICTION = 0.2
+"""Largest part by which the friction of an axis differs."""
+LOAD = 0.1
+"""Largest part by which each mass differs."""
+
+_FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """A repetition of a job and what became of it."""
+
+    number: int
+    """From 1."""
+    seed: int
+    """Of the twin: power-on positions, switch scatter, bounce."""
+    factors: Mapping[str, float]
+    """By what the numbers of the machine were multiplied: supply, friction_x .. friction_z, and each mass."""
+    verdict: Verdict
+
+
+def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[str, float], dict[str, Any]]:
+    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number."""
+    draw = np.random.default_rng([seed, number])
+    twin_seed = int(draw.integers(2**31))
+    factors = {"supply": 1.0 + SUPPLY * draw.uniform(-1.0, 1.0)}
+    overrides: dict[str, Any] = {}
+    tree = machine.tree
+
+    def times(factor: float, *keys: str) -> None:
+        value: Any = tree
+        for key in keys:
+            value = value[key]
+        overrides[".".join(keys)] = value["value"] * factor
+
+    for name in CARRIAGES:
+        factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
+        times(factors["supply"], "axes", name, "stage", "supply")
+        for key in _FRICTION_KEYS:
+            times(factors[f"friction_{name}"], "axes", name, key)
+    for name in tree["masses"]:
+        factors[name] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
+        times(factors[name], "masses", name)
+    factors["payload"] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
+    times(factors["payload"], "payload", "mass")
+    return twin_seed, factors, overrides
+
+
+def check(call: TwinCall, number: int) -> None:
+    """Refuse a call that cannot be repeated so many times, before anything has been computed.
+
+    Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
+    numbers leave their limits when perturbed.
+    """
+    if call.plant == "kinematic":
+        raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
+    with call_errors():
+        machine = _machine(call)
+        for n in range(1, number + 1):
+            with_overrides(machine, perturbation(machine, call.seed, n)[2])
+
+
+def trials(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    *,
+    timeout_s: float,
+    flash: bytes | None = None,
+    executor: Executor | None = None,
+) -> Iterator[Trial]:
+    """Repeat a job so many times with small perturbations; in the order of their numbers, whatever runs them.
+
+    flash: image of the controller's flash memory at the beginning of the job; nothing is written to the call's file.
+    executor: None: here, one by one, each when it is asked for.
+    """
+    numbers = range(1, number + 1)
+    if executor is None:
+        return (_trial(call, lines, n, timeout_s, flash) for n in numbers)
+    futures = [executor.submit(_trial, call, lines, n, timeout_s, flash) for n in numbers]
+    return (future.result() for future in futures)
+
+
+def agree(verdict: Verdict, other: Verdict) -> bool:
+    """Whether two runs of a job ended alike: accepted or not, and lost or not on each axis."""
+    return (verdict.ok, verdict.refused, verdict.lost) == (other.ok, other.refused, other.lost)
+
+
+def _machine(call: TwinCall) -> Machine:
+    """The machine of a call as its twin has it."""
+    machine = load_machine(call.machine)
+    controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
+    return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
+
+
+def _trial(call: TwinCall, lines: Sequence[Line], number: int, timeout_s: float, flash: bytes | None) -> Trial:
+    """One repetition; a function of its arguments alone, so it can run in another process."""
+    from isel_twin.job import play
+    from isel_twin.twin import Twin
+
+    seed, factors, overrides = perturbation(_machine(call), call.seed, number)
+    twin = Twin(
+        call.machine,
+        call.controller,
+        call.plant,
+        seed,
+        flash=flash,
+        scenario=call.scenario,
+        line_speed=call.line_speed,
+        overrides={**call.overrides, **overrides},
+    )
+    results = list(play(twin, lines, timeout_s))
+    return Trial(number, seed, factors, judge(twin, results, len(lines) - len(results)))
