@@ -108,6 +108,8 @@ class MujocoPlant:
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
+        self._ahead_ns = 0
+        """Time since the last whole sub-step."""
         self._late = self._none
         """Times, changes and leads of the ticks after the last whole sub-step."""
         self._plant = np.zeros(1, kernel.PLANT)
@@ -140,6 +142,7 @@ class MujocoPlant:
             t_ns = early_ns
         made = kernel.advance(*self._state, until_ns // substep_ns, t_ns, changes, early_lead_ns, lead_ns)
         self.time_ns = int(plant["now"][0]) * substep_ns
+        self._ahead_ns = 0
         if plant["lost_dof"][0] >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
             raise PlantError(
@@ -154,6 +157,7 @@ class MujocoPlant:
         else:
             leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
             self._late = t_ns[made:], changes[made:], leads_ns[made:]
+        self._ahead_ns = until_ns - self.time_ns
         return until_ns
 
     def trips(self) -> NDArray[np.bool_]:
@@ -199,8 +203,8 @@ class MujocoPlant:
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """See Plant.position_mm; between two MuJoCo steps as the drives see it."""
-        return 1e3 * (self._shape @ self._joints())
+        """See Plant.position_mm; as the drives see it, and within a sub-step along its velocity."""
+        return 1e3 * (self._shape @ self._joints(self._ahead_ns))
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
@@ -211,6 +215,12 @@ class MujocoPlant:
     def commanded(self) -> NDArray[np.int64]:
         """See Plant.commanded."""
         return self._commanded[: self._count].copy()
+
+    @property
+    def told(self) -> NDArray[np.int64]:
+        """See Plant.told."""
+        told = self.commanded
+        return told + self._late[1].sum(axis=0) if len(self._late[1]) else told
 
     @property
     def command(self) -> NDArray[np.float64]:
@@ -291,15 +301,15 @@ class MujocoPlant:
         mujoco.mj_forward(model, data)
         return model, data
 
-    def _joints(self) -> NDArray[np.float64]:
-        """float64 [nv], joint positions at this moment, somewhere inside a window.
+    def _joints(self, ahead_ns: int = 0) -> NDArray[np.float64]:
+        """float64 [nv], joint positions at the end of the last sub-step, somewhere inside a window, or ahead_ns later.
 
         What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
         """
-        window = self._plant["window"][0]
-        share = self._plant["now"][0] % window / window
+        window, substep_ns = self._plant["window"][0], self._plant["substep_ns"][0]
+        share = (self._plant["now"][0] % window * substep_ns + ahead_ns) / (window * substep_ns)
         now = self._before + share * (self.data.qpos - self._before)
-        now[self._dof] = self._axes["x_m"]
+        now[self._dof] = self._axes["x_m"] + 1e-9 * ahead_ns * self._axes["v_m_s"]
         return now
 
     def _rates(self) -> NDArray[np.float64]:
