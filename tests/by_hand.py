@@ -39,6 +39,10 @@ class PlantByHand:
         self.pushed: list[tuple[int, float]] = []
         self.phases: list[tuple[int, str]] = []
 
+    @property
+    def told(self) -> NDArray[np.int64]:
+        return self.commanded
+
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         self.time_ns = until_ns
         return until_ns

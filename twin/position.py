@@ -11,6 +11,9 @@ forgotten by everybody but this module:
 
     lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
     zero  = where the carriage is when the counter is 0 and nothing is lost
+
+The zero changes only when a counter is set. Between two settings it is held: what the drive has been given and what the
+controller counts are known on different grids of time and differ by a pulse in a sub-step.
 """
 
 from __future__ import annotations
@@ -48,19 +51,26 @@ class Position:
         self._controller = controller
         self._plant = plant
         self.step_mm = step_mm
-        self._zero_mm = plant.position_mm.copy()
+        self._start_mm = plant.position_mm.copy()
         self._period = plant.slip_steps.copy()
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
+        self._turned = tuple(controller.direction)
+        """The directions that the zeros below belong to."""
+        self._zero_mm = self._zeros()
+        self._sense = _of_carriages(self._direction, 1)
 
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
-        commanded, rotor, sense = self._plant.commanded[axis], self._plant.rotor[axis], self._direction[axis]
-        slip = round((commanded - rotor) / self._period[axis]) * self._period[axis]
+        self._follow_direction()
+        told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
+        slip = round((told - rotor) / self._period[axis]) * self._period[axis]
         self._forgotten[axis] += abs(slip - self._slip[axis])
         self._slip[axis] = slip
-        self._encoder_zero[axis] = value - sense * commanded
+        self._encoder_zero[axis] = value - sense * told
+        if axis < len(self._zero_mm):
+            self._zero_mm[axis] = self._zeros()[axis]
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -70,10 +80,9 @@ class Position:
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in zero and direction of the counters."""
-        direction = self._direction
-        beyond = _of_carriages(self._plant.commanded - direction * self.counts - self._slip)
-        zero = self._zero_mm + beyond * self.step_mm
-        return _of_carriages(direction, 1) * (self._plant.position_mm - zero)
+        self._follow_direction()
+        position_mm: NDArray[np.float64] = self._sense * (self._plant.position_mm - self._zero_mm)
+        return position_mm
 
     @property
     def error_mm(self) -> NDArray[np.float64]:
@@ -117,6 +126,19 @@ class Position:
     def fault(self) -> tuple[bool, ...]:
         """See Drives.fault."""
         return tuple(self._plant.fault.tolist())
+
+    def _follow_direction(self) -> None:
+        """The other way round, another place is where the counter is 0. Directions change at rest only."""
+        if self._controller.direction != self._turned:
+            self._turned = tuple(self._controller.direction)
+            self._sense = _of_carriages(self._direction, 1)
+            self._zero_mm = self._zeros()
+
+    def _zeros(self) -> NDArray[np.float64]:
+        """float64 [3], the zeros by what is true now."""
+        beyond = _of_carriages(self._plant.told - self._direction * self.counts - self._slip)
+        zero_mm: NDArray[np.float64] = self._start_mm + beyond * self.step_mm
+        return zero_mm
 
     @property
     def _direction(self) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 lead.py        the command of an axis between two set points, led evenly from one to the next
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
+short_step.py  when a MuJoCo step may be the short one
 mujoco.py      the MuJoCo plant around it (default)
 model.py       the MuJoCo model of a machine
 picture.py     what it looks like
@@ -118,7 +119,7 @@ class Plant(Protocol):
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """float64 [3], true carriage positions X, Y, Z in machine coordinates."""
+        """float64 [3], true carriage positions X, Y, Z in machine coordinates, at the time last advanced to."""
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
@@ -126,7 +127,11 @@ class Plant(Protocol):
 
     @property
     def commanded(self) -> NDArray[np.int64]:
-        """int64 [axes], sum of the changes received since power-on, in microsteps."""
+        """int64 [axes], sum of the changes that the drives have been given since power-on, in microsteps."""
+
+    @property
+    def told(self) -> NDArray[np.int64]:
+        """int64 [axes], the same with the changes after the last whole sub-step, which no drive has been given yet."""
 
     @property
     def command(self) -> NDArray[np.float64]:

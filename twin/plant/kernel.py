@@ -25,7 +25,8 @@ sub-step that follows it, less the mean of what is still to come of led ticks (l
 Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen. A
 frozen sub-step changes nothing, so any number of them is skipped up to the next tick or change of current.
 
-MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached.
+MuJoCo is called by the addresses of its functions, passed in as integers so that the compiled code can be cached: for a
+whole step, or for a short one that leaves out what cannot have changed (short_step.py).
 """
 
 from __future__ import annotations
@@ -58,12 +59,15 @@ PLANT = np.dtype(
         ("substep_ns", "i8"),
         ("window", "i8"),  # sub-steps in a MuJoCo step
         ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
-        ("mj_step", "i8"),  # address of the function
+        ("mj_step", "i8"),  # addresses of MuJoCo's functions
+        ("mj_forward_skip", "i8"),
+        ("mj_euler", "i8"),
         ("model", "i8"),  # address of the mjModel
         ("data", "i8"),  # address of the mjData
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
+        ("within", "i8"),  # 1: in the last whole MuJoCo step all joints lay within their bounds (short_step.py)
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
@@ -128,6 +132,25 @@ def _call_mj_step(typingctx, address, model, data):
     return types.void(types.int64, types.int64, types.int64), build
 
 
+@intrinsic
+def _call_mj_forward_skip(typingctx, address, model, data, stage, sensors):
+    """Call the C function void(*)(mjModel*, mjData*, int, int) at an address."""
+
+    def build(context, builder, signature, arguments):
+        word, whole = ir.IntType(64), ir.IntType(32)
+        function = ir.FunctionType(ir.VoidType(), [word, word, whole, whole])
+        last = [builder.trunc(argument, whole) for argument in arguments[3:]]
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), [*arguments[1:3], *last])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 5), build
+
+
+_POSITION_STAGE = 1
+"""mjtStage.mjSTAGE_POS: leave out the position stage."""
+_NO_SENSORS = 1
+
+
 @njit(nogil=True, error_model="numpy")
 def _copy(to, values):
     """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
@@ -162,6 +185,22 @@ def wake(plants, axes):
 
 
 @njit(nogil=True, error_model="numpy")
+def _mujoco_step(plant, qpos, bounds):
+    """One MuJoCo step, a short one where that gives the same bits (short_step.py)."""
+    within = True
+    for j in range(qpos.shape[0]):
+        within = within and bounds[0, j] < qpos[j] < bounds[1, j]
+    if within and plant.within:
+        _call_mj_forward_skip(  # type: ignore[call-arg]
+            plant.mj_forward_skip, plant.model, plant.data, _POSITION_STAGE, _NO_SENSORS
+        )
+        _call_mj_step(plant.mj_euler, plant.model, plant.data)  # type: ignore[call-arg]
+    else:
+        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+    plant.within = 1 if within else 0
+
+
+@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -180,7 +219,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc):
+def _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for i in range(AXES):
@@ -192,7 +231,7 @@ def _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qf
             plant.lost_dof = axis.dof
             return
     _copy(before, qpos)
-    _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
+    _mujoco_step(plant, qpos, bounds)
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
         axis = axes[i]
@@ -236,16 +275,16 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, qpos, before, qvel, qacc, qacc_smooth, qfrc,
+    plants, axes, drives, states, thresholds, commanded, leads, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, q... [nv] views of MuJoCo's arrays, before [nv] qpos one window
-    ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
-    lead_ns that of the others.
+    commanded int64 [m] microsteps and leads [m] LEAD, bounds [2, nv] of short steps, q... [nv] views of MuJoCo's
+    arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns
+    int64 [e <= n] leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -310,7 +349,7 @@ def advance(
 
         plant.now += 1
         if plant.now % plant.window == 0:
-            _leave_window(plant, axes, states, qpos, before, qvel, qacc, qacc_smooth, qfrc)
+            _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_dof >= 0:
                 break
         if _pass(thresholds, plant, axes, states, commanded, leads):

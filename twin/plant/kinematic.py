@@ -254,6 +254,11 @@ class KinematicPlant:
         return self._commanded[: self._count].copy()
 
     @property
+    def told(self) -> NDArray[np.int64]:
+        """See Plant.told."""
+        return self.commanded
+
+    @property
     def command(self) -> NDArray[np.float64]:
         """See Plant.command."""
         return self._command()[: self._count]

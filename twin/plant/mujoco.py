@@ -26,6 +26,7 @@ from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import Threshold, kernel
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.model import load_model, tool_motion
+from isel_twin.plant.short_step import short_step_bounds
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
@@ -44,11 +45,11 @@ class PlantError(RuntimeError):
 
 
 @cache
-def _mj_step_address() -> int:
-    """Address of mj_step in the library that the mujoco package has loaded."""
+def _address(function: str) -> int:
+    """Address of a function in the library that the mujoco package has loaded."""
     folder = Path(mujoco.__file__).parent
     library = next(path for pattern in ("libmujoco.so*", "libmujoco*.dylib") for path in sorted(folder.glob(pattern)))
-    return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
+    return ctypes.cast(ctypes.CDLL(str(library))[function], ctypes.c_void_p).value or 0
 
 
 class MujocoPlant:
@@ -67,6 +68,7 @@ class MujocoPlant:
         """
         self.machine = machine
         self.model = load_model(machine, visual=False)
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
         model, data = self.model, self.data
@@ -108,22 +110,27 @@ class MujocoPlant:
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
+        self._ahead_ns = 0
+        """Time since the last whole sub-step."""
         self._late = self._none
         """Times, changes and leads of the ticks after the last whole sub-step."""
         self._plant = np.zeros(1, kernel.PLANT)
         self._plant["substep_ns"] = machine.timing.substep_ns
         self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
         self._plant["rest_windows"] = math.ceil(REST_TIME_S / (machine.timing.mujoco_step_ns * 1e-9))
-        self._plant["mj_step"] = _mj_step_address()
+        self._plant["mj_step"] = _address("mj_step")
+        self._plant["mj_forward_skip"] = _address("mj_forwardSkip")
+        self._plant["mj_euler"] = _address("mj_Euler")
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
+        self._bounds = short_step_bounds(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._bounds, data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
@@ -140,6 +147,7 @@ class MujocoPlant:
             t_ns = early_ns
         made = kernel.advance(*self._state, until_ns // substep_ns, t_ns, changes, early_lead_ns, lead_ns)
         self.time_ns = int(plant["now"][0]) * substep_ns
+        self._ahead_ns = 0
         if plant["lost_dof"][0] >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
             raise PlantError(
@@ -154,6 +162,7 @@ class MujocoPlant:
         else:
             leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
             self._late = t_ns[made:], changes[made:], leads_ns[made:]
+        self._ahead_ns = until_ns - self.time_ns
         return until_ns
 
     def trips(self) -> NDArray[np.bool_]:
@@ -199,8 +208,8 @@ class MujocoPlant:
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """See Plant.position_mm; between two MuJoCo steps as the drives see it."""
-        return 1e3 * (self._shape @ self._joints())
+        """See Plant.position_mm; as the drives see it, and within a sub-step along its velocity."""
+        return 1e3 * (self._shape @ self._joints(self._ahead_ns))
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
@@ -211,6 +220,12 @@ class MujocoPlant:
     def commanded(self) -> NDArray[np.int64]:
         """See Plant.commanded."""
         return self._commanded[: self._count].copy()
+
+    @property
+    def told(self) -> NDArray[np.int64]:
+        """See Plant.told."""
+        told = self.commanded
+        return told + self._late[1].sum(axis=0) if len(self._late[1]) else told
 
     @property
     def command(self) -> NDArray[np.float64]:
@@ -291,15 +306,15 @@ class MujocoPlant:
         mujoco.mj_forward(model, data)
         return model, data
 
-    def _joints(self) -> NDArray[np.float64]:
-        """float64 [nv], joint positions at this moment, somewhere inside a window.
+    def _joints(self, ahead_ns: int = 0) -> NDArray[np.float64]:
+        """float64 [nv], joint positions at the end of the last sub-step, somewhere inside a window, or ahead_ns later.
 
         What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
         """
-        window = self._plant["window"][0]
-        share = self._plant["now"][0] % window / window
+        window, substep_ns = self._plant["window"][0], self._plant["substep_ns"][0]
+        share = (self._plant["now"][0] % window * substep_ns + ahead_ns) / (window * substep_ns)
         now = self._before + share * (self.data.qpos - self._before)
-        now[self._dof] = self._axes["x_m"]
+        now[self._dof] = self._axes["x_m"] + 1e-9 * ahead_ns * self._axes["v_m_s"]
         return now
 
     def _rates(self) -> NDArray[np.float64]:
