@@ -56,8 +56,8 @@ class PlantByHand:
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         self.drawn.append((threshold, position_mm))
 
-    def apply_force(self, axis: int, force_n: float) -> None:
-        self.pushed.append((axis, force_n))
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
+        self.pushed.append((axis, force_n, place))
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         self.phases.append((axis, phases))

@@ -76,7 +76,8 @@ _STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)
 _STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)
 """Carriage speed at which half of the excess over Coulomb friction is gone."""
 _MASS_KG = Limits("kg", 1e-3, 1e4)
-_PAYLOAD_KG = Limits("kg", 0.0, 1e4)
+_PAYLOAD_KG = Limits("kg", 0.0, 100.0)
+"""What tables of this class carry; ten times as much would be another machine."""
 
 
 class MachineError(FileError):
@@ -135,11 +136,14 @@ class Axis:
 
 @dataclass(frozen=True)
 class Mode:
-    """A structural mode: a passive joint of the MuJoCo model that moves along one axis."""
+    """A structural mode: a passive joint of the MuJoCo model that moves along one axis.
+
+    Its frequency follows from what the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`).
+    """
 
     joint: str
     axis: str = word(*CARRIAGES)
-    frequency_hz: float = number("Hz", 5.0, 200.0, key="frequency")
+    stiffness_n_per_m: float = number("N/um", 0.05, 200.0, key="stiffness", scale=1e6)
     damping_ratio: float = number("1", 0.0, 0.5, key="damping_ratio")
 
     def __post_init__(self) -> None:

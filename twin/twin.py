@@ -39,7 +39,7 @@ from isel_twin.controller import (
 from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import Plant, Threshold
+from isel_twin.plant import PLACES, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.wiring import SerialLine, Wiring, check_input, load_scenario, thresholds
@@ -328,13 +328,19 @@ class Twin:
         self._settle()
         return self.inputs.get(name, state)
 
-    def apply_force(self, axis: int, force_n: float) -> None:
-        """Push a carriage (0 X .. 2 Z) with force_n newton along its axis, until told otherwise. Raises ValueError."""
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
+        """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
+
+        place: "tool" or "table"; "": the one that this axis moves. A positive force pushes it the way that the position
+        of the axis rises. An axis has one push: a new one replaces it, wherever it was.
+        """
         if axis not in range(len(CARRIAGES)):
             raise ValueError(f"axis {axis!r} has no carriage; there are: 0 (X), 1 (Y), 2 (Z)")
         if not math.isfinite(force_n):
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
-        self._plant.apply_force(axis, force_n)
+        if place and place not in PLACES:
+            raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
+        self._plant.apply_force(axis, force_n, place)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
         """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""

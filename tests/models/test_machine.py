@@ -34,7 +34,9 @@ def test_the_default_machine_is_the_one_of_the_data_sheets():
     )
     assert machine.axes[0].screw.stribeck_rad_s == pytest.approx(2.0 / 5.0 * 2 * math.pi)
     assert machine.cabinet == "safety-relay"
-    assert [(mode.frequency_hz, mode.damping_ratio) for mode in machine.structure] == [(40.0, 0.03)] * 2
+    assert [(mode.joint, mode.stiffness_n_per_m, mode.damping_ratio) for mode in machine.structure] == [
+        ("flex_x", 5e6, 0.03), ("nod_y", 5e6, 0.03), ("flex_y", 8e6, 0.03)
+    ]  # fmt: skip
     assert not machine.imperfections.lead_error
     assert machine.imperfections.backlash
     assert machine.controller["program_memory_bytes"] == 32768

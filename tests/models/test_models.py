@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from isel_twin.machine import MachineError, load_machine, machine_names, models_folder, with_overrides
-from isel_twin.plant.model import load_model
+from isel_twin.plant.model import load_model, mode_hz
 from isel_twin.plant.mujoco import MujocoPlant
 
 MACHINES = machine_names()
@@ -77,14 +77,13 @@ def test_mjcf_and_machine_file_say_the_same(name):
     assert moving <= set(machine.masses_kg)
     for body, mass_kg in machine.masses_kg.items():
         assert model.body(body).mass[0] == mass_kg
+    assert {mode.joint for mode in machine.structure} == {model.joint(j).name for j in range(model.njnt)} - set("xyz")
     for mode in machine.structure:
         joint = model.joint(mode.joint)
         mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-        omega = 2.0 * math.pi * mode.frequency_hz
-        assert model.jnt_stiffness[joint.id] == pytest.approx(omega**2 * mass_kg, rel=1e-5)
-        assert model.dof_damping[joint.dofadr[0]] == pytest.approx(2.0 * mode.damping_ratio * omega * mass_kg, rel=1e-5)
-        axis_joint = model.joint(mode.axis)
-        np.testing.assert_array_equal(model.jnt_axis[joint.id], model.jnt_axis[axis_joint.id])
+        damping = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
+        assert model.jnt_stiffness[joint.id] == pytest.approx(mode.stiffness_n_per_m, rel=1e-5)
+        assert model.dof_damping[joint.dofadr[0]] == pytest.approx(damping, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -129,7 +128,7 @@ def test_overrides_reach_the_model(name):
             "masses.z_slide": 9.0,
             "axes.x.guide_friction": 12.0,
             "axes.y.travel": 250.0,
-            "structure.flex_x.frequency": 50.0,
+            "structure.flex_x.stiffness": 2.0,
         },
     )
     model = load_model(machine)
@@ -137,8 +136,10 @@ def test_overrides_reach_the_model(name):
     assert model.dof_frictionloss[model.joint("x").dofadr[0]] == 12.0
     assert model.joint("y").range[1] == pytest.approx(0.253)
     joint = model.joint("flex_x")
-    mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-    assert math.sqrt(model.jnt_stiffness[joint.id] / mass_kg) / (2.0 * math.pi) == pytest.approx(50.0)
+    carried_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
+    assert model.jnt_stiffness[joint.id] == pytest.approx(2e6)
+    assert model.dof_damping[joint.dofadr[0]] == pytest.approx(2.0 * 0.03 * math.sqrt(2e6 * carried_kg))
+    assert mode_hz(machine, model)["flex_x"] == pytest.approx(math.sqrt(2e6 / carried_kg) / (2.0 * math.pi))
 
 
 def test_a_motor_of_0_9_degrees_travels_as_far():

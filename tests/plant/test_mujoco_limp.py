@@ -86,7 +86,8 @@ def test_stops_stand_two_kilonewtons(bench, axis, sense):
     b.wait(8000)
     travel = b.plant.machine.axes[axis].travel_mm
     stop = travel + 3.0 if sense > 0 else -3.0
-    assert b.plant.position_mm[axis] == pytest.approx(stop, abs=0.2)
+    give_mm = {0: 2000.0 / 5e3, 1: 2000.0 / 8e3, 2: 0.0}[axis]
+    assert b.plant.position_mm[axis] == pytest.approx(stop + sense * give_mm, abs=0.02), "the frame gives, the stop not"
     assert b.plant.at_rest
 
 
@@ -141,7 +142,7 @@ def test_numbers_that_run_away_name_the_axis(bench):
 def test_time_step_too_long_for_the_stiffness_is_refused_with_what_would_do(bench):
     stiff = {"axes.y.stiffness": 60.0}
     with pytest.raises(
-        MachineError, match=r"mujoco_step: 0\.5 ms is too long for axes\.y\.stiffness and 3 kg; .*0\.38 ms"
+        MachineError, match=r"mujoco_step: 0\.5 ms is too long for axes\.y\.stiffness and 3 kg; .*0\.39 ms"
     ):
         bench(stiff)
     b = bench({**stiff, "timing.mujoco_step": 0.25})

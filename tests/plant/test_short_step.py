@@ -53,7 +53,7 @@ def moved(machine: str, short: bool) -> tuple[list[bytes], int, int]:
 def test_short_steps_give_the_bits_of_whole_ones(machine: str) -> None:
     short, within, whole = moved(machine, short=True)
     assert within > 200
-    assert whole > 20, "it has been at the stop"
+    assert whole > 5, "it has been at the stop"
     assert short == moved(machine, short=False)[0]
 
 

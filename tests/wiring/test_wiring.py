@@ -651,7 +651,7 @@ def test_events_act_on_everything_at_their_times() -> None:
     bench.wiring.schedule(
         [
             ScenarioEvent(10, {"start": "down", "limit_x2": "broken"}),
-            ScenarioEvent(20, {"start": "up"}, force_n={0: 50.0, 2: -7.5}),
+            ScenarioEvent(20, {"start": "up"}, force_n={0: 50.0, 2: -7.5}, place="table"),
             ScenarioEvent(30, phase_lost={1: "ab", 0: "a"}, force_n={0: 0.0}),
             ScenarioEvent(40, {"estop": "pressed"}, noise=1.0),
             ScenarioEvent(50, phase_lost={1: ""}, noise=0.0),
@@ -664,9 +664,9 @@ def test_events_act_on_everything_at_their_times() -> None:
     assert bench.plant.pushed == []
     bench.settle(20)
     assert bench.levels("start", "limit_x2") == (False, False)
-    assert bench.plant.pushed == [(0, 50.0), (2, -7.5)]
+    assert bench.plant.pushed == [(0, 50.0, "table"), (2, -7.5, "table")]
     bench.settle(30)
-    assert bench.plant.pushed[2:] == [(0, 0.0)]
+    assert bench.plant.pushed[2:] == [(0, 0.0, "")]
     assert sorted(bench.plant.phases) == [(0, "a"), (1, "ab")]
     bench.line.from_host(30, b"before", 1)
     assert bench.line.at_controller(30) == b"before"

@@ -12,6 +12,7 @@ kinematic.py   the carriage follows its command exactly; thresholds still work
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args
 
@@ -21,7 +22,10 @@ from numpy.typing import NDArray
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import Stage
 
-__all__ = ["Plant", "Quantity", "Threshold"]
+__all__ = ["PLACES", "Plant", "Quantity", "Threshold"]
+
+PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}
+"""Where a force can act from outside, and the site of the MuJoCo model that stands for it."""
 
 Quantity = Literal["position", "lag", "fault"]
 """What a threshold watches."""
@@ -111,8 +115,13 @@ class Plant(Protocol):
         ValueError if it is not one. A carriage that the point has passed meets it when next something moves.
         """
 
-    def apply_force(self, axis: int, force_n: float) -> None:
-        """Push one carriage (0 X .. 2 Z) along its axis from outside, in N, until told otherwise: a hand, a cut."""
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
+        """Push the machine from outside along one axis (0 X .. 2 Z), in N, until told otherwise: a hand.
+
+        place: one of PLACES; "": the one that this axis moves. A positive force pushes tool or table the way that
+        `position_mm` rises, and loads every joint between there and the ground. An axis has one push: a new one
+        replaces it, wherever it was. ValueError for a place that does not exist.
+        """
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them."""

@@ -9,8 +9,10 @@ changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-ste
                               -> mj_step            window start: v from MuJoCo, a from its last step
 
 Inside the window the drives see a carriage that answers to the nut force and to guide friction (m: inertia that the nut
-feels); what else acts on it counts as in the window before. At the end MuJoCo, which knows friction, stops, structure
-and contacts, says what the velocity really is. The position is corrected by what that velocity differs:
+feels); what else acts on it counts as in the window before, but for the springs and dampers of the structure, which
+count as at the start of this one: a window late they would feed what swings. At the end MuJoCo, which knows friction,
+stops, structure and contacts, says what the velocity really is. The position is corrected by what that velocity
+differs:
 
     x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
@@ -88,7 +90,7 @@ AXIS = np.dtype(
         ("held", "f8"),  # +1, -1: a stop or a collision pushes this way, 0: nothing does
         ("sum_n", "f8"),  # sum of the forces of this window
         ("mean_n", "f8"),  # mean force of the window before
-        ("push_n", "f8"),  # force from outside
+        ("push_n", "f8"),  # force on the nut that would accelerate the carriage as the push from outside does
         ("phases", "i8"),  # as `step_axis` takes it
         ("fraction", "f8"),  # current fraction
         ("idle_fraction", "f8"),
@@ -219,18 +221,22 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc):
+def _leave_window(plant, axes, states, bounds, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
+    for j in range(qfrc.shape[0]):
+        qfrc[j] = push[0, j] + push[1, j] / plant.window
+        push[1, j] = 0.0
     for i in range(AXES):
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
-        qfrc[axis.dof] = axis.mean_n
+        qfrc[axis.dof] += axis.mean_n
         quiet = quiet and at_rest(states[i])
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
     _copy(before, qpos)
+    _copy(rates, qvel)
     _mujoco_step(plant, qpos, bounds)
     window_s = 1e-9 * plant.substep_ns * plant.window
     for i in range(AXES):
@@ -246,8 +252,12 @@ def _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_sm
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
         qvel[:] = 0.0
+        rates[:] = 0.0
         _copy(before, qpos)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
+    for i in range(AXES):
+        for j in range(qvel.shape[0]):
+            axes[i].rest_m_s2 += springs[0, i, j] * (qpos[j] - before[j]) + springs[1, i, j] * (qvel[j] - rates[j])
 
 
 @njit(nogil=True, error_model="numpy")
@@ -275,16 +285,18 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc,
+    plants, axes, drives, states, thresholds, commanded, leads, bounds, push, springs, rates, qpos, before, qvel,
+    qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, bounds [2, nv] of short steps, q... [nv] views of MuJoCo's
-    arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns
-    int64 [e <= n] leads of the first ticks, lead_ns that of the others.
+    commanded int64 [m] microsteps and leads [m] LEAD, bounds [2, nv] of short steps, push [2, nv] and springs
+    [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago, q... [nv] views of MuJoCo's arrays, before [nv]
+    qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of
+    the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -349,7 +361,9 @@ def advance(
 
         plant.now += 1
         if plant.now % plant.window == 0:
-            _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc)
+            _leave_window(
+                plant, axes, states, bounds, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
+            )
             if plant.lost_dof >= 0:
                 break
         if _pass(thresholds, plant, axes, states, commanded, leads):

@@ -220,7 +220,7 @@ class KinematicPlant:
         """See Plant.set_power; it only shows in `powered`."""
         self._stages_on = stages
 
-    def apply_force(self, axis: int, force_n: float) -> None:
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """Without physics there is nothing to push."""
 
     def set_phase_lost(self, axis: int, phases: str) -> None:

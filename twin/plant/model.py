@@ -3,7 +3,11 @@
 Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
 friction, payload, fixture and structural modes are set when the model is loaded:
 
-    structure   k = (2 pi f)^2 m,  c = 2 zeta (2 pi f) m       m: what the mode's joint carries, without payload
+    structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
+
+so that a push at standstill gives as much as the springs between there and the ground say, and what rings follows (the
+damper is that of the machine without payload). A force F that acts at a place, on the tool or on the table, loads the
+joints by tau = J^T F, J: motion of that place by the joints.
 
 Positions are what a gauge between tool and table would show: axis joint plus structural joint, plus the errors of
 squareness (decision P4).
@@ -20,6 +24,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.machine import Machine, MachineError
+from isel_twin.plant import PLACES
 
 
 def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
@@ -36,6 +41,7 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     _need(machine, spec, [axis.name for axis in machine.axes], "joint")
     _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
     _need(machine, spec, machine.masses_kg, "body")
+    _need(machine, spec, PLACES.values(), "site")
     if not machine.imperfections.structure:
         for mode in machine.structure:
             spec.delete(spec.joint(mode.joint))
@@ -69,9 +75,8 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
             mass_kg = model.body_subtreemass[model.jnt_bodyid[joint.id]]
-            omega = 2.0 * math.pi * mode.frequency_hz
-            model.jnt_stiffness[joint.id] = omega**2 * mass_kg
-            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * omega * mass_kg
+            model.jnt_stiffness[joint.id] = mode.stiffness_n_per_m
+            model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
     if machine.payload_kg > 0.0:
         _add_payload(model, machine.payload_kg)
     return model
@@ -91,6 +96,31 @@ def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
     return shape
 
 
+def reach(machine: Machine, model: mujoco.MjModel) -> dict[str, NDArray[np.float64]]:
+    """By place, float64 [3, nv]: what each joint contributes to X, Y and Z by moving tool or table; their sum is
+    `tool_motion` without squareness. Its transpose turns forces on that place into those on the joints.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    jacobian = {}
+    for place, site in PLACES.items():
+        jacobian[place] = np.zeros((3, model.nv))
+        mujoco.mj_jacSite(model, data, jacobian[place], None, model.site(site).id)
+    between = jacobian["tool"] - jacobian["table"]
+    # Which way an axis points in the world: where it moves the tool, seen from the table.
+    ways = np.array([between[:, model.joint(axis.name).dofadr[0]] for axis in machine.axes])
+    return {"tool": ways @ jacobian["tool"], "table": -ways @ jacobian["table"]}
+
+
+def mode_hz(machine: Machine, model: mujoco.MjModel) -> dict[str, float]:
+    """Frequency of each structural mode by its joint, Hz: of what the joint carries on its spring, axes at rest."""
+    found = {}
+    for mode in machine.structure:
+        mass_kg = model.body_subtreemass[model.jnt_bodyid[model.joint(mode.joint).id]]
+        found[mode.joint] = math.sqrt(mode.stiffness_n_per_m / mass_kg) / (2.0 * math.pi)
+    return found
+
+
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
@@ -103,7 +133,7 @@ def _add_payload(model: mujoco.MjModel, mass_kg: float) -> None:
 
 
 def _need(machine: Machine, spec: mujoco.MjSpec, names: Iterable[str], kind: str) -> None:
-    known = [item.name for item in (spec.joints if kind == "joint" else spec.bodies)]
+    known = [item.name for item in {"joint": spec.joints, "body": spec.bodies, "site": spec.sites}[kind]]
     for name in names:
         if name not in known:
             raise MachineError(f"{machine.model_file}: no {kind} {name!r}; allowed: {', '.join(known)}")

@@ -23,16 +23,16 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import Threshold, kernel
+from isel_twin.plant import PLACES, Threshold, kernel
 from isel_twin.plant.lead import all_behind, no_leads
-from isel_twin.plant.model import load_model, tool_motion
+from isel_twin.plant.model import load_model, reach, tool_motion
 from isel_twin.plant.short_step import short_step_bounds
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
-LARGEST_STEP_RATIO = 1.7
-"""Largest MuJoCo step times axial frequency (rad/s) of a carriage on its nut. Above 2, sticking and sliding in turn can
-feed the nut spring (found with random machines, see decision P3)."""
+LARGEST_STEP_RATIO = 1.9
+"""Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above
+2 the exchange of forces feeds what swings, and sticking and sliding in turn can (decision P3)."""
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
@@ -91,7 +91,8 @@ class MujocoPlant:
         self._inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, self._inertia)
         self._weight = data.qfrc_bias.copy()
-        self._axes["mobility_per_kg"] = np.diagonal(np.linalg.inv(self._inertia))[self._dof]
+        self._mobility = np.linalg.inv(self._inertia)
+        self._axes["mobility_per_kg"] = np.diagonal(self._mobility)[self._dof]
         self._axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
         self._axes["phases"] = OPEN
         self._axes["fraction"] = 1.0
@@ -107,6 +108,11 @@ class MujocoPlant:
             switch = self._thresholds[number]
             switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
+        self._reach = reach(machine, model)
+        self._pushes = np.zeros((kernel.AXES, model.nv))
+        """float64 [3, nv], what the push along each axis is at the joints."""
+        self._push = np.zeros((2, model.nv))
+        """What the pushes are beside `push_n`: now, and a correction of this window's sum for how they were before."""
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
@@ -127,10 +133,15 @@ class MujocoPlant:
         self._bounds = short_step_bounds(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
+        self._rates_before = data.qvel.copy()
+        stiffness = model.jnt_stiffness[model.dof_jntid]
+        self._springs = -np.stack([self._mobility[self._dof] * of for of in (stiffness, model.dof_damping)])
+        """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._bounds, data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._bounds, self._push, self._springs, self._rates_before, data.qpos, self._before, data.qvel, data.qacc,
+            data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
@@ -193,12 +204,27 @@ class MujocoPlant:
         self._lost[axis] = phases
         self._set_phases()
 
-    def apply_force(self, axis: int, force_n: float) -> None:
-        """See Plant.apply_force. Raises ValueError for a force that is not a finite number."""
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
+        """See Plant.apply_force. Raises ValueError for a force that is not a finite number.
+
+        The sub-steps know carriages and nuts alone, MuJoCo all joints: a carriage is pushed in the sub-steps by what
+        would move it alike at the nut, and MuJoCo is told the rest with its next step.
+        """
         if not math.isfinite(force_n):
             raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
+        if place and place not in PLACES:
+            raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
         kernel.wake(self._plant, self._axes)
-        self._axes["push_n"][axis] = force_n
+        if not place:
+            place = "tool" if self._reach["tool"][axis, self._dof[axis]] else "table"
+        self._pushes[axis] = force_n * self._reach[place][axis]
+        joints_n = self._pushes.sum(axis=0)
+        nuts_n = (self._mobility @ joints_n)[self._dof] / self._axes["mobility_per_kg"]
+        self._axes["push_n"] = nuts_n
+        joints_n[self._dof] -= nuts_n
+        over = self._plant["now"][0] % self._plant["window"][0]
+        self._push[1] += over * (self._push[0] - joints_n)
+        self._push[0] = joints_n
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point."""
@@ -265,13 +291,18 @@ class MujocoPlant:
 
     @property
     def energy_j(self) -> float:
-        """Mechanical energy of everything, J: moving masses and their height, rotors, detents, nuts, structure."""
+        """Mechanical energy of everything, J: moving masses and their height, rotors, detents, nuts, structure.
+
+        At the ends of MuJoCo's steps; in between, structure and carriages are known at different times. MuJoCo's speeds
+        are those of the middle between two of its positions, and so is what structural springs hold.
+        """
         axes, rates = self._axes, self._rates()
         drives = sum(
             stored_energy_j(self._drives[i], self._states[i], axes["x_m"][i] - axes["zero_m"][i])
             for i in range(kernel.AXES)
         )
-        joints = self._joints()
+        joints = 0.5 * (self._before + self.data.qpos)
+        joints[self._dof] = axes["x_m"]
         springs = 0.5 * self.model.jnt_stiffness @ joints**2
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
 
@@ -327,15 +358,37 @@ class MujocoPlant:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
 
     def _check_steps(self) -> None:
-        """Refuse a MuJoCo step in which the lightest carriage would swing too far on its nut."""
-        for axis, mobility in zip(self.machine.axes, self._axes["mobility_per_kg"], strict=True):
-            longest_s = LARGEST_STEP_RATIO / math.sqrt(axis.screw.stiffness_n_per_m * mobility)
-            step_s = self.machine.timing.mujoco_step_ns * 1e-9
-            if step_s > longest_s:
-                raise MachineError(
-                    f"{self.machine.file}: timing.mujoco_step: {step_s * 1e3:g} ms is too long for "
-                    f"axes.{axis.name}.stiffness and {1.0 / mobility:.3g} kg; allowed: up to {longest_s * 1e3:.2g} ms"
-                )
+        """Refuse a MuJoCo step in which the machine would swing too far on its springs."""
+        machine, stiffness = self.machine, self.model.jnt_stiffness[self.model.dof_jntid]
+        stiffness[self._dof] = [axis.screw.stiffness_n_per_m for axis in machine.axes]
+        step_s = machine.timing.mujoco_step_ns * 1e-9
+        highest_rad_s, strain = _highest(self._inertia, stiffness)
+        if step_s * highest_rad_s <= LARGEST_STEP_RATIO:
+            return
+        dof = int(np.argmax(strain))
+        keys = {name: f"axes.{name}.stiffness" for name in CARRIAGES}
+        name = self.model.joint(int(self.model.dof_jntid[dof])).name
+        key = keys.get(name, f"structure.{name}.stiffness")
+        least, most = 0.0, float(stiffness[dof])
+        while most - least > 1e-3 * most:  # which stiffness would do, the others as they are
+            stiffness[dof] = 0.5 * (least + most)
+            holds = step_s * _highest(self._inertia, stiffness)[0] <= LARGEST_STEP_RATIO
+            least, most = (float(stiffness[dof]), most) if holds else (least, float(stiffness[dof]))
+            if most < 1e3:
+                break
+        softer = f", or {key} up to {math.floor(least / 1e4) / 100:g} N/um" if least > 1e4 else ""
+        raise MachineError(
+            f"{machine.file}: timing.mujoco_step: {step_s * 1e3:g} ms is too long for {key} and "
+            f"{1.0 / self._mobility[dof, dof]:.3g} kg; "
+            f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
+        )
+
+
+def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Highest frequency in rad/s of masses [nv, nv] on springs [nv], and the energy in each spring as it swings so."""
+    half = np.linalg.inv(np.linalg.cholesky(inertia))
+    squares, shapes = np.linalg.eigh(half @ np.diag(stiffness) @ half.T)
+    return math.sqrt(max(squares[-1], 0.0)), stiffness * (half.T @ shapes[:, -1]) ** 2
 
 
 def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:

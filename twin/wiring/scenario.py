@@ -11,7 +11,8 @@
 
     [[event]]
     at = 4.0
-    force_n = { x = 50.0 }                   # a hand pushes the carriage, in N along the axis; 0 lets go
+    force_n = { x = 50.0 }                   # a hand pushes along the axis, in N, the way positions rise; 0 lets go
+    place = "tool"                           # what it pushes, tool or table; without it, what the axis moves
 
     [[event]]
     at = 5.0
@@ -35,9 +36,11 @@ from typing import Any
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, read_toml, table, text
+from isel_twin.plant import PLACES
 from isel_twin.units import SECOND_NS
 
-_KEYS = ("at", "set", "force_n", "phase_lost", "noise")
+_KEYS = ("at", "set", "force_n", "phase_lost", "noise", "place")
+_ACTS = tuple(key for key in _KEYS if key not in ("at", "place"))
 _PHASES = ("a", "b", "ab", "")
 _AT_S = Limits("s", 0.0, 1e9)
 _FORCE_N = Limits("N", -1e5, 1e5)
@@ -57,6 +60,8 @@ class ScenarioEvent:
     force_n: Mapping[int, float] = field(default_factory=dict)
     phase_lost: Mapping[int, str] = field(default_factory=dict)
     noise: float | None = None
+    place: str = ""
+    """Of the forces, one of `isel_twin.plant.PLACES`; "": what each axis moves."""
 
     @property
     def physical(self) -> bool:
@@ -88,15 +93,18 @@ def _event(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[s
     if "at" not in content:
         raise place.at("at").wrong(f"missing; allowed: {_AT_S}")
     at_s = plain(content["at"], _AT_S, place.at("at"))
-    if len(content) < 2:
-        raise place.wrong(f"nothing happens; say what: {', '.join(_KEYS[1:])}")
+    if not any(key in content for key in _ACTS):
+        raise place.wrong(f"nothing happens; say what: {', '.join(_ACTS)}")
+    if "place" in content and "force_n" not in content:
+        raise place.at("place").wrong("no force acts there; allowed: beside force_n")
     inputs = table(content.get("set", {}), place.at("set"))
     for name, state in inputs.items():
         check_input(name, state, settable, str(place))
     forces = {axis: plain(value, _FORCE_N, where) for axis, value, where in _of_axes(content, "force_n", place)}
     phases = {axis: text(value, where, _PHASES) for axis, value, where in _of_axes(content, "phase_lost", place)}
     noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
-    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise)
+    where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
+    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise, where)
 
 
 def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[int, Any, Place]]:

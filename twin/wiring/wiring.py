@@ -210,7 +210,7 @@ class Wiring:
         if event.inputs:
             self._operate_all(event.inputs)
         for axis, force_n in event.force_n.items():
-            self._plant.apply_force(axis, force_n)
+            self._plant.apply_force(axis, force_n, event.place)
         for axis, phases in event.phase_lost.items():
             self._plant.set_phase_lost(axis, phases)
         if event.noise is not None:
