@@ -113,6 +113,8 @@ class Move:
     """Half of highest minus lowest position error during the dwell."""
     deviation_mm: float
     """Largest position error of any axis, from command to the end of the dwell, sampled."""
+    margin: float | None
+    """Least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics."""
 
     def good(self, tolerance_mm: float) -> bool:
         """Done, no step lost, and the machine stands where it should."""
@@ -181,6 +183,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         _converse(twin, data, _ANSWER_LIMIT_S)
     began_ns = twin.time_ns
     deviation_mm = 0.0
+    twin.watch_margin()
     twin.write(command)
     while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
         deviation_mm = max(deviation_mm, float(np.abs(error_mm()).max()))
@@ -209,6 +212,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         error_mm=dwell_mm[-1],
         vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,
         deviation_mm=max(deviation_mm, float(np.abs(dwell_mm).max())),
+        margin=None if np.isnan(twin.margin).all() else float(np.nanmin(twin.margin)),
     )
 
 

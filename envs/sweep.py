@@ -48,6 +48,9 @@ class Row:
     """Largest position error of any axis at rest after any move."""
     vibration_mm: float
     """Largest, of any axis, after any move."""
+    margin: float | None
+    """Least pull-out margin of any motor in any move: 1 nothing was asked of it, 0 it may have lost steps; None without
+    physics."""
     moves: int
     """Moves begun; the job ends with the first that the controller refuses or does not finish."""
     reply: str
@@ -95,6 +98,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
         deviation_mm=max(move.deviation_mm for move in moves),
         error_mm=max(float(np.abs(move.error_mm).max()) for move in moves),
         vibration_mm=max(float(move.vibration_mm.max()) for move in moves),
+        margin=min((move.margin for move in moves if move.margin is not None), default=None),
         moves=len(moves),
         reply=moves[-1].reply,
         good=all(move.good(setup.tolerance_mm) for move in moves),

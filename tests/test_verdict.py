@@ -58,6 +58,7 @@ WELL = Verdict(
     ended_ns=4_000_000_000,
     time_ns=4_500_000_000,
     machine="4030",
+    margin=(0.71, 0.9, 0.93, None),
 )
 
 
@@ -102,6 +103,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("flash_fault", False),
         ("events_after_end", 0),
         ("events_without_effect", 0),
+        ("margin", [0.71, 0.9, 0.93, None]),
     ]
 
 

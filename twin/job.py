@@ -17,6 +17,7 @@ be sent bytes only, and nothing that it answers is known to be a refusal.
 from __future__ import annotations
 
 import codecs
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -80,6 +81,8 @@ class Result:
     end_ns: int
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
+    margin: tuple[float | None, ...] = ()
+    """Least pull-out margin of each axis meanwhile, `Twin.margin`; None for an axis without a motor."""
     complete: bool = True
 
 
@@ -149,6 +152,7 @@ def play(
         if stop is not None and stop():
             return
         time_ns = twin.time_ns
+        twin.watch_margin()
         complete = _converse(twin, line, timeout_s, stop)
         reply = twin.read()
         seen = snapshot(twin)
@@ -161,6 +165,7 @@ def play(
             end_ns=seen.time_ns,
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
+            margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
             complete=complete,
         )
         if not complete:

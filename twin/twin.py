@@ -274,6 +274,16 @@ class Twin:
         return self._position.slip_steps
 
     @property
+    def margin(self) -> NDArray[np.float64]:
+        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
+        asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
+        return self._plant.margin
+
+    def watch_margin(self) -> None:
+        """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
+        self._plant.watch_margin()
+
+    @property
     def forgotten_steps(self) -> NDArray[np.float64]:
         """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
         return self._position.forgotten_steps

@@ -70,6 +70,8 @@ class Verdict:
     time_ns: int
     """When the verdict was given, the machine at rest."""
     machine: str
+    margin: tuple[float | None, ...] = ()
+    """Least pull-out margin of each axis in all lines of the job; None for an axis without a motor."""
     unsent: int = 0
     """Commands of the job that were never sent, as it ended before."""
     interrupted: bool = False
@@ -117,6 +119,7 @@ class Verdict:
             "flash_fault": self.flash_fault,
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
+            "margin": list(self.margin),
         }
 
 
@@ -144,9 +147,16 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         ended_ns=results[-1].end_ns if results else start_ns,
         time_ns=seen.time_ns,
         machine=twin.machine.name,
+        margin=_least(results),
         unsent=unsent,
         interrupted=interrupted,
         flash_fault=bool(twin.outputs.get("flash_fault")),
         events_after_end=events_after_end,
         events_without_effect=twin.events_without_effect,
     )
+
+
+def _least(results: Sequence[Result]) -> tuple[float | None, ...]:
+    """The least margin of each axis in all results."""
+    axes = zip(*(result.margin for result in results), strict=True)
+    return tuple(min((value for value in axis if value is not None), default=None) for axis in axes)

@@ -205,7 +205,7 @@ def test_a_damaged_flash_image_fails_the_job(call: Any, tmp_path: Path, job: str
 def test_the_table_has_a_row_a_command(call: Any) -> None:
     _, out, _ = call("@07\n@0R7\n@0P\n@0Q\n<253>\n")
     head, *rows = out.splitlines()[:6]
-    assert " ".join(head.split()) == "line time / s command reply X / mm Y / mm Z / mm"
+    assert " ".join(head.split()) == "line time / s command reply X / mm Y / mm Z / mm margin"
     assert [row.split()[0] for row in rows] == ["1", "2", "3", "4", "5"]
     answers = [("@07", "0"), ("@0R7", "0"), ("@0P", "0" * 19), ("@0Q", "5"), ("<253>", "none")]
     assert [tuple(row.split()[2:4]) for row in rows] == answers

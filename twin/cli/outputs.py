@@ -113,8 +113,8 @@ class JsonOutput:
 class TableOutput:
     """A table on stdout, a row as each command is over, and a line of progress on a terminal. A context manager.
 
-    line     time / s  command              reply                X / mm     Y / mm     Z / mm
-       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000
+    line     time / s  command              reply                X / mm     Y / mm     Z / mm     margin
+       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000        71 %
 
     Rows are plain text of known columns: a table that fits itself to its contents has to wait for all of them.
     """
@@ -140,7 +140,7 @@ class TableOutput:
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
-        self._row("line", "time / s", "command", "reply", *(f"{axis.upper()} / mm" for axis in CARRIAGES))
+        self._row("line", "time / s", "command", "reply", *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -161,6 +161,7 @@ class TableOutput:
             result.command,
             repr(result.reply)[1:-1] or "none",
             *(f"{position:.3f}" for position in result.position_mm),
+            _percent(result.margin),
             style="" if result.ok else "bold red",
         )
 
@@ -177,6 +178,8 @@ class TableOutput:
         if verdict.flash_fault:
             lost += ", the flash image cannot be read"
         unsent = f", {verdict.unsent} not sent" if verdict.unsent else ""
+        margin = _percent(verdict.margin)
+        lost += f", least torque margin: {margin}" if margin else ""
         self._print("")
         counted = f"{verdict.commands} commands, {verdict.refused} refused{unsent}"
         self._print(
@@ -217,6 +220,12 @@ class TableOutput:
             from rich.text import Text
 
             self._terminal.print(Text(text, style), soft_wrap=True)
+
+
+def _percent(margins: Sequence[float | None]) -> str:
+    """The least of the margins; nothing without physics."""
+    least = min((margin for margin in margins if margin is not None), default=None)
+    return "" if least is None else f"{100.0 * least:.0f} %"
 
 
 def _in_words(verdict: Verdict) -> str:

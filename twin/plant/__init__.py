@@ -1,5 +1,6 @@
 """Torque to motion: the plants, and what every plant offers to the twin.
 
+margin.py      how far a motor was from falling out of step
 lead.py        the command of an axis between two set points, led evenly from one to the next
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
 short_step.py  when a MuJoCo step may be the short one
@@ -170,6 +171,14 @@ class Plant(Protocol):
     @property
     def current_fraction(self) -> NDArray[np.float64]:
         """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off."""
+
+    @property
+    def margin(self) -> NDArray[np.float64]:
+        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
+        asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor."""
+
+    def watch_margin(self) -> None:
+        """Begin anew with the least margins."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

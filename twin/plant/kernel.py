@@ -44,7 +44,9 @@ from isel_twin.compiling import njit
 from isel_twin.drives import dynamics
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import lead
+from isel_twin.plant import margin as margins
 from isel_twin.plant.lead import begin, behind, mean_behind
+from isel_twin.plant.margin import margin
 
 AXES = 3
 """Axes with mechanics."""
@@ -98,6 +100,10 @@ AXIS = np.dtype(
         ("lowering", "i8"),  # 1: the controller asks for lowered current at rest
         ("still_since", "i8"),  # sub-step after the last one with a change, or in which the stage came on
         ("steps_per_rad", "f8"),  # microsteps of the command in a radian of the rotor
+        ("full_steps", "f8"),  # full steps in a microstep
+        ("sum_nm", "f8"),  # sum of the torques of the currents in this window
+        ("mean_nm", "f8"),  # their mean in the window before
+        ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
         ("fault", "i8"),  # 1: the drive has switched itself off; for drives that can
     ],
     align=True,
@@ -178,6 +184,7 @@ def _wake(plant, axes):
     over = plant.now % plant.window
     for i in range(AXES):
         axes[i].sum_n = axes[i].mean_n * over
+        axes[i].sum_nm = axes[i].mean_nm * over
 
 
 @njit(nogil=True, error_model="numpy")
@@ -261,6 +268,18 @@ def _leave_window(plant, axes, states, bounds, push, springs, rates, qpos, befor
 
 
 @njit(nogil=True, error_model="numpy")
+def look(plant, axes, states, commanded, leads, available):
+    """Take down the least pull-out margins; of motors whose stages are on."""
+    for i in range(AXES):
+        axis = axes[i]
+        if axis.phases != OPEN:
+            command = commanded[i] - behind(leads[i], plant.now * plant.substep_ns)
+            lag = (command - states[i].theta_rad * axis.steps_per_rad) * axis.full_steps
+            now = margin(axis.mean_nm, lag, states[i].omega_rad_s, available[i], axis.fraction)
+            axis.margin = min(axis.margin, now)
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
@@ -285,18 +304,18 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, bounds, push, springs, rates, qpos, before, qvel,
-    qacc, qacc_smooth, qfrc,
+    plants, axes, drives, states, thresholds, commanded, leads, available, bounds, push, springs, rates, qpos, before,
+    qvel, qacc, qacc_smooth, qfrc,
     until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, bounds [2, nv] of short steps, push [2, nv] and springs
-    [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago, q... [nv] views of MuJoCo's arrays, before [nv]
-    qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of
-    the first ticks, lead_ns that of the others.
+    commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, bounds [2, nv] of short
+    steps, push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago, q... [nv] views
+    of MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order;
+    early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -353,6 +372,7 @@ def advance(
                 drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
             axis.sum_n += force_n
+            axis.sum_nm += states[i].torque_nm
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
             stop_m_s = dt_s * axis.mobility_per_kg * axis.friction_n
             free_m_s -= min(stop_m_s, max(-stop_m_s, free_m_s))
@@ -361,6 +381,10 @@ def advance(
 
         plant.now += 1
         if plant.now % plant.window == 0:
+            for i in range(AXES):
+                axes[i].mean_nm = axes[i].sum_nm / plant.window
+                axes[i].sum_nm = 0.0
+            look(plant, axes, states, commanded, leads, available)
             _leave_window(
                 plant, axes, states, bounds, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
             )
@@ -372,4 +396,4 @@ def advance(
     return made
 
 
-dynamics.drop_stale_code(advance, dynamics.__file__, lead.__file__)
+dynamics.drop_stale_code(advance, dynamics.__file__, lead.__file__, margins.__file__)

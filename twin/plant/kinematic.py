@@ -294,6 +294,14 @@ class KinematicPlant:
         return np.empty(0)
 
     @property
+    def margin(self) -> NDArray[np.float64]:
+        """See Plant.margin; there are no motors here."""
+        return np.full(len(self.slip_steps), np.nan)
+
+    def watch_margin(self) -> None:
+        """See Plant.watch_margin."""
+
+    @property
     def slip_steps(self) -> NDArray[np.float64]:
         """One step: there is no motor that could slip."""
         return np.ones(self._count)

@@ -25,6 +25,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
 from isel_twin.plant.lead import all_behind, no_leads
+from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import load_model, reach, tool_motion
 from isel_twin.plant.short_step import short_step_bounds
 
@@ -98,6 +99,9 @@ class MujocoPlant:
         self._axes["fraction"] = 1.0
         self._axes["idle_fraction"] = [axis.stage.idle_current_fraction for axis in machine.axes]
         self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
+        self._axes["full_steps"] = [1.0 / axis.stage.microsteps for axis in machine.axes]
+        self._axes["margin"] = 1.0
+        self._available = np.stack([available_torque(axis.motor, axis.stage) for axis in machine.axes])
         self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
@@ -140,8 +144,8 @@ class MujocoPlant:
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._bounds, self._push, self._springs, self._rates_before, data.qpos, self._before, data.qvel, data.qacc,
-            data.qacc_smooth, data.qfrc_applied,
+            self._available, self._bounds, self._push, self._springs, self._rates_before, data.qpos, self._before,
+            data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
@@ -315,6 +319,18 @@ class MujocoPlant:
     def current_fraction(self) -> NDArray[np.float64]:
         """See Plant.current_fraction."""
         return np.where(self._axes["phases"] == OPEN, 0.0, self._axes["fraction"])
+
+    @property
+    def margin(self) -> NDArray[np.float64]:
+        """See Plant.margin."""
+        margin = np.full(len(self._commanded), np.nan)
+        margin[: kernel.AXES] = self._axes["margin"]
+        return margin[: self._count]
+
+    def watch_margin(self) -> None:
+        """See Plant.watch_margin."""
+        self._axes["margin"] = 1.0
+        kernel.look(self._plant[0], self._axes, self._states, self._commanded, self._leads, self._available)
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

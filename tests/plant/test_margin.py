@@ -1,0 +1,121 @@
+"""The pull-out margin: what is left of a motor's torque and angle, from data-sheet values and what hangs on it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from isel_twin import Twin
+from isel_twin.drives.motor import MOTORS
+from isel_twin.plant.margin import available_torque
+
+from .conftest import PERIOD, ramp_ns, ticks
+
+MOTOR = MOTORS["23HS32-4004S"]
+PEAK_NM = MOTOR.torque_constant_nm_per_a * 4.2
+"""Km I: microstep, both phases on a circle."""
+LEAD_M = 5e-3
+FREE = {
+    "axes.x.shaft_coulomb": 0.0,
+    "axes.x.shaft_viscous": 0.0,
+    "axes.x.guide_friction": 0.0,
+    "axes.x.efficiency": 1.0,
+}
+"""An axis on which nothing rubs, so that a push arrives at the motor whole."""
+
+
+@pytest.mark.parametrize("part", [0.1, 0.3, 0.6])
+def test_a_steady_push_takes_its_part_of_the_torque(bench, part):
+    """F r over Km I; the detent torque (0.06 N m, 3 % of the peak) is what is uncertain."""
+    b = bench(FREE, lowering=False)
+    b.plant.apply_force(0, -part * PEAK_NM * 2.0 * math.pi / LEAD_M)
+    b.wait(1500)
+    b.plant.watch_margin()
+    assert b.plant.margin[0] == pytest.approx(1.0 - part, abs=0.06 / PEAK_NM + 0.01)
+
+
+def test_a_motor_of_which_nothing_is_asked_has_all_its_margin(bench):
+    b = bench(FREE, lowering=False)
+    b.wait(1500)
+    b.plant.watch_margin()
+    b.wait(500)
+    assert b.plant.margin[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_motor_that_slips_had_none(bench):
+    b = bench(FREE, lowering=False)
+    b.plant.apply_force(0, -1.2 * PEAK_NM * 2.0 * math.pi / LEAD_M)
+    b.wait(100)
+    assert abs(b.plant.lag[0]) > PERIOD / 2
+    assert b.plant.margin[0] < 0.02
+
+
+def test_a_motor_without_current_has_nothing_to_lose(bench):
+    """What is switched off is not looked at: an axis moved by hand keeps the margin of before."""
+    b = bench(power=False)
+    b.plant.apply_force(0, 400.0)
+    b.wait(300)
+    assert b.plant.margin[:3].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_at_lowered_current_the_same_push_takes_a_larger_part(bench):
+    """Half the current: twice the part, but for what the detent torque carries."""
+    b = bench({**FREE, "axes.x.stage.idle_current": 0.5}, lowering=False)
+    b.plant.apply_force(0, -0.3 * PEAK_NM * 2.0 * math.pi / LEAD_M)
+    b.wait(1000)
+    b.plant.watch_margin()
+    full = b.plant.margin[0]
+    b.plant.set_power(stages=True, brake_released=True, lowering=True)
+    b.wait(1500)
+    b.plant.watch_margin()
+    assert (1.0 - b.plant.margin[0]) / (1.0 - full) == pytest.approx(2.0, abs=0.1)
+
+
+def test_faster_is_nearer_to_the_end_until_nothing_is_left():
+    """48 V: every 2000 Hz from 16 to 26 kHz takes something; 40 kHz (1500 rev/min) loses steps."""
+    margins, lost = [], []
+    for speed_hz in (*range(16_000, 26_001, 2000), 40_000):
+        twin = Twin(start_mm=(50.0, 50.0, 50.0))
+        for line in ("@07", "@0R7", "@0J100"):
+            assert twin.query(line) == "0"
+        twin.watch_margin()
+        assert twin.query(f"@0A32000,{speed_hz},0,900,0,900,0,900") == "0"
+        margins.append(twin.margin[0])
+        lost.append(abs(twin.lost_steps[0]) > PERIOD / 2)
+    assert (np.diff(margins) < 0.0).all()
+    assert lost == [False] * 6 + [True]
+    assert margins[-2] > 0.2
+    assert margins[-1] < 0.02
+    assert np.isnan(twin.margin[3])  # the A axis has no mechanics
+
+
+def test_it_does_not_depend_on_how_time_is_cut(bench):
+    margins = []
+    for pieces in (1, 37):
+        b = bench()
+        t_ns, changes = ramp_ns(800, 8000), ticks(800, 1, 0, 0)
+        start_ns = b.plant.time_ns
+        ends = np.linspace(0, t_ns[-1] + 300_000_000, pieces + 1).astype(np.int64)[1:]
+        done = 0
+        for end in ends:
+            until = int(np.searchsorted(t_ns, end, side="right"))
+            b.plant.advance(start_ns + int(end), start_ns + t_ns[done:until], changes[done:until])
+            done = until
+        margins.append(b.plant.margin.tolist())
+    assert margins[0][:3] == margins[1][:3]
+    assert margins[0][0] < 0.9
+
+
+def test_available_torque_is_that_of_the_current_at_rest_and_of_the_supply_beyond_the_knee():
+    """Km I at standstill; far above the knee 4/pi V Km / (we L), less what the back-EMF takes (Acarnley)."""
+    stage = Twin(plant="kinematic").machine.axes[0].stage
+    table = available_torque(MOTOR, stage)
+    assert table[0] == pytest.approx(PEAK_NM, rel=0.01)
+    omega = 100.0
+    electrical = MOTOR.pole_pairs * omega
+    mean_v = 0.5 * (stage.drive_v + stage.supply_v)
+    inductive = 4.0 / math.pi * mean_v * MOTOR.torque_constant_nm_per_a / (electrical * MOTOR.inductance_h)
+    assert table[50] == pytest.approx(inductive, rel=0.1)
+    assert (np.diff(table[table > 0.0]) <= 1e-9).all()

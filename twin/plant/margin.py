@@ -1,0 +1,59 @@
+"""How far a motor was from falling out of step: its pull-out margin, looked at after every window of the kernel.
+
+Goal: one number for each axis that is 1 while nothing is asked of the motor and 0 where it is lost, so that a job that
+just works can be told from one that works. Two things end a motor's grip; the margin is the lesser of what is left:
+
+    torque       1 - |T| / T_max(w)   T: torque of the currents, mean over the window; T_max: the closed form of the
+                                      pull-out torque at this speed, by current and by voltage, before iron loss
+    load angle   1 - |lag| / 2        lag: command minus rotor in full steps, to the nearest place where the motor would
+                                      hold as well (they are four full steps apart); at two it holds no longer
+
+A steady load uses up torque first (it may lag by one full step); an overshoot may go beyond, with less torque again, as
+long as the angle does not reach two. A motor that slips passes two: its margin is 0.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.compiling import njit
+from isel_twin.drives.curves import pull_out_envelope
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stage import Stage
+
+SPEED_STEP_RAD_S = 2.0
+"""Distance of the speeds in a table of available torque."""
+SPEEDS = 256
+"""Speeds in it: to 4870 rev/min, where no motor here has any torque left; the last one stands for all beyond."""
+_LEAST_NM = 1e-6
+"""What counts as no torque."""
+
+
+def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
+    """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft.
+
+    It begins at the torque of the current vector where that stands, without what single steps cost it.
+    """
+    omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
+    net = np.array([pull_out_envelope(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
+    return np.where(net > 0.0, net + motor.iron_drag_nm_s_per_rad * omega, 0.0)
+
+
+@njit(nogil=True, error_model="numpy")
+def margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction):
+    """Pull-out margin at one moment.
+
+    torque_nm of the currents, mean over a window; available_nm [SPEEDS] as `available_torque` has it; fraction of the
+    nominal current that flows: at rest it may be lowered.
+    """
+    place = min(abs(speed_rad_s) / SPEED_STEP_RAD_S, SPEEDS - 1.0)
+    k = min(int(place), SPEEDS - 2)
+    largest_nm = available_nm[k] + (place - k) * (available_nm[k + 1] - available_nm[k])
+    largest_nm = min(largest_nm, fraction * available_nm[0])
+    by_torque = 1.0 - abs(torque_nm) / max(largest_nm, _LEAST_NM)
+    nearest = lag_full_steps - 4.0 * math.floor(0.25 * lag_full_steps + 0.5)
+    by_angle = 1.0 - 0.5 * abs(nearest)
+    return max(0.0, min(by_torque, by_angle))
