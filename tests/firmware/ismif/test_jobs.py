@@ -274,6 +274,9 @@ def test_a_switch_that_is_never_found_is_an_error() -> None:
     assert job(desk, "#R0", "#E2,5000", "$HX", "L1,x50") == ACK * 4 + DONE
     assert desk.steps.total == (-200_000, 0, 0, 0)
     assert status(desk) == "001100"
+    assert [text for _, text in desk.remarks] == [
+        "reference run of X: the reference input has not gone low in 200000 half steps of the search"
+    ]
 
 
 def test_a_switch_that_never_lets_go_is_an_error() -> None:
@@ -283,6 +286,9 @@ def test_a_switch_that_never_lets_go_is_an_error() -> None:
     assert job(desk, "$HX", "L1,x50") == ACK * 2 + DONE
     assert desk.steps.total == (4000, 0, 0, 0)
     assert status(desk) == "001100"
+    assert [text for _, text in desk.remarks] == [
+        "reference run of X: the reference input has not gone high in 4000 half steps of the free run"
+    ]
 
 
 def test_switches_do_not_matter_outside_a_reference_run() -> None:
