@@ -110,7 +110,14 @@ class FlashWrite:
     image: bytes
 
 
-Event = Reply | Output | CounterSet | FlashWrite
+@dataclass(frozen=True)
+class Remark:
+    """One line for people: why something has failed that the host is told by a code only. Changes nothing."""
+
+    text: str
+
+
+Event = Reply | Output | CounterSet | FlashWrite | Remark
 
 
 class Controller(Protocol):

@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
-from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Reply, create_controller
+from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Remark, Reply, create_controller
 from isel_twin.language import Language, create_language
 from isel_twin.motion import Motion
 from isel_twin.units import SECOND_NS
@@ -140,6 +140,7 @@ class Desk:
         self.position_switches = [switch for switch in given if switch.axis < axes]
         self.flash = flash
         self.flash_log: list[tuple[int, bytes]] = []
+        self.remarks: list[tuple[int, str]] = []
         self.sent = bytearray()
         self.replies: list[tuple[int, bytes]] = []
         self.output_log: list[tuple[int, str, int]] = []
@@ -458,6 +459,8 @@ class Desk:
                 case FlashWrite(image):
                     self.flash = image
                     self.flash_log.append((self.time_ns, image))
+                case Remark(text):
+                    self.remarks.append((self.time_ns, text))
         self.cabinet.output("moving", int(self.controller.run is not None))
 
     def _log_output(self, name: str, value: int) -> None:

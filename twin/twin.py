@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
@@ -30,6 +31,7 @@ from isel_twin.controller import (
     FlashWrite,
     Output,
     PluginError,
+    Remark,
     Reply,
     SerialFormat,
     UnknownNameError,
@@ -50,6 +52,9 @@ _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 """While something moves by itself, whoever paces the twin should look again after this time."""
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
+
+_REMARKS = 1000
+"""Remarks of the controller that are kept."""
 
 log = logging.getLogger("isel_twin")
 
@@ -121,6 +126,8 @@ class Twin:
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
+        self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
+        """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
@@ -440,6 +447,9 @@ class Twin:
                     self.flash = image
                     if self.on_flash is not None:
                         self.on_flash(image)
+                case Remark(text):
+                    self.remarks.append((self.time_ns, text))
+                    log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observe(changed=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import unknown
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -121,7 +122,7 @@ def results(text: str, *, controller: str = "imc-s8", language: bool = True) -> 
 
 
 def test_what_becomes_of_a_job():
-    assert results("@07\n@0R7\n@0P\n@0x\n<253>") == [
+    assert results(f"@07\n@0R7\n@0P\n{unknown.DNC[0]}\n<253>") == [
         ("0", True),
         ("0", True),
         ("0" * 19, True),
@@ -134,7 +135,7 @@ def test_what_becomes_of_a_job():
 
 
 def test_without_a_language_no_reply_is_a_refusal_and_every_byte_is_shown():
-    assert results("@07<13>\n@0x<13>\n", language=False) == [("0", True), ("5", True)]
+    assert results(f"@07<13>\n{unknown.DNC[0]}<13>\n", language=False) == [("0", True), ("5", True)]
     assert results("$HZXY<1>", controller="ismif", language=False) == [("<13><2><13>", True)]
 
 

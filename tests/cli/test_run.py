@@ -12,6 +12,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+import unknown
 
 from isel_twin.cli import main
 
@@ -203,11 +204,11 @@ def test_a_damaged_flash_image_fails_the_job(call: Any, tmp_path: Path, job: str
 
 
 def test_the_table_has_a_row_a_command(call: Any) -> None:
-    _, out, _ = call("@07\n@0R7\n@0P\n@0Q\n<253>\n")
+    _, out, _ = call(f"@07\n@0R7\n@0P\n{unknown.DNC[0]}\n<253>\n")
     head, *rows = out.splitlines()[:6]
     assert " ".join(head.split()) == "line time / s command reply X / mm Y / mm Z / mm margin"
     assert [row.split()[0] for row in rows] == ["1", "2", "3", "4", "5"]
-    answers = [("@07", "0"), ("@0R7", "0"), ("@0P", "0" * 19), ("@0Q", "5"), ("<253>", "none")]
+    answers = [("@07", "0"), ("@0R7", "0"), ("@0P", "0" * 19), (unknown.DNC[0], "5"), ("<253>", "none")]
     assert [tuple(row.split()[2:4]) for row in rows] == answers
     assert {len(row) for row in rows} == {len(head)}
     assert head.index("command") == rows[0].index("@07")

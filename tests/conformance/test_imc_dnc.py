@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+import unknown
 from conformance.closed_forms import hex24, line, pulse_times_ns
 from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
@@ -824,7 +825,7 @@ def test_codes_of_the_table(command: str) -> None:
 
 
 @shows("imc-2.2.14-6")
-@pytest.mark.parametrize("command", ["@0Iq1", "@0I", "@0I1"])
+@pytest.mark.parametrize("command", [pytest.param(f"{unknown.INITIAL[0]}1", id="unknown"), "@0I", "@0I1"])
 def test_unknown_code(command: str) -> None:
     assert fresh().query(command) == "5"
 

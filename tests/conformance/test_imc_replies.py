@@ -6,6 +6,7 @@ import string
 
 import numpy as np
 import pytest
+import unknown
 from conformance.closed_forms import hex24, pulse_times_ns
 from conformance.imc_desk import MIDDLE, fresh, initialised, made, program, ready, stored
 from conformance.rows import shows
@@ -120,9 +121,10 @@ def test_4_parameters_that_depend_on_the_axes(text: str) -> None:
 
 
 @shows("imc-5-10")
-@pytest.mark.parametrize("text", ["@0q", "@0x1", "@0Y1", "@0W1", "@0E1", "@0:", "@0K"])
-def test_5_no_such_command(text: str) -> None:
-    assert initialised().query(text) == "5"
+@pytest.mark.parametrize("parameters", ["", "1", "7", "1,900"])
+def test_5_no_such_command(parameters: str) -> None:
+    for command in (*unknown.DNC[:8], *unknown.INITIAL[:8], "@0:"):
+        assert initialised().query(command + parameters) == "5"
 
 
 @shows("imc-5-11")
@@ -163,12 +165,19 @@ def test_7_too_many(text: str) -> None:
 
 
 @shows("imc-5-15")
-@pytest.mark.parametrize("text", ["@0P", "@07", "@0A1,900,0,30,0,30,0,30", "q1", "B0,1", "4", "8", "k"])
+@pytest.mark.parametrize("text", ["@0P", "@07", "@0A1,900,0,30,0,30,0,30"])
 def test_8_not_a_cnc_command(text: str) -> None:
     desk = ready()
     assert desk.query("@0k") == "0"
     assert desk.query("@0i") == "0"
     assert desk.query(text) == "8"
+
+
+@shows("imc-5-15")
+def test_8_no_such_cnc_command() -> None:
+    desk = ready()
+    for code in unknown.CNC[:8]:
+        assert [desk.query(text) for text in ("@0k", "@0i", f"{code}1")] == ["0", "0", "8"]
 
 
 # --- 9: the safety chain at rest -----------------------------------------------------------------------------------

@@ -268,3 +268,10 @@ def test_ticks_that_do_not_exist() -> None:
         circle(10, 0, 5, 0, -1, 1, False).deltas(0, 11)
     with pytest.raises(IndexError, match="of 10"):
         circle(10, 0, 5, 0, -1, 1, False).displacement(11)
+
+
+def test_a_tie_steps_outwards() -> None:
+    """Radius 1: from (1, 0) the centre and (1, 1) are as near in c, |c| = 1 both; the path goes round the centre."""
+    path = Circle(8, 1, 0, 1, (0, 1), None, 0, 4)
+    corners = [(1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+    assert points(path, 1, 0)[-8:].tolist() == [list(point) for point in corners]

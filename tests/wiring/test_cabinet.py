@@ -6,6 +6,7 @@ import pytest
 
 from isel_twin.controller import UnknownNameError
 from isel_twin.wiring import SafetyCabinet
+from isel_twin.wiring.cabinet import USER_INPUTS
 
 CIRCUITS = [("estop", "pressed", "released"), ("overtemperature", "hot", "normal"), ("power", "off", "on")]
 
@@ -158,6 +159,18 @@ def test_opening_the_hood_while_steps_are_made_cuts_power_whatever_the_controlle
     box.motion(True)
     box.operate("hood", "open")
     assert not box.relay
+
+
+def test_a_motion_that_begins_under_an_open_hood_cuts_power() -> None:
+    box = cabinet(hood="open")
+    assert box.relay
+    box.motion(True)
+    assert not box.relay
+
+
+def test_there_are_eight_user_inputs() -> None:
+    """A byte (iMC manual 2.2.3)."""
+    assert USER_INPUTS == tuple(f"user_{bit}" for bit in (0, 1, 2, 3, 4, 5, 6, 7))
 
 
 def test_the_spindle_does_not_start_by_itself_when_the_hood_is_closed() -> None:

@@ -111,3 +111,19 @@ def test_what_the_machine_lacks_is_left_out() -> None:
     box = contacts(switch("a"), terminals={"both": ("a", "nothing"), "none": ("nothing",)})
     assert box.levels() == {"both": True}
     assert box.names == ("a",)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_new_change_ends_the_bounces_of_the_one_before(seed: int) -> None:
+    """Released a moment after it was struck: what is left of the first chatter would open a contact that is closed."""
+    box = contacts(switch("s", bounce=BOUNCE_MS), seed=seed)
+    box.strike("s", True, 0)
+    first_ns = box.next_ns or 0
+    box.strike("s", False, 1)
+    times = []
+    while (t_ns := box.next_ns) is not None:
+        box.advance(t_ns)
+        times.append(t_ns)
+    assert box.closed("s")
+    assert len(times) <= 6
+    assert first_ns not in times

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import hypothesis.strategies as st
 import pytest
+import unknown
 from hypothesis import given
 
 from isel_twin.controller import create_controller
@@ -142,7 +143,7 @@ def test_every_stored_command_is_explained_with_its_parameters(code: str, comman
             assert text.count(",") < 2 or not words.endswith(text), "not just as they came"
 
 
-@pytest.mark.parametrize("line", ["@0i", "@0S", "@0s", "@1R7", "@0x", "hello", "@", "", " ", "x" * 300])
+@pytest.mark.parametrize("line", ["@0i", "@0S", "@0s", "@1R7", unknown.DNC[0], "hello", "@", "", " ", "x" * 300])
 def test_whatever_else_a_line_is_has_words_too(line: str) -> None:
     (words,) = told(fresh(), line.encode() + b"\r")
     assert len(words) > 4
@@ -209,7 +210,7 @@ QUESTIONS = (
     ("@0H", "state: e-stop 11 cool 1 power 1, start 0 stop 1 probe 0, hood 11 key 0 spindle 0, operating"),
     ("@0h", "limit switches, 1 struck: X1 0 X2 0, Y1 0 Y2 0, Z1 0 Z2 0, A1 0 A2 0"),
     ("@0h5", "reply: wrong number of parameters"),
-    ("@0x", "reply: no such command"),
+    (unknown.DNC[0], "reply: no such command"),
     ("x" * 300, "reply: no such command"),
     ("@08", "reply: done"),
     ("@0P", "position X -16 Y 300 Z -1 A 0"),
@@ -278,7 +279,7 @@ def test_a_control_byte_cuts_a_line_that_goes_on() -> None:
 
 def test_a_reset_is_not_asked_again_what_was_asked_before() -> None:
     language = fresh()
-    told(language, b"@0P\r\xfe@0x\r")
+    told(language, b"@0P\r\xfe" + unknown.DNC[0].encode() + b"\r")
     assert told(language, b"", b"5") == ["reply: no such command"]
 
 

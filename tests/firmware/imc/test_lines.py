@@ -9,6 +9,7 @@ from typing import Any
 
 import hypothesis.strategies as st
 import pytest
+import unknown
 from hypothesis import given
 
 from isel_twin.controller import create_controller
@@ -99,7 +100,21 @@ def test_blanks_and_line_feeds_count_for_nothing(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["hello", "07", "@", "@0", "@@07", "@x7", "?@07", "@0x", "@0I", "@0Iq1", "\x00", "@0\xff"[:2]]
+    "text",
+    [
+        "hello",
+        "07",
+        "@",
+        "@0",
+        "@@07",
+        "@x7",
+        "?@07",
+        unknown.DNC[0],
+        "@0I",
+        unknown.INITIAL[0] + "1",
+        "\x00",
+        "@0\xff"[:2],
+    ],
 )
 def test_what_is_no_command(text: str) -> None:
     assert ready().query(text) == "5"

@@ -17,8 +17,8 @@ ZERO_NEAR, ZERO_FAR = HYSTERESIS + 1 + RUN_FREE, FAR - HYSTERESIS - 1 - RUN_FREE
 REST = (48_000, 22_000, 50_000)
 
 
-def desk_at(x: int, *commands: str) -> Desk:
-    desk = Desk.of("imc-s8", carriage=(x, *REST))
+def desk_at(x: int, *commands: str, **settings: int) -> Desk:
+    desk = Desk.of("imc-s8", carriage=(x, *REST), settings=settings)
     for command in [*commands, "@07"]:
         assert desk.query(command) == "0", command
     return desk
@@ -265,3 +265,65 @@ def test_swapping_other_switches_leaves_what_was_found() -> None:
     assert desk.query("@0DRp") == "001"
     assert desk.query("@0Ie2") == "0"
     assert desk.query("@0DRp") == "001"
+
+
+# --- switches that do not answer --------------------------------------------------------------------------------------
+
+NEVER_STRUCK = "reference run of X: limit_x1 has not been struck in 2097152 steps towards it"
+
+
+def test_a_switch_that_never_closes_ends_the_run() -> None:
+    """50 mm at 320 steps/mm, at 300 Hz; then no axis is where anybody knows."""
+    desk = desk_at(60_000)
+    desk.set("limit_x1", "open")
+    assert desk.query("@0R1") == "2"
+    assert desk.steps.total == (16_000, 0, 0, 0)
+    assert [text for _, text in desk.remarks] == [
+        "reference run of X: limit_x1 is still struck 16000 steps away from it"
+    ]
+    assert desk.query("@0A9,900,0,900,0,900,0,900") == "R"
+    desk.set("limit_x1", "free")
+    assert desk.query("@0R1") == "0"
+
+
+def test_a_switch_that_never_closes_ends_running_free() -> None:
+    desk = desk_at(60_000, leave_steps=300)
+    desk.set("limit_x2", "open")
+    assert desk.query("@0F1") == "2"
+    assert desk.steps.total == (-300, 0, 0, 0)
+    assert [text for _, text in desk.remarks] == ["running free of X: limit_x2 is still struck 300 steps away from it"]
+
+
+def test_a_switch_that_never_opens_ends_the_run() -> None:
+    """6.5 m at 320 steps/mm."""
+    desk = desk_at(60_000)
+    desk.set("limit_x1", "closed")
+    assert desk.query("@0R1", limit_s=2000) == "2"
+    assert desk.steps.total == (-(1 << 21), 0, 0, 0)
+    assert [text for _, text in desk.remarks] == [NEVER_STRUCK]
+    assert desk.query("@0A9,900,0,900,0,900,0,900") == "R"
+
+
+def test_a_stored_reference_run_with_such_a_switch_ends_its_program() -> None:
+    desk = desk_at(60_000, leave_steps=300)
+    for command in ("@0k", "@0i", "71", "9"):
+        assert desk.query(command) == "0"
+    desk.set("limit_x1", "open")
+    assert desk.query("@0S") == "2"
+    assert [text for _, text in desk.remarks] == ["reference run of X: limit_x1 is still struck 300 steps away from it"]
+
+
+def test_how_far_is_a_setting() -> None:
+    desk = desk_at(60_000, search_steps=5000, leave_steps=300)
+    desk.set("limit_x1", "open")
+    assert desk.query("@0R1") == "2"
+    assert desk.steps.total == (300, 0, 0, 0)
+    desk.set("limit_x1", "closed")
+    assert desk.query("@0R1") == "2"
+    assert desk.steps.total == (300 - 5000, 0, 0, 0)
+
+
+def test_a_good_reference_run_has_nothing_to_remark() -> None:
+    desk = desk_at(60_000)
+    assert desk.query("@0R7") == "0"
+    assert not desk.remarks

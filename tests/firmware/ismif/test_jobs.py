@@ -274,6 +274,9 @@ def test_a_switch_that_is_never_found_is_an_error() -> None:
     assert job(desk, "#R0", "#E2,5000", "$HX", "L1,x50") == ACK * 4 + DONE
     assert desk.steps.total == (-200_000, 0, 0, 0)
     assert status(desk) == "001100"
+    assert [text for _, text in desk.remarks] == [
+        "reference run of X: the reference input has not gone low in 200000 half steps of the search"
+    ]
 
 
 def test_a_switch_that_never_lets_go_is_an_error() -> None:
@@ -283,6 +286,9 @@ def test_a_switch_that_never_lets_go_is_an_error() -> None:
     assert job(desk, "$HX", "L1,x50") == ACK * 2 + DONE
     assert desk.steps.total == (4000, 0, 0, 0)
     assert status(desk) == "001100"
+    assert [text for _, text in desk.remarks] == [
+        "reference run of X: the reference input has not gone high in 4000 half steps of the free run"
+    ]
 
 
 def test_switches_do_not_matter_outside_a_reference_run() -> None:
@@ -500,3 +506,31 @@ def test_a_failed_reference_run_is_a_fault() -> None:
 def test_a_wrong_frequency_error_is_named(value: object) -> None:
     with pytest.raises(ValueError, match=r"frequency_error_ppm is .*; allowed: a whole number from -50000 to 50000"):
         create_controller("ismif", settings={"frequency_error_ppm": value})
+
+
+# --- what single mutations once went through with -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["Z1", "Z2"])
+def test_choosing_what_z_is_lifts_the_pen(command: str) -> None:
+    """6.7: its relay drops, and the pen stands at 0 again, which a relative way shows."""
+    desk = referenced("Z2")
+    moved(desk, "L1,Z5")
+    assert desk.outputs["z_relay"] == 1
+    assert job(desk, command) == ACK + DONE
+    assert desk.outputs["z_relay"] == 0
+    assert job(desk, "Z2") == ACK + DONE
+    assert now(desk, "@LZ") == "@LZ0\r"
+    moved(desk, "L1,z-0")
+    assert desk.outputs["z_relay"] == 0
+
+
+def test_the_memory_is_full_when_less_than_the_longest_command_is_free() -> None:
+    """65536 bytes; with 128 of them free it is not full, with fewer it is (S2)."""
+    twelve, eight = "L1,x1,y1,z1", "L1,x100"
+    assert (len(twelve) + 1, len(eight) + 1) == (12, 8)
+    desk = fresh()
+    for _ in range((65_536 - 128) // 12):
+        assert now(desk, twelve) == ACK
+    assert now(desk, eight) == ACK
+    assert now(desk, eight) == FULL

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Reply
+from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Remark, Reply
 from isel_twin.firmware.executor import Executor
 from isel_twin.firmware.imc import settings as flash_image
 from isel_twin.firmware.imc.limits import LimitSwitches
@@ -231,6 +231,10 @@ class Device:
     def send(self, text: str) -> None:
         """Bytes to the host."""
         self._events.append(Reply(text.encode("latin-1")))
+
+    def remark(self, text: str) -> None:
+        """Tell people why something has failed."""
+        self._events.append(Remark(text))
 
     def set_settings(self, **values: Any) -> None:
         """Change initialisation values (chapter 4) until the next reset; `@0IW` makes them last."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from isel_twin.axes import AXIS_NAMES
 from isel_twin.firmware.imc.ports import LIMIT_PORT, Inputs
 from isel_twin.firmware.imc.settings import AXES, Settings
 
@@ -36,7 +37,7 @@ class LimitSwitches:
 
     def struck(self, axis: int) -> list[int]:
         """Switches of an axis that are active now."""
-        return [bit for bit in (2 * axis, 2 * axis + 1) if self.active(bit)]
+        return [bit for bit in switches_of(axis) if self.active(bit)]
 
     def edge(self, bit: int, now_ns: int) -> bool:
         """Tell that the level at a switch has changed; return whether it has been newly struck."""
@@ -66,6 +67,16 @@ class LimitSwitches:
     def blocks(self, axis: int, direction: int) -> bool:
         """Is a switch struck towards which the axis would go in this direction?"""
         return any(self.lies(bit) == direction for bit in self.struck(axis))
+
+
+def switches_of(axis: int) -> tuple[int, int]:
+    """Bits of the two switches of an axis."""
+    return 2 * axis, 2 * axis + 1
+
+
+def name_of(bit: int) -> str:
+    """Contact of a limit switch, as machine files call it."""
+    return f"limit_{AXIS_NAMES[axis_of(bit)]}{1 + bit % 2}"
 
 
 def axis_of(bit: int) -> int:

@@ -26,6 +26,8 @@ class Profile:
     acceleration_hz_per_ms: int
     limit_switches: int
     step_out_hz: int
+    search_steps: int
+    leave_steps: int
     settle_ms: int
     debounce_ms: int
     relay_ms: int

@@ -14,8 +14,12 @@ for axes named by `@0IR`. Whichever switch of the axis opens on the way is its r
 
 from __future__ import annotations
 
+from typing import NoReturn
+
+from isel_twin.axes import AXIS_NAMES
 from isel_twin.firmware.activity import Activity, Pause, Travel
 from isel_twin.firmware.imc.device import Device
+from isel_twin.firmware.imc.limits import name_of, switches_of
 from isel_twin.firmware.imc.moves import as_steps, set_off
 from isel_twin.firmware.imc.purpose import REFERENCE, Reference
 from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
@@ -25,8 +29,7 @@ from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 ORDER = (2, 1, 0, 3)
 """Z, Y, X, A (2.2.22)."""
-FARTHEST = (1 << 23) - 1
-"""Steps after which a switch that does not answer is taken to be missing."""
+REFERENCE_RUN, RUNNING_FREE = "reference run", "running free"
 
 
 def admit_reference_run(device: Device, mask: int) -> tuple[int]:
@@ -79,7 +82,7 @@ def _run_free(device: Device, axes: list[int]) -> Activity:
         if len(struck) > 1:
             raise Refusal(LIMIT_SWITCH)
         if struck:
-            yield from _leave(device, axis, -device.limits.lies(struck[0]))
+            yield from _leave(device, axis, -device.limits.lies(struck[0]), RUNNING_FREE)
 
 
 def _find_switch(device: Device, axis: int) -> Activity:
@@ -87,24 +90,36 @@ def _find_switch(device: Device, axis: int) -> Activity:
     if len(device.limits.struck(axis)) > 1:
         raise Refusal(LIMIT_SWITCH)
     if not device.limits.blocks(axis, direction):
-        path = line(as_steps({axis: direction * FARTHEST}))
+        farthest = device.profile.search_steps
+        path = line(as_steps({axis: direction * farthest}))
         law = device.law(device.reference_hz(axis))(path.ticks)
         ended = yield from set_off(device, Travel(path, law, purpose=Reference(seek=axis)))
         if not ended.by_event:
-            raise Refusal(LIMIT_SWITCH)
+            ahead = [name_of(bit) for bit in switches_of(axis) if device.limits.lies(bit) == direction]
+            awaited = " or ".join(ahead) or "a switch"
+            _fail(device, axis, REFERENCE_RUN, f"{awaited} has not been struck in {farthest} steps towards it")
         yield Pause(device.profile.settle_ms * MILLISECOND_NS, REFERENCE)
-    yield from _leave(device, axis, -direction)
+    yield from _leave(device, axis, -direction, REFERENCE_RUN)
 
 
-def _leave(device: Device, axis: int, direction: int) -> Activity:
+def _fail(device: Device, axis: int, what: str, why: str) -> NoReturn:
+    """Raise Refusal(2), whose reason is said to people."""
+    device.remark(f"{what} of {AXIS_NAMES[axis].upper()}: {why}")
+    raise Refusal(LIMIT_SWITCH)
+
+
+def _leave(device: Device, axis: int, direction: int, what: str) -> Activity:
     """Step out of the switch until it closes, then run free. The level is looked at half a period after each step."""
     step = line(as_steps({axis: direction}))
     half_hz = 2 * device.profile.step_out_hz
-    for _ in range(FARTHEST):
-        if not device.limits.struck(axis):
-            break
+    made, farthest = 0, device.profile.leave_steps
+    while struck := device.limits.struck(axis):
+        if made == farthest:
+            names = " and ".join(map(name_of, struck))
+            _fail(device, axis, what, f"{names} is still struck {farthest} steps away from it")
         yield from set_off(device, Travel(step, constant(1, half_hz), purpose=REFERENCE))
         yield Pause(SECOND_NS // half_hz, REFERENCE)
+        made += 1
     free = line(as_steps({axis: direction * device.settings.run_free_steps[axis]}))
     if free.ticks:
         law = device.law(device.reference_hz(axis))(free.ticks)

@@ -20,7 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from isel_twin.controller import CounterSet, Event, Output
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.controller import CounterSet, Event, Output, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
 from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Command, Target
@@ -142,7 +143,14 @@ class Actions:
                 return
             made = ended.ticks
             if search is not None and made == path.ticks:
+                self._remark_not_found(steps, search)
                 raise Failure
+
+    def _remark_not_found(self, steps: tuple[int, int, int], search: Search) -> None:
+        axis = next(axis for axis in AXES if steps[axis])
+        level, way, limit = ("high", "free run", FREE_LIMIT) if search.level else ("low", "search", SEARCH_LIMIT)
+        what = f"the reference input has not gone {level} in {limit} half steps of the {way}"
+        self._events.append(Remark(f"reference run of {AXIS_NAMES[axis].upper()}: {what}"))
 
     # ---- what ends it -----------------------------------------------------------------------------------------------
 
