@@ -100,7 +100,7 @@ class Stage:
 
         flash, scenario = _flash(world), _scenario(world, folder)
         with mock.patch.object(twin_module, "create_controller", bordered):
-            self.twin = Twin(**world.options, flash=flash, scenario=scenario)
+            self.twin = Twin(**(dict(world.options) | _machine(world, folder)), flash=flash, scenario=scenario)
         self.border = borders[0]
         self._decoder = needed(create_language(world.controller), world.controller)
         self.read()
@@ -197,6 +197,16 @@ def _flash(world: World) -> bytes | None:
     if world.damage is not None and image:
         image[int(world.damage * len(image))] ^= 1 << int(world.damage * 8)
     return bytes(image)
+
+
+def _machine(world: World, folder: Path) -> dict[str, Any]:
+    """A machine of a user's own, if something is said of its controller."""
+    if not world.settings:
+        return {}
+    own = folder / "own"
+    own.mkdir(exist_ok=True)
+    (own / "machine.toml").write_text(world.machine_file(), encoding="utf-8")
+    return {"machine": own}
 
 
 def _scenario(world: World, folder: Path) -> Path | None:
