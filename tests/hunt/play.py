@@ -422,8 +422,12 @@ class _Counted:
 
 
 def hunt(seed: int) -> Failure | None:
-    """Draw the world of a seed and play it twice; what is wrong with it, None if nothing is."""
-    world = draw_world(seed)
+    """Draw the world of a seed and play it."""
+    return play(draw_world(seed))
+
+
+def play(world: World) -> Failure | None:
+    """Play a world twice; what is wrong with it, None if nothing is."""
     stages: list[Stage] = []
     with tempfile.TemporaryDirectory() as folder, _limited(LONGEST_CPU_S), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
