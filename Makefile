@@ -36,6 +36,11 @@ bench: $(READY)      ## speed and memory, as ratios measured side by side
 reliability: $(READY) ## what a server that runs for weeks must hold; takes half an hour of a quiet computer
 	$(BIN)/python -m tests.reliability
 
+.PHONY: hunt
+HUNT ?= 1000
+hunt: $(READY)       ## random worlds, each from a seed: HUNT=1000 of them, or HUNT=FIRST:LAST, on all cores
+	@$(BIN)/python -m tests.hunt --seeds $(HUNT)
+
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import os
+import signal
 import sys
 from collections.abc import Iterable
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -32,7 +33,8 @@ SHOWN = 120
 
 
 def hunt_one(seed: int) -> Failure | None:
-    """One seed in a process of its own."""
+    """One seed in a process of its own, which leaves Ctrl-C to the one that has started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.dump_traceback_later(HANGS_S, exit=True)
     try:
         return hunt(seed)
@@ -66,14 +68,19 @@ def hunt_all(seeds: range, jobs: int) -> int:
     ):
         task = progress.add_task("nothing found", total=len(seeds))
         futures = {pool.submit(hunt_one, seed): seed for seed in seeds}
-        for seed, line in results(futures):
-            if line:
-                failures.append(line)
-                progress.print(line, markup=False)
-            progress.update(task, advance=1, description=f"{len(failures) or 'nothing'} found (seed {seed})")
+        played = 0
+        try:
+            for seed, line in results(futures):
+                played += 1
+                if line:
+                    failures.append(line)
+                    progress.print(line, markup=False)
+                progress.update(task, advance=1, description=f"{len(failures) or 'nothing'} found (seed {seed})")
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
     kinds = f"{len(failures)} of them failed" if failures else "nothing found"
-    console.print(f"{len(seeds)} seeds, {seeds.start} to {seeds.stop - 1}: {kinds}")
-    return 1 if failures else 0
+    console.print(f"{played} seeds of {seeds.start} to {seeds.stop - 1}: {kinds}")
+    return 1 if failures or played < len(seeds) else 0
 
 
 def results(futures: dict[Future[Failure | None], int]) -> Iterable[tuple[int, str]]:
@@ -91,7 +98,7 @@ def results(futures: dict[Future[Failure | None], int]) -> Iterable[tuple[int, s
 def show(seed: int) -> int:
     """Play one world and print all of it."""
     print(draw_world(seed))
-    failure = hunt_one(seed)
+    failure = hunt(seed)
     if failure is None:
         print("nothing found")
         return 0

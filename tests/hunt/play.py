@@ -100,7 +100,7 @@ class Stage:
 
         flash, scenario = _flash(world), _scenario(world, folder)
         with mock.patch.object(twin_module, "create_controller", bordered):
-            self.twin = Twin(**world.options, flash=flash, scenario=scenario)
+            self.twin = Twin(**(dict(world.options) | _machine(world, folder)), flash=flash, scenario=scenario)
         self.border = borders[0]
         self._decoder = needed(create_language(world.controller), world.controller)
         self.read()
@@ -197,6 +197,16 @@ def _flash(world: World) -> bytes | None:
     if world.damage is not None and image:
         image[int(world.damage * len(image))] ^= 1 << int(world.damage * 8)
     return bytes(image)
+
+
+def _machine(world: World, folder: Path) -> dict[str, Any]:
+    """A machine of a user's own, if something is said of its controller."""
+    if not world.settings:
+        return {}
+    own = folder / "own"
+    own.mkdir(exist_ok=True)
+    (own / "machine.toml").write_text(world.machine_file(), encoding="utf-8")
+    return {"machine": own}
 
 
 def _scenario(world: World, folder: Path) -> Path | None:
@@ -412,8 +422,12 @@ class _Counted:
 
 
 def hunt(seed: int) -> Failure | None:
-    """Draw the world of a seed and play it twice; what is wrong with it, None if nothing is."""
-    world = draw_world(seed)
+    """Draw the world of a seed and play it."""
+    return play(draw_world(seed))
+
+
+def play(world: World) -> Failure | None:
+    """Play a world twice; what is wrong with it, None if nothing is."""
     stages: list[Stage] = []
     with tempfile.TemporaryDirectory() as folder, _limited(LONGEST_CPU_S), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)

@@ -39,11 +39,28 @@ MORE_OVERRIDES: tuple[dict[str, Any], ...] = (
     {"timing.motor_substep": 50.0},
     {"axes.all.steps_per_rev": 400},
     {"axes.all.travel": 60.0, "axes.all.power_on_low": 2.0, "axes.all.power_on_high": 50.0},
+    {"axes.all.motor": "57HS56-2804", "axes.all.stage.current": 2.8},
+    {"axes.all.motor": "23HS22-2804S", "axes.all.stage.current": 2.8},
+    {"axes.all.stage.supply": 30.0, "axes.all.stage.idle_current": 0.2, "axes.all.stage.idle_delay": 0.0},
+    {"axes.all.stage.thermal_time_constant": 2.0},
+    {"axes.all.steps_per_rev": 12_800},
+    {"axes.all.lead": 10.0, "payload.mass": 3.0},
+    {"structure.flex_x.frequency": 12.0, "structure.flex_y.frequency": 15.0, "imperfections": "dynamic"},
+    {"timing.mujoco_step": 0.25},
 )
+SETTINGS: tuple[dict[str, int | bool], ...] = (
+    {"loop_depth": 2, "program_memory_bytes": 60},
+    {"line_bytes": 60, "input_bytes": 100},
+    {"debounce_ms": 20, "settle_ms": 1, "relay_ms": 30},
+    {"cycle_ms": 7, "erase_ms": 100},
+    {"extra_values": True, "relative_unreferenced": True},
+    {"start_stop_hz": 800, "acceleration_hz_per_ms": 1000, "step_out_hz": 50},
+)
+"""What a machine file may say of the controllers of the iMC family."""
 SWITCHES = tuple(f"limit_{axis}{end}" for axis in CARRIAGES for end in (1, 2))
 POWER_ON_MM = (1.0, 12.0)
 """Where carriages stand at power-on, so that references are near."""
-PACED = (0.5, 1.0, 2.0, 20.0, 20.0, 100.0, 100.0, 1000.0)
+PACED = (0.5, 1.0, 2.0, 20.0, 20.0, 40.0, 100.0, 100.0, 1000.0)
 """Speeds at which a world is served again."""
 PACED_GRID_NS = MICROSECOND_NS
 """Times at which something is done are whole multiples of it, so that they are instants of any of the speeds."""
@@ -64,6 +81,8 @@ class World:
     seed: int
     options: Mapping[str, Any]
     """Of `isel_twin.Twin`, but flash and scenario."""
+    settings: Mapping[str, int | bool]
+    """What the machine file says of the controller."""
     earlier: tuple[str, ...]
     """Lines that an earlier life of the controller was told, which its flash may have kept; none: a new device."""
     damage: float | None
@@ -92,7 +111,7 @@ class World:
     @property
     def strict(self) -> bool:
         """Nothing disturbs and the host keeps to the rules, so that everything it asks for must be done."""
-        return set(self.habits) == {"legal"} and not (self.scripted or self.by_hand or self.earlier)
+        return set(self.habits) == {"legal"} and not (self.scripted or self.by_hand or self.earlier or self.settings)
 
     @property
     def grid_ns(self) -> int:
@@ -109,8 +128,14 @@ class World:
             f"[[event]]\nat = {event.at_ns / SECOND_NS!r}\n{_toml(event.doing)}" for event in self.scripted
         )
 
+    def machine_file(self) -> str:
+        """Text of a machine.toml with the settings of the controller."""
+        rows = (f"{key} = {_setting(value)}" for key, value in self.settings.items())
+        return "\n".join((f'based_on = "{self.options["machine"]}"', "", "[controller]", *rows, ""))
+
     def __str__(self) -> str:
         lines = [f"Twin({', '.join(f'{key}={value!r}' for key, value in self.options.items())})"]
+        lines += [f"[controller] of its machine: {dict(self.settings)}"] if self.settings else []
         if self.earlier:
             damage = "" if self.damage is None else f", a bit flipped at {self.damage:.3f} of it"
             lines.append(f"flash of an earlier life that was told {' '.join(self.earlier)}{damage}")
@@ -129,7 +154,10 @@ def draw_world(seed: int) -> World:
     grid_ns = PACED_GRID_NS if paced else 1
     end_ns = _on_grid(draw.uniform(1.0, 5.0 if physics else 25.0) * SECOND_NS, grid_ns)
     options = _options(draw, seed, controller, physics, calm=quiet)
+    settings: dict[str, int | bool] = {}
     earlier: tuple[str, ...] = ()
+    if controller != "ismif" and not quiet and chance(draw, 0.15):
+        settings = pick(draw, SETTINGS)
     if controller != "ismif" and not quiet and chance(draw, 0.2):
         earlier = (*(fill(draw, pick(draw, IMC_SETTINGS), IMC_FIELDS) for _ in range(8)), "@0IW")
     events = [] if quiet else list(_events(draw, options["machine"], physics, end_ns, grid_ns))
@@ -137,6 +165,7 @@ def draw_world(seed: int) -> World:
     return World(
         seed=seed,
         options=options,
+        settings=settings,
         earlier=earlier,
         damage=round(float(draw.random()), 6) if earlier and chance(draw, 0.3) else None,
         scripted=tuple(event for event in events if _scripted(event, by_scenario)),
@@ -180,7 +209,8 @@ def _events(draw: Draw, machine: str, physics: bool, end_ns: int, grid_ns: int) 
     at_s, end_s = 0.0, end_ns / SECOND_NS
     mean_s = pick(draw, (0.1, 0.5, 1.0, 3.0, 10.0))
     found: list[tuple[float, Doing]] = []
-    while (at_s := at_s + float(draw.exponential(mean_s))) < end_s and len(found) < 60:
+    elements = [name for name in ELEMENTS if name not in ("power", "estop") or chance(draw, 0.7)]
+    while (at_s := at_s + _later_s(draw, mean_s)) < end_s and len(found) < 60:
         kind = int(draw.integers(10))
         if kind == 0 and noise:
             doing: Doing = ("noise", pick(draw, (0.001, 0.02, 0.2, 0.0)))
@@ -192,8 +222,8 @@ def _events(draw: Draw, machine: str, physics: bool, end_ns: int, grid_ns: int) 
             name = pick(draw, SWITCHES if chance(draw, 0.5) else contacts)
             doing = ("set", name, pick(draw, (*FAULTS, "ok", "ok")))
         else:
-            name = pick(draw, [name for name in STATES if name in ELEMENTS])
-            doing = ("set", name, pick(draw, STATES[name]))
+            name = pick(draw, elements)
+            doing = ("set", name, pick(draw, STATES.get(name, ELEMENTS[name])))
         found.append((at_s, doing))
     for second, doing in found:
         yield Event(_on_grid(second * SECOND_NS, grid_ns), doing)
@@ -206,8 +236,19 @@ def _events(draw: Draw, machine: str, physics: bool, end_ns: int, grid_ns: int) 
             yield Event(end_ns, ("phase", axis, ""))
 
 
+def _later_s(draw: Draw, mean_s: float) -> float:
+    """Time to the next event, now and then none: several at one instant, also at power-on."""
+    return 0.0 if chance(draw, 0.1) else float(draw.exponential(mean_s))
+
+
 def _scripted(event: Event, by_scenario: bool) -> bool:
     return by_scenario or event.doing[0] in ("phase", "noise")
+
+
+def _setting(value: int | bool) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'{{ value = {value}, unit = "1", grade = "setting", source = "drawn" }}'
 
 
 def _toml(doing: Doing) -> str:

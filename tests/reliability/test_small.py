@@ -6,7 +6,8 @@ from types import ModuleType
 
 import pytest
 
-from tests.reliability import connects, echo, kills, memory, punctual, queries
+from isel_twin.firmware.imc.controller import Imc
+from tests.reliability import connects, echo, kills, memory, punctual, queries, strings
 from tests.reliability.figures import Figure, table
 
 GENEROUS = 50.0
@@ -15,7 +16,7 @@ GENEROUS = 50.0
 
 @pytest.mark.parametrize(
     ("program", "number"),
-    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 50)],
+    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 50), (strings, 300)],
     ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
 )
 def test_in_small(program: ModuleType, number: int) -> None:
@@ -23,6 +24,20 @@ def test_in_small(program: ModuleType, number: int) -> None:
     assert figures
     wrong = [figure.row for figure in figures if figure.limit is not None and figure.value > GENEROUS * figure.limit]
     assert wrong == []
+
+
+def test_an_exception_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A controller that does not bear one character of all."""
+    receive = Imc.receive
+
+    def touchy(self: Imc, t_ns: int, data: bytes) -> None:
+        if b"+" in data:
+            raise ZeroDivisionError
+        receive(self, t_ns, data)
+
+    monkeypatch.setattr(Imc, "receive", touchy)
+    assert 0 < strings.raised("imc-s8", 200) < 100
+    assert strings.raised("ismif", 200) == 0
 
 
 def test_the_echo_is_compared() -> None:

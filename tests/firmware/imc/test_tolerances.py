@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from isel_twin.controller import create_controller
 from isel_twin.testing import Desk
+from isel_twin.twin import Twin
 
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 TOLERANT = {"extra_values": True, "relative_unreferenced": True}
@@ -98,6 +101,16 @@ def test_the_manuals_controllers_are_strict(controller: str) -> None:
 def test_they_are_true_or_false(key: str, value: object) -> None:
     with pytest.raises(ValueError, match=key):
         create_controller("imc-s8", settings={key: value})
+
+
+def test_a_machine_file_can_say_so(tmp_path: Path) -> None:
+    """docs/hosts.md: a few lines in a machine file of one's own."""
+    lines = ('based_on = "4030"', "[controller]", *(f"{key} = true" for key in TOLERANT))
+    (tmp_path / "machine.toml").write_text("\n".join(lines))
+    twin = Twin(machine=tmp_path, controller="imc-s8", plant="kinematic", seed=1)
+    assert twin.query("@07") == "0"
+    assert twin.query("@0d500,600,700,800") == "0"
+    assert twin.query("@0A300,900,0,900,0,900,0,900") == "0"
 
 
 @pytest.mark.parametrize("key", list(TOLERANT))

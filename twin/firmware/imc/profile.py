@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from importlib.resources import files
 from typing import Any
 
+from isel_twin.controller import Setting
 from isel_twin.parameters import Limits
 
 BASE = "imc-s8"
@@ -44,10 +45,11 @@ class Profile:
     relative_unreferenced: bool
 
 
-def settings() -> Mapping[str, Limits]:
-    """What a machine file may set: every number of the base profile, which is positive and whole."""
-    base = _profiles()[BASE]
-    return {key: Limits("", 1, 1e9, whole=True) for key, value in base.items() if isinstance(value, int)}
+def settings() -> Mapping[str, Setting]:
+    """What a machine file may set: numbers of the base profile, positive and whole, and what is true or false there."""
+    number = Limits("", 1, 1e9, whole=True)
+    base = _profiles()[BASE].items()
+    return {key: bool if isinstance(value, bool) else number for key, value in base if isinstance(value, int)}
 
 
 def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
