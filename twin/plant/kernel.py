@@ -10,8 +10,8 @@ changes a bit. Time is counted in sub-steps of dt from power-on; every n sub-ste
 
 Inside the window the drives see a carriage that answers to the nut force and to guide friction (m: inertia that the nut
 feels); what else acts on it counts as in the window before, but for the springs and dampers of the structure, which
-count as at the start of this one: a window late they would feed what swings. At the end MuJoCo, which knows friction, stops, structure
-and contacts, says what the velocity really is. The position is corrected by what that velocity differs:
+count as at the start of this one (a window late they would feed what swings). At the end MuJoCo, which knows friction,
+stops, structure and contacts, says what the velocity really is. The position is corrected by what that differs:
 
     x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
@@ -245,8 +245,8 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc,
-    until, t_ns, delta, early_lead_ns, lead_ns,
+    plants, axes, drives, states, thresholds, commanded, leads, push, springs, rates, qpos, before, qvel,
+    qacc, qacc_smooth, qfrc, until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.

@@ -30,8 +30,8 @@ from isel_twin.plant.model import load_model, reach, tool_motion
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
 LARGEST_STEP_RATIO = 1.9
-"""Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
-the exchange of forces feeds what swings, and sticking and sliding in turn can (decision P3)."""
+"""Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. From 2
+on the exchange of forces feeds what swings (decision P3)."""
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
@@ -133,7 +133,8 @@ class MujocoPlant:
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._push, self._springs, self._rates_before, data.qpos, self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._push, self._springs, self._rates_before, data.qpos, self._before, data.qvel, data.qacc,
+            data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
