@@ -52,7 +52,7 @@ _ANSWER_LIMIT_S = 60.0
 _BREAK_LIMIT_S = 60.0
 """A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
 _MOVING_SAMPLE_S = 0.02
-"""Four fifths of a period of the structure's 40 Hz: five samples in a row see five phases of it. Looking costs time."""
+"""Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it. Looking costs time."""
 _RESTING_SAMPLE_S = 0.002
 
 

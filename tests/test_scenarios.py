@@ -94,6 +94,18 @@ def test_a_hand_on_the_carriage_bends_the_axis_but_loses_no_step(tmp_path: Path)
     assert abs(twin.lost_steps[0]) < 4.0
 
 
+def test_a_push_on_the_tool_bends_the_portal_and_leaves_the_table(tmp_path: Path) -> None:
+    """100 N on 5 N/um: 20 um. On the table, which Y moves, the portal stays where it is."""
+    for place, expected_mm in (("tool", 0.020), ("table", 0.0)):
+        events = f"[[event]]\nat = 1.0\nforce_n = {{ y = 100.0 }}\nplace = '{place}'"
+        twin = twin_with(tmp_path, events, "mujoco")
+        twin.run(0.9)
+        portal = twin._plant.data.joint("nod_y").qpos[0]  # type: ignore[attr-defined]
+        twin.run(2.0)
+        give_mm = 1e3 * (twin._plant.data.joint("nod_y").qpos[0] - portal)  # type: ignore[attr-defined]
+        assert give_mm == pytest.approx(expected_mm, rel=0.02, abs=1e-6)
+
+
 def test_a_lost_motor_phase_loses_steps_silently(tmp_path: Path) -> None:
     twin = home(twin_with(tmp_path, '[[event]]\nat = 22.0\nphase_lost = { x = "a" }', "mujoco"))
     twin.run(20.0 - twin.time_ns / 1e9)
@@ -162,6 +174,7 @@ def test_wrong_arguments_are_named_in_one_line(arguments: dict[str, object], mes
         (lambda twin: twin.apply_force(3, 1.0), "axis 3 has no carriage"),
         (lambda twin: twin.apply_force(-1, 1.0), "axis -1 has no carriage"),
         (lambda twin: twin.apply_force(0, float("inf")), "a force of inf N"),
+        (lambda twin: twin.apply_force(0, 1.0, "hood"), "a force cannot act at 'hood'; there are: tool, table"),
         (lambda twin: Twin(plant="kinematic", start_mm=(1.0, 2.0)), "start_mm has 2 values"),
         (lambda twin: Twin(plant="kinematic", start_mm=(1.0, 2.0, 1e6)), "start_mm: z = 1000000.0; it must lie from"),
         (lambda twin: Twin(plant="kinematic", start_mm=np.array([np.nan, 1, 1])), "start_mm: x = nan"),

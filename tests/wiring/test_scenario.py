@@ -37,6 +37,11 @@ def test_events_are_sorted_by_time(tmp_path: Path) -> None:
     assert events[1].inputs == {"hood": "open", "limit_x2": "broken"}
 
 
+def test_a_force_acts_at_a_place(tmp_path: Path) -> None:
+    text = "[[event]]\nat = 1\nforce_n = { x = 5 }\n[[event]]\nat = 2\nforce_n = { x = 5 }\nplace = 'table'\n"
+    assert [event.place for event in load(tmp_path, text)] == ["", "table"]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -58,6 +63,9 @@ def test_events_are_sorted_by_time(tmp_path: Path) -> None:
         ("[[event]]\nat = 1\nnoise = 2", "event 1.noise: 2; allowed: 0 .. 1"),
         ("[[event]]\nat = 1\nset = 'hood'", "event 1.set: 'hood'; allowed: a table such as { name = value }"),
         ("[[event]]\nat = 1\nforce_n = { x = 1e6 }", "event 1.force_n.x: 1000000.0; allowed: -100000 .. 100000 N"),
+        ("[[event]]\nat = 1\nplace = 'tool'", "event 1: nothing happens; say what: set, force_n, phase_lost, noise"),
+        ("[[event]]\nat = 1\nnoise = 0\nplace = 'tool'", "event 1.place: no force acts there; allowed: beside force_n"),
+        ("[[event]]\nat = 1\nforce_n = { x = 1 }\nplace = 'hood'", "event 1.place: 'hood'; allowed: tool, table"),
         ("[[event]", "not a TOML file"),
     ],
 )
