@@ -25,8 +25,8 @@ sub-step that follows it, less the mean of what is still to come of led ticks (l
 Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen. A
 frozen sub-step changes nothing, so any number of them is skipped up to the next tick or change of current.
 
-MuJoCo is called by the addresses of its functions, passed in as integers so that the compiled code can be cached: for a
-whole step, or for a short one that leaves out what cannot have changed (short_step.py).
+MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached. Between
+the stops, with nothing to meet, its step is written out instead (glide.py).
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ from numba.extending import intrinsic
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead
+from isel_twin.plant.glide import glide, within
 from isel_twin.plant.lead import begin, behind, mean_behind
 
 AXES = 3
@@ -59,15 +61,12 @@ PLANT = np.dtype(
         ("substep_ns", "i8"),
         ("window", "i8"),  # sub-steps in a MuJoCo step
         ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
-        ("mj_step", "i8"),  # addresses of MuJoCo's functions
-        ("mj_forward_skip", "i8"),
-        ("mj_euler", "i8"),
+        ("mj_step", "i8"),  # address of the function
         ("model", "i8"),  # address of the mjModel
         ("data", "i8"),  # address of the mjData
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
-        ("within", "i8"),  # 1: in the last whole MuJoCo step all joints lay within their bounds (short_step.py)
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
@@ -132,25 +131,6 @@ def _call_mj_step(typingctx, address, model, data):
     return types.void(types.int64, types.int64, types.int64), build
 
 
-@intrinsic
-def _call_mj_forward_skip(typingctx, address, model, data, stage, sensors):
-    """Call the C function void(*)(mjModel*, mjData*, int, int) at an address."""
-
-    def build(context, builder, signature, arguments):
-        word, whole = ir.IntType(64), ir.IntType(32)
-        function = ir.FunctionType(ir.VoidType(), [word, word, whole, whole])
-        last = [builder.trunc(argument, whole) for argument in arguments[3:]]
-        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), [*arguments[1:3], *last])
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 5), build
-
-
-_POSITION_STAGE = 1
-"""mjtStage.mjSTAGE_POS: leave out the position stage."""
-_NO_SENSORS = 1
-
-
 @njit(nogil=True, error_model="numpy")
 def _copy(to, values):
     """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
@@ -185,22 +165,6 @@ def wake(plants, axes):
 
 
 @njit(nogil=True, error_model="numpy")
-def _mujoco_step(plant, qpos, bounds):
-    """One MuJoCo step, a short one where that gives the same bits (short_step.py)."""
-    within = True
-    for j in range(qpos.shape[0]):
-        within = within and bounds[0, j] < qpos[j] < bounds[1, j]
-    if within and plant.within:
-        _call_mj_forward_skip(  # type: ignore[call-arg]
-            plant.mj_forward_skip, plant.model, plant.data, _POSITION_STAGE, _NO_SENSORS
-        )
-        _call_mj_step(plant.mj_euler, plant.model, plant.data)  # type: ignore[call-arg]
-    else:
-        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
-    plant.within = 1 if within else 0
-
-
-@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -219,7 +183,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc):
+def _leave_window(plant, axes, states, joints, mobility, qpos, before, qvel, qacc, qacc_smooth, qfrc):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for i in range(AXES):
@@ -231,8 +195,11 @@ def _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_sm
             plant.lost_dof = axis.dof
             return
     _copy(before, qpos)
-    _mujoco_step(plant, qpos, bounds)
     window_s = 1e-9 * plant.substep_ns * plant.window
+    if within(joints, qpos):
+        glide(joints, mobility, window_s, qpos, qvel, qacc, qacc_smooth, qfrc)
+    else:
+        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     for i in range(AXES):
         axis = axes[i]
         if axis.v_m_s == 0.0 and abs(qvel[axis.dof]) < REST_M_S:
@@ -275,16 +242,16 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc,
-    until, t_ns, delta, early_lead_ns, lead_ns,
+    plants, axes, drives, states, thresholds, commanded, leads, joints, mobility,
+    qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, bounds [2, nv] of short steps, q... [nv] views of MuJoCo's
-    arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns
-    int64 [e <= n] leads of the first ticks, lead_ns that of the others.
+    commanded int64 [m] microsteps and leads [m] LEAD, joints [nv] JOINT and mobility [nv, nv], q... [nv] views of
+    MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order;
+    early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -349,7 +316,7 @@ def advance(
 
         plant.now += 1
         if plant.now % plant.window == 0:
-            _leave_window(plant, axes, states, bounds, qpos, before, qvel, qacc, qacc_smooth, qfrc)
+            _leave_window(plant, axes, states, joints, mobility, qpos, before, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_dof >= 0:
                 break
         if _pass(thresholds, plant, axes, states, commanded, leads):
@@ -358,4 +325,4 @@ def advance(
     return made
 
 
-dynamics.drop_stale_code(advance, dynamics.__file__, lead.__file__)
+dynamics.drop_stale_code(advance, dynamics.__file__, gliding.__file__, lead.__file__)
