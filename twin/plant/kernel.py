@@ -39,7 +39,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from isel_twin.compiling import njit
-from isel_twin.drives import dynamics
+from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead
@@ -54,6 +54,8 @@ HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
 FAR_M = 1e3
 """A joint this far away is lost, finite or not."""
+NEAR_M = 1e-9
+"""From this far before a position switch on it is asked itself; rounding is far below."""
 NEVER = np.iinfo(np.int64).max
 
 PLANT = np.dtype(
@@ -147,6 +149,15 @@ def _lower_at(axis):
 
 
 @njit(nogil=True, error_model="numpy")
+def _lower_first(axes):
+    """The first of them; a tick can only put it off, or begin it."""
+    first = NEVER
+    for i in range(AXES):
+        first = min(first, _lower_at(axes[i]))
+    return first
+
+
+@njit(nogil=True, error_model="numpy")
 def _wake(plant, axes):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
@@ -218,6 +229,29 @@ def _leave_window(plant, axes, states, joints, mobility, qpos, before, qvel, qac
 
 
 @njit(nogil=True, error_model="numpy")
+def _find_free(free, thresholds):
+    """Positions between which no threshold of a position changes, to free [2, 3]; whether there are only such."""
+    for i in range(AXES):
+        free[0, i], free[1, i] = -math.inf, math.inf
+    positions = True
+    for k in range(thresholds.shape[0]):
+        threshold = thresholds[k]
+        if threshold.quantity != POSITION:
+            positions = False
+            continue
+        i = threshold.axis
+        if threshold.passed == 0:
+            end_m, above = threshold.limit, threshold.sense > 0.0
+        else:
+            end_m, above = threshold.limit - threshold.sense * threshold.hysteresis, threshold.sense < 0.0
+        if above:
+            free[1, i] = min(free[1, i], end_m - NEAR_M)
+        else:
+            free[0, i] = max(free[0, i], end_m + NEAR_M)
+    return positions
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
@@ -260,20 +294,25 @@ def advance(
     dt_s = 1e-9 * dt_ns
     made = 0
     mean = np.empty(AXES)
+    free = np.empty((2, AXES))
+    only_positions = _find_free(free, thresholds)
+    lowers = _lower_first(axes)
     while plant.now < until:
         if plant.frozen:
             wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
-            for i in range(AXES):
-                wakes = min(wakes, _lower_at(axes[i]))
+            wakes = min(wakes, _lower_first(axes))
             plant.now = max(plant.now, wakes)
             if plant.now == until:
                 break
             _wake(plant, axes)
 
         end_ns = (plant.now + 1) * dt_ns
+        if plant.now >= lowers:
+            for i in range(AXES):
+                if plant.now >= _lower_at(axes[i]):
+                    axes[i].fraction = axes[i].idle_fraction
+            lowers = _lower_first(axes)
         for i in range(AXES):
-            if plant.now >= _lower_at(axes[i]):
-                axes[i].fraction = axes[i].idle_fraction
             mean[i] = commanded[i]
         if plant.led_until_ns > end_ns - dt_ns:
             for i in range(AXES):
@@ -281,6 +320,7 @@ def advance(
                     mean[i] -= mean_behind(leads[i], end_ns - dt_ns, end_ns, dt_ns)
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
+                    lowers = min(lowers, _lower_at(axes[i]))
         while made < t_ns.shape[0] and t_ns[made] <= end_ns:
             remaining = (end_ns - t_ns[made]) / dt_ns
             tick_lead_ns = early_lead_ns[made] if made < early_lead_ns.shape[0] else lead_ns
@@ -293,6 +333,7 @@ def advance(
                     mean[i] += change * remaining
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
+                    lowers = min(lowers, _lower_at(axes[i]))
                 if tick_lead_ns > 0:
                     before_it = mean_behind(leads[i], t_ns[made], end_ns, dt_ns)
                     begin(leads[i], t_ns[made], change, tick_lead_ns)
@@ -319,10 +360,13 @@ def advance(
             _leave_window(plant, axes, states, joints, mobility, qpos, before, qvel, qacc, qacc_smooth, qfrc)
             if plant.lost_dof >= 0:
                 break
-        if _pass(thresholds, plant, axes, states, commanded, leads):
+        near = not only_positions
+        for i in range(AXES):
+            near = near or not free[0, i] < axes[i].x_m < free[1, i]
+        if near and _pass(thresholds, plant, axes, states, commanded, leads):
             plant.edge = 1
             break
     return made
 
 
-dynamics.drop_stale_code(advance, dynamics.__file__, gliding.__file__, lead.__file__)
+dynamics.drop_stale_code(advance, dynamics.__file__, trigonometry.__file__, gliding.__file__, lead.__file__)
