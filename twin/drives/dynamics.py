@@ -47,9 +47,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
+from isel_twin.drives import trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
+from isel_twin.drives.trigonometry import sine_and_cosine
 
 OPEN = 0
 """`phases`: both phases open, the motor is limp."""
@@ -213,8 +215,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     omega = s.omega_rad_s
     theta = s.theta_rad + half_dt * omega
     angle = p.pole_pairs * theta + p.phase_offset_rad
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
+    sine, cosine = sine_and_cosine(angle)
 
     # Stage and currents.
     if command != s.command:
@@ -224,8 +225,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
             s.shape_a = _corner(phi)
             s.shape_b = _corner(phi - 0.5 * math.pi)
         else:
-            s.shape_a = math.cos(phi)
-            s.shape_b = math.sin(phi)
+            s.shape_b, s.shape_a = sine_and_cosine(phi)
     emf_v = p.torque_constant_nm_per_a * omega
     wanted_a = p.current_a * current_fraction
     current_a = _phase(p, s.current_a_a, wanted_a * s.shape_a, -emf_v * sine) if phases & PHASE_A else 0.0
@@ -304,18 +304,21 @@ def stored_energy_j(p, s, nut_position_m):
     )
 
 
+_FILES = (__file__, trigonometry.__file__)
+
+
 def drop_stale_code(function: Any, *files: str) -> None:
     """Throw away what numba has kept of a function that contains code of other files, if those have changed since.
 
     numba asks only whether the function's own file has changed. So the digest of the others is kept beside the code.
-    files: the others, this one (`step_axis`) if none is named. Call it once, right after the function is defined.
+    files: the others, those of `step_axis` if none is named. Call it once, right after the function is defined.
     """
     cache = function._cache
     if cache.cache_path is None:  # nothing is kept
         return
     folder = Path(cache.cache_path)
     stamp = folder / f"{function.__module__}.drives"
-    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files or (__file__,))).hexdigest()
+    digest = hashlib.sha256(b"".join(Path(file).read_bytes() for file in files or _FILES)).hexdigest()
     with contextlib.suppress(OSError):
         if stamp.is_file() and stamp.read_text() == digest:
             return
@@ -324,3 +327,6 @@ def drop_stale_code(function: Any, *files: str) -> None:
             file.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
         stamp.write_text(digest)
+
+
+drop_stale_code(step_axis, trigonometry.__file__)

@@ -3,7 +3,7 @@
 margin.py      how far a motor was from falling out of step
 lead.py        the command of an axis between two set points, led evenly from one to the next
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
-short_step.py  when a MuJoCo step may be the short one
+glide.py       MuJoCo's step between the stops, written out
 mujoco.py      the MuJoCo plant around it (default)
 model.py       the MuJoCo model of a machine
 picture.py     what it looks like

@@ -27,8 +27,8 @@ sub-step that follows it, less the mean of what is still to come of led ticks (l
 Rest: when drives and joints have stood still for `rest_windows` windows and nothing is led, the plant is frozen. A
 frozen sub-step changes nothing, so any number of them is skipped up to the next tick or change of current.
 
-MuJoCo is called by the addresses of its functions, passed in as integers so that the compiled code can be cached: for a
-whole step, or for a short one that leaves out what cannot have changed (short_step.py).
+MuJoCo is called by the address of `mj_step`, passed in as an integer so that the compiled code can be cached. Between
+the stops, with nothing to meet, its step is written out instead (glide.py).
 """
 
 from __future__ import annotations
@@ -41,10 +41,12 @@ from numba import types
 from numba.extending import intrinsic
 
 from isel_twin.compiling import njit
-from isel_twin.drives import dynamics
+from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead
 from isel_twin.plant import margin as margins
+from isel_twin.plant.glide import glide, within
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
 
@@ -56,6 +58,8 @@ HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
 FAR_M = 1e3
 """A joint this far away is lost, finite or not."""
+NEAR_M = 1e-9
+"""From this far before a position switch on it is asked itself; rounding is far below."""
 NEVER = np.iinfo(np.int64).max
 
 PLANT = np.dtype(
@@ -63,15 +67,12 @@ PLANT = np.dtype(
         ("substep_ns", "i8"),
         ("window", "i8"),  # sub-steps in a MuJoCo step
         ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
-        ("mj_step", "i8"),  # addresses of MuJoCo's functions
-        ("mj_forward_skip", "i8"),
-        ("mj_euler", "i8"),
+        ("mj_step", "i8"),  # address of the function
         ("model", "i8"),  # address of the mjModel
         ("data", "i8"),  # address of the mjData
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
-        ("within", "i8"),  # 1: in the last whole MuJoCo step all joints lay within their bounds (short_step.py)
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
@@ -140,25 +141,6 @@ def _call_mj_step(typingctx, address, model, data):
     return types.void(types.int64, types.int64, types.int64), build
 
 
-@intrinsic
-def _call_mj_forward_skip(typingctx, address, model, data, stage, sensors):
-    """Call the C function void(*)(mjModel*, mjData*, int, int) at an address."""
-
-    def build(context, builder, signature, arguments):
-        word, whole = ir.IntType(64), ir.IntType(32)
-        function = ir.FunctionType(ir.VoidType(), [word, word, whole, whole])
-        last = [builder.trunc(argument, whole) for argument in arguments[3:]]
-        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), [*arguments[1:3], *last])
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 5), build
-
-
-_POSITION_STAGE = 1
-"""mjtStage.mjSTAGE_POS: leave out the position stage."""
-_NO_SENSORS = 1
-
-
 @njit(nogil=True, error_model="numpy")
 def _copy(to, values):
     """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
@@ -172,6 +154,15 @@ def _lower_at(axis):
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
     return axis.still_since + axis.idle_delay
+
+
+@njit(nogil=True, error_model="numpy")
+def _lower_first(axes):
+    """The first of them; a tick can only put it off, or begin it."""
+    first = NEVER
+    for i in range(AXES):
+        first = min(first, _lower_at(axes[i]))
+    return first
 
 
 @njit(nogil=True, error_model="numpy")
@@ -194,22 +185,6 @@ def wake(plants, axes):
 
 
 @njit(nogil=True, error_model="numpy")
-def _mujoco_step(plant, qpos, bounds):
-    """One MuJoCo step, a short one where that gives the same bits (short_step.py)."""
-    within = True
-    for j in range(qpos.shape[0]):
-        within = within and bounds[0, j] < qpos[j] < bounds[1, j]
-    if within and plant.within:
-        _call_mj_forward_skip(  # type: ignore[call-arg]
-            plant.mj_forward_skip, plant.model, plant.data, _POSITION_STAGE, _NO_SENSORS
-        )
-        _call_mj_step(plant.mj_euler, plant.model, plant.data)  # type: ignore[call-arg]
-    else:
-        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
-    plant.within = 1 if within else 0
-
-
-@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -228,7 +203,9 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(plant, axes, states, bounds, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc):
+def _leave_window(
+    plant, axes, states, joints, mobility, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
+):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for j in range(qfrc.shape[0]):
@@ -244,8 +221,11 @@ def _leave_window(plant, axes, states, bounds, push, springs, rates, qpos, befor
             return
     _copy(before, qpos)
     _copy(rates, qvel)
-    _mujoco_step(plant, qpos, bounds)
     window_s = 1e-9 * plant.substep_ns * plant.window
+    if within(joints, qpos):
+        glide(joints, mobility, window_s, qpos, qvel, qacc, qacc_smooth, qfrc)
+    else:
+        _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     for i in range(AXES):
         axis = axes[i]
         if axis.v_m_s == 0.0 and abs(qvel[axis.dof]) < REST_M_S:
@@ -280,6 +260,29 @@ def look(plant, axes, states, commanded, leads, available):
 
 
 @njit(nogil=True, error_model="numpy")
+def _find_free(free, thresholds):
+    """Positions between which no threshold of a position changes, to free [2, 3]; whether there are only such."""
+    for i in range(AXES):
+        free[0, i], free[1, i] = -math.inf, math.inf
+    positions = True
+    for k in range(thresholds.shape[0]):
+        threshold = thresholds[k]
+        if threshold.quantity != POSITION:
+            positions = False
+            continue
+        i = threshold.axis
+        if threshold.passed == 0:
+            end_m, above = threshold.limit, threshold.sense > 0.0
+        else:
+            end_m, above = threshold.limit - threshold.sense * threshold.hysteresis, threshold.sense < 0.0
+        if above:
+            free[1, i] = min(free[1, i], end_m - NEAR_M)
+        else:
+            free[0, i] = max(free[0, i], end_m + NEAR_M)
+    return positions
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(thresholds, plant, axes, states, commanded, leads):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     changed = False
@@ -304,17 +307,17 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, available, bounds, push, springs, rates, qpos, before,
-    qvel, qacc, qacc_smooth, qfrc,
-    until, t_ns, delta, early_lead_ns, lead_ns,
+    plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates,
+    qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
     ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, bounds [2, nv] of short
-    steps, push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago, q... [nv] views
-    of MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order;
+    commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
+    mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago,
+    q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in
+    time order;
     early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
@@ -324,20 +327,25 @@ def advance(
     dt_s = 1e-9 * dt_ns
     made = 0
     mean = np.empty(AXES)
+    free = np.empty((2, AXES))
+    only_positions = _find_free(free, thresholds)
+    lowers = _lower_first(axes)
     while plant.now < until:
         if plant.frozen:
             wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
-            for i in range(AXES):
-                wakes = min(wakes, _lower_at(axes[i]))
+            wakes = min(wakes, _lower_first(axes))
             plant.now = max(plant.now, wakes)
             if plant.now == until:
                 break
             _wake(plant, axes)
 
         end_ns = (plant.now + 1) * dt_ns
+        if plant.now >= lowers:
+            for i in range(AXES):
+                if plant.now >= _lower_at(axes[i]):
+                    axes[i].fraction = axes[i].idle_fraction
+            lowers = _lower_first(axes)
         for i in range(AXES):
-            if plant.now >= _lower_at(axes[i]):
-                axes[i].fraction = axes[i].idle_fraction
             mean[i] = commanded[i]
         if plant.led_until_ns > end_ns - dt_ns:
             for i in range(AXES):
@@ -345,6 +353,7 @@ def advance(
                     mean[i] -= mean_behind(leads[i], end_ns - dt_ns, end_ns, dt_ns)
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
+                    lowers = min(lowers, _lower_at(axes[i]))
         while made < t_ns.shape[0] and t_ns[made] <= end_ns:
             remaining = (end_ns - t_ns[made]) / dt_ns
             tick_lead_ns = early_lead_ns[made] if made < early_lead_ns.shape[0] else lead_ns
@@ -357,6 +366,7 @@ def advance(
                     mean[i] += change * remaining
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
+                    lowers = min(lowers, _lower_at(axes[i]))
                 if tick_lead_ns > 0:
                     before_it = mean_behind(leads[i], t_ns[made], end_ns, dt_ns)
                     begin(leads[i], t_ns[made], change, tick_lead_ns)
@@ -386,14 +396,19 @@ def advance(
                 axes[i].sum_nm = 0.0
             look(plant, axes, states, commanded, leads, available)
             _leave_window(
-                plant, axes, states, bounds, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
+                plant, axes, states, joints, mobility, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
             )
             if plant.lost_dof >= 0:
                 break
-        if _pass(thresholds, plant, axes, states, commanded, leads):
+        near = not only_positions
+        for i in range(AXES):
+            near = near or not free[0, i] < axes[i].x_m < free[1, i]
+        if near and _pass(thresholds, plant, axes, states, commanded, leads):
             plant.edge = 1
             break
     return made
 
 
-dynamics.drop_stale_code(advance, dynamics.__file__, lead.__file__, margins.__file__)
+dynamics.drop_stale_code(
+    advance, dynamics.__file__, trigonometry.__file__, gliding.__file__, lead.__file__, margins.__file__
+)

@@ -24,10 +24,10 @@ from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, 
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
+from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import load_model, reach, tool_motion
-from isel_twin.plant.short_step import short_step_bounds
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
@@ -46,11 +46,11 @@ class PlantError(RuntimeError):
 
 
 @cache
-def _address(function: str) -> int:
-    """Address of a function in the library that the mujoco package has loaded."""
+def _mj_step_address() -> int:
+    """Address of mj_step in the library that the mujoco package has loaded."""
     folder = Path(mujoco.__file__).parent
     library = next(path for pattern in ("libmujoco.so*", "libmujoco*.dylib") for path in sorted(folder.glob(pattern)))
-    return ctypes.cast(ctypes.CDLL(str(library))[function], ctypes.c_void_p).value or 0
+    return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
 
 
 class MujocoPlant:
@@ -128,13 +128,11 @@ class MujocoPlant:
         self._plant["substep_ns"] = machine.timing.substep_ns
         self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
         self._plant["rest_windows"] = math.ceil(REST_TIME_S / (machine.timing.mujoco_step_ns * 1e-9))
-        self._plant["mj_step"] = _address("mj_step")
-        self._plant["mj_forward_skip"] = _address("mj_forwardSkip")
-        self._plant["mj_euler"] = _address("mj_Euler")
+        self._plant["mj_step"] = _mj_step_address()
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
-        self._bounds = short_step_bounds(model)
+        self._joints_law, mobility = gliding(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
         self._rates_before = data.qvel.copy()
@@ -144,8 +142,8 @@ class MujocoPlant:
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._available, self._bounds, self._push, self._springs, self._rates_before, data.qpos, self._before,
-            data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, data.qpos,
+            self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 

@@ -1,0 +1,107 @@
+"""Steps written out between the stops: MuJoCo's numbers on every machine, and MuJoCo's steps where something is met."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from isel_twin.machine import load_machine, machine_names, with_overrides
+from isel_twin.plant.glide import DEFLECTION_M, glide, gliding
+from isel_twin.plant.model import load_model
+from isel_twin.plant.mujoco import MujocoPlant
+
+from .conftest import MS, ramp_ns, ticks
+
+FIXTURE = (
+    '<mujoco><worldbody><body><geom type="box" size="0.02 0.02 {half}" pos="0 0 {half}"/></body></worldbody></mujoco>'
+)
+"""A block on the table."""
+HINGED = '<mujoco><worldbody><body><joint/><geom size="0.001" pos="0 0 0.001"/></body></worldbody></mujoco>'
+
+speeds = st.one_of(st.just(0.0), st.floats(-1e-5, 1e-5), st.floats(-0.5, 0.5))
+forces = st.one_of(st.floats(-40.0, 40.0), st.floats(-3000.0, 3000.0))
+
+
+@pytest.mark.parametrize("machine", machine_names())
+@settings(max_examples=200, deadline=None)
+@given(place=st.floats(0.01, 0.99), speed=st.tuples(*[speeds] * 6), force=st.tuples(*[forces] * 6))
+def test_a_step_is_mujocos(machine: str, place: float, speed: tuple[float, ...], force: tuple[float, ...]) -> None:
+    """Any place, speeds and forces: sliding, creeping and held joints in all combinations. MuJoCo's solver stops at a
+    tolerance, which the last digit of its speeds shows."""
+    model = load_model(load_machine(machine), visual=False)
+    joints, mobility = gliding(model)
+    data = mujoco.MjData(model)
+    data.qpos[:] = joints["low_m"] + place * (joints["high_m"] - joints["low_m"])
+    data.qvel[:], data.qfrc_applied[:] = speed[: model.nv], force[: model.nv]
+    q, v, a, a0 = (array.copy() for array in (data.qpos, data.qvel, data.qacc, data.qacc_smooth))
+    glide(joints, mobility, model.opt.timestep, q, v, a, a0, data.qfrc_applied)
+    mujoco.mj_step(model, data)
+    np.testing.assert_allclose(v, data.qvel, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(q, data.qpos, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(a0, data.qacc_smooth, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(a, data.qacc, rtol=0.0, atol=2e-6)
+
+
+def moved(machine: str, written_out: bool) -> tuple[NDArray[np.float64], int]:
+    """A move and a push of 2 kN into the stop of X and away from it again: joints in um after each ms [n, nv], and the
+    milliseconds that found X at its stop."""
+    plant = MujocoPlant(load_machine(machine), (), np.array([1.0, 20.0, 10.0]))
+    if not written_out:
+        plant._joints_law["low_m"] = np.nan
+    plant.set_power(stages=True, brake_released=True, lowering=True)
+    move_ns, pushes = 10 * MS + ramp_ns(400, 6000), {100: -2000.0, 200: 2000.0, 210: 0.0}
+    place, done, struck = [], 0, 0
+    for ms in range(1, 300):
+        if ms - 1 in pushes:
+            plant.apply_force(0, pushes[ms - 1])
+        last = int(np.searchsorted(move_ns, ms * MS, side="right"))
+        plant.advance(ms * MS, move_ns[done:last], ticks(last - done, 1, 1, 1))
+        done = last
+        place.append(plant.data.qpos * 1e6)
+        struck += bool(plant.data.qpos[plant._dof[0]] <= -0.003)
+    return np.array(place), struck
+
+
+@pytest.mark.parametrize("machine", machine_names())
+def test_a_move_and_a_stop_are_mujocos(machine: str) -> None:
+    (ours, struck), (theirs, _) = moved(machine, True), moved(machine, False)
+    assert struck > 5
+    assert np.abs(ours - theirs)[:99].max() < 1e-3, "1 nm before it is pushed"
+    assert np.abs(ours - theirs).max() < 5.0
+
+
+def fixed(folder: Path, text: str) -> MujocoPlant:
+    """The 4030 with a fixture; the tool's lowest point is 4 mm above the table."""
+    (folder / "fixture.xml").write_text(text)
+    machine = with_overrides(load_machine("4030"), {"fixture": str(folder / "fixture.xml")})
+    return MujocoPlant(machine, (), np.array([100.0, 100.0, 30.0]))
+
+
+@pytest.mark.parametrize("machine", machine_names())
+def test_every_machine_glides_between_its_stops(machine: str) -> None:
+    settings = load_machine(machine)
+    plant = MujocoPlant(settings, (), np.array([30.0, 20.0, 10.0]))
+    for axis, dof in zip(settings.axes, plant._dof, strict=True):
+        stops_mm = -axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm
+        law = plant._joints_law[dof]
+        assert (law["low_m"] * 1e3, law["high_m"] * 1e3) == pytest.approx(stops_mm, abs=1e-9)
+    structure = np.delete(plant._joints_law, plant._dof)
+    assert (structure["low_m"] == -DEFLECTION_M).all()
+    assert (structure["high_m"] == DEFLECTION_M).all()
+
+
+@pytest.mark.parametrize(("half_m", "met"), [(0.0009, False), (0.0035, True)])
+def test_with_a_fixture_that_the_tool_may_meet_every_step_is_mujocos(tmp_path: Path, half_m: float, met: bool) -> None:
+    """The tool comes down to 4 mm above the table: a block of 1.8 mm is never met, one of 7 mm may be."""
+    plant = fixed(tmp_path, FIXTURE.format(half=half_m))
+    assert np.isnan(plant._joints_law["low_m"]).all() == met
+
+
+def test_with_a_fixture_that_turns_every_step_is_mujocos(tmp_path: Path) -> None:
+    assert np.isnan(fixed(tmp_path, HINGED)._joints_law["low_m"]).all()

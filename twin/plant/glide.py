@@ -1,0 +1,181 @@
+"""MuJoCo's step between the stops, written out: what a machine of slides does while nothing strikes anything.
+
+Goal: the numbers of `mj_step` at a thirtieth of its cost, wherever they follow from a few constants. Where all joints
+slide, where they are changes neither a mass nor a direction. So unless a stop or a collision comes into play, the
+equations that MuJoCo solves in each step (its chapter "Computation") are linear but for dry friction:
+
+    a0  = M^-1 (F - g - k (q - q_s) - d v)           M: mass matrix, F: forces on the joints, g: weights
+    f_i = clip(-(a0_i + b v_i) / (A_ii + R_i))       dry friction of a joint, at most its loss either way
+    a   = a0 + M^-1 f                                A = M^-1, b and R: as MuJoCo softens the friction of that joint
+    v'  = v + h a,   q' = q + h v'
+
+which is exact as long as no two joints with friction are coupled by their masses (A_ij = 0), and so needs no solver.
+All constants are MuJoCo's own, and steps of MuJoCo's at a few states, asked when the plant is built, say whether it is
+so: if not, or if something could meet within the bounds of the joints, every step is MuJoCo's.
+
+    stop |<---------------- bounds ---------------->| stop             outside: mj_step, with stops and collisions
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.compiling import njit
+
+DEFLECTION_M = 2e-3
+"""Bounds of a joint without stops: no frame gives as much in service."""
+AGREE_M_S = 1e-9
+"""Largest difference of speed after a step from MuJoCo's, whose solver stops at about a tenth of that."""
+
+JOINT = np.dtype(
+    [
+        ("low_m", "f8"),  # bounds, left out; nan: never within
+        ("high_m", "f8"),
+        ("rest_n", "f8"),  # force at position 0 and rest: weight and preloaded spring
+        ("spring_n_per_m", "f8"),
+        ("damper_n_s_per_m", "f8"),
+        ("friction_n", "f8"),  # loss, 0: none
+        ("creep_per_s", "f8"),  # b
+        ("stuck_kg", "f8"),  # 1 / (A + R)
+        ("force_n", "f8"),  # scratch
+    ],
+    align=True,
+)
+"""One joint coordinate."""
+
+_SHAPELESS = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+
+
+@njit(nogil=True, error_model="numpy")
+def within(joints, qpos):
+    """Whether all joints lie within their bounds: joints [nv] JOINT, qpos [nv]."""
+    inside = True
+    for j in range(qpos.shape[0]):
+        inside = inside and joints[j].low_m < qpos[j] < joints[j].high_m
+    return inside
+
+
+@njit(nogil=True, error_model="numpy")
+def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
+    """One step of h_s with the forces qfrc on the joints: joints [nv] JOINT, mobility [nv, nv], q... as MuJoCo's."""
+    n = qpos.shape[0]
+    for j in range(n):
+        joint = joints[j]
+        joint.force_n = qfrc[j] + joint.rest_n - joint.spring_n_per_m * qpos[j] - joint.damper_n_s_per_m * qvel[j]
+    for i in range(n):
+        free_m_s2 = 0.0
+        for j in range(n):
+            free_m_s2 += mobility[i, j] * joints[j].force_n
+        qacc_smooth[i] = free_m_s2
+        qacc[i] = free_m_s2
+    for i in range(n):
+        joint = joints[i]
+        if joint.friction_n > 0.0:
+            friction_n = -joint.stuck_kg * (qacc_smooth[i] + joint.creep_per_s * qvel[i])
+            friction_n = min(joint.friction_n, max(-joint.friction_n, friction_n))
+            for j in range(n):
+                qacc[j] += mobility[j, i] * friction_n
+    for j in range(n):
+        qvel[j] += h_s * qacc[j]
+        qpos[j] += h_s * qvel[j]
+
+
+def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if its steps must always be MuJoCo's."""
+    joints = np.zeros(model.nv, JOINT)
+    joints["low_m"] = joints["high_m"] = np.nan
+    mobility = np.zeros((model.nv, model.nv))
+    special = model.neq or model.ntendon or model.nflex or model.nplugin or model.npair
+    if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
+        return joints, mobility
+    bounds = _bounds(model)
+    data = mujoco.MjData(model)
+    data.qpos[:] = bounds.mean(axis=0)
+    mujoco.mj_forward(model, data)
+    if (data.efc_type != mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF).any() or _can_meet(model, data, bounds):
+        return joints, mobility
+    inertia = np.zeros_like(mobility)
+    mujoco.mj_fullM(model, data, inertia)
+    mobility = np.linalg.inv(inertia)
+    joints["rest_n"] = model.jnt_stiffness * model.qpos_spring - data.qfrc_bias
+    joints["spring_n_per_m"] = model.jnt_stiffness
+    joints["damper_n_s_per_m"] = model.dof_damping
+    dof = data.efc_id
+    joints["friction_n"][dof] = data.efc_frictionloss
+    joints["creep_per_s"][dof] = data.efc_KBIP[:, 1]
+    joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
+    if _agrees(model, joints, mobility, bounds):
+        joints["low_m"], joints["high_m"] = bounds
+    return joints, mobility
+
+
+def _bounds(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """float64 [2, nv], the stops of the joints, or as far as they may be deflected."""
+    limited = model.jnt_limited != 0
+    bounds = np.array([model.qpos0 - DEFLECTION_M, model.qpos0 + DEFLECTION_M])
+    bounds[0, limited] = (model.jnt_range[:, 0] + model.jnt_margin)[limited]
+    bounds[1, limited] = (model.jnt_range[:, 1] - model.jnt_margin)[limited]
+    return bounds
+
+
+def _agrees(
+    model: mujoco.MjModel, joints: NDArray[np.void], mobility: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> bool:
+    """Whether steps are MuJoCo's: at both ends of the bounds and amid them, at rest, creeping and moving, pushed on."""
+    one = np.where(np.arange(model.nv) % 2, 1.0, -1.0)
+    data = mujoco.MjData(model)
+    for share in (0.01, 0.5, 0.99):
+        for speed_m_s in (0.0, 1e-6, -0.1, 0.3):
+            for push_n in (0.0, 10.0, -200.0):
+                data.qpos[:] = (1.0 - share) * bounds[0] + share * bounds[1]
+                data.qvel[:] = speed_m_s * one
+                data.qfrc_applied[:] = push_n
+                q, v = data.qpos.copy(), data.qvel.copy()
+                glide(joints, mobility, model.opt.timestep, q, v, q.copy(), q.copy(), data.qfrc_applied)
+                mujoco.mj_step(model, data)
+                if not np.abs(v - data.qvel).max() < AGREE_M_S:
+                    return False
+    return True
+
+
+def _can_meet(model: mujoco.MjModel, data: mujoco.MjData, bounds: NDArray[np.float64]) -> bool:
+    """Whether the boxes around two geoms that may collide can meet with all joints within their bounds [2, nv]."""
+    way = bounds - data.qpos
+    for a in range(model.ngeom):
+        for b in range(a):
+            if not (
+                model.geom_contype[a] & model.geom_conaffinity[b] or model.geom_contype[b] & model.geom_conaffinity[a]
+            ):
+                continue
+            bodies = model.geom_bodyid[[a, b]]
+            if model.body_weldid[bodies[0]] == model.body_weldid[bodies[1]]:
+                continue
+            if model.geom_type[a] in _SHAPELESS or model.geom_type[b] in _SHAPELESS:
+                return True
+            (centre_a, half_a), (centre_b, half_b) = _box(model, data, a), _box(model, data, b)
+            low = high = centre_a - centre_b
+            for joint in range(model.njnt):
+                carries = [_carries(model, model.jnt_bodyid[joint], body) for body in bodies]
+                if carries[0] != carries[1]:
+                    ends = np.outer(way[:, joint], data.xaxis[joint]) * (1.0 if carries[0] else -1.0)
+                    low, high = low + ends.min(axis=0), high + ends.max(axis=0)
+            reach = half_a + half_b + model.geom_margin[a] + model.geom_margin[b]
+            if ((low <= reach) & (high >= -reach)).all():
+                return True
+    return False
+
+
+def _box(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centre and half sizes, [3] each, of the box along the axes of the world around a geom."""
+    turn = data.geom_xmat[geom].reshape(3, 3)
+    centre, half = model.geom_aabb[geom].reshape(2, 3)
+    return data.geom_xpos[geom] + turn @ centre, np.abs(turn) @ half
+
+
+def _carries(model: mujoco.MjModel, carrier: int, body: int) -> bool:
+    """Whether `body` is `carrier` or hangs on it."""
+    while body > carrier:  # a parent's number is less than its children's
+        body = int(model.body_parentid[body])
+    return bool(body == carrier)
