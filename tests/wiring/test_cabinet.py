@@ -170,7 +170,7 @@ def test_a_motion_that_begins_under_an_open_hood_cuts_power() -> None:
 
 def test_there_are_eight_user_inputs() -> None:
     """A byte (iMC manual 2.2.3)."""
-    assert USER_INPUTS == tuple(f"user_{bit}" for bit in (0, 1, 2, 3, 4, 5, 6, 7))
+    assert tuple(f"user_{bit}" for bit in (0, 1, 2, 3, 4, 5, 6, 7)) == USER_INPUTS
 
 
 def test_the_spindle_does_not_start_by_itself_when_the_hood_is_closed() -> None:
