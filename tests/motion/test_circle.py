@@ -281,3 +281,10 @@ def test_a_tie_steps_outwards() -> None:
 def test_a_radius_that_is_not_whole_stays_near_the_start_point(meant: int, r2: int) -> None:
     """Start (100, 0), Rx = -1, Ry = 1: 2 D = Xs (Xs + Rx) - R^2. At most 1.5 steps off: 98.5^2 and 101.5^2, rounded."""
     assert squared_radius((100 * 99 - meant) // 2, 100, 0, -1, 1) == r2
+
+
+@pytest.mark.parametrize(("x", "r2"), [(100, 9702), (1, 0)])
+def test_from_outside_on_its_axis_the_path_goes_inwards(x: int, r2: int) -> None:
+    """The step inwards ends nearer to the circle: (x - 1)^2 - R^2 against x^2 + 1 - R^2."""
+    path = Circle(1, x, 0, r2, (0, 1), None, 0, 4)
+    assert points(path, x, 0)[1].tolist() == [x - 1, 0]
