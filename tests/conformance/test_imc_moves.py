@@ -29,7 +29,7 @@ def test_3d_absolute_moves() -> None:
     assert made(desk, "@0M0,1000,0,900,0,900,25,900").delta.tolist() == line(-100, -50, 30).tolist()
 
 
-@shows("imc-2.2.29-2")
+@shows("imc-1-38", "imc-2.2.29-2")
 def test_back_to_2_5d() -> None:
     desk = ready()
     assert desk.query("@0z1") == "0"

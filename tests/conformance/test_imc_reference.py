@@ -258,7 +258,7 @@ def test_without_reference_switch_the_stop_key_stands_in_for_it() -> None:
     assert desk.query("@0A5,900") == "0"
 
 
-@shows("imc-4.2.2-2", "imc-4.2.2-3", "imc-4.2.2-4")
+@shows("imc-1-64", "imc-4.2.2-2", "imc-4.2.2-3", "imc-4.2.2-4")
 def test_the_three_parts_of_a_reference_run() -> None:
     desk = initialised()
     assert desk.query("@0d1500,1500,1500") == "0"

@@ -205,12 +205,29 @@ def test_swapped_switches(axis: int) -> None:
 
 
 @shows("imc-4.2.7-1")
-def test_printed_swap_changes_the_reference_switch_of_z() -> None:
-    """With Z inverted as well, the run goes to the far end, where the swapped switch is the negative one."""
-    desk = fresh(carriage=MIDDLE)
-    for text in ("@0Ie4", "@0ID4", "@07", "@0R4"):
+@pytest.mark.parametrize("swapped", [True, False])
+@pytest.mark.parametrize("axis", AXES)
+def test_a_swapped_switch_ends_moves_the_other_way(axis: int, swapped: bool) -> None:
+    """On switch 1, at the motor end: the positive way leads onto it if it is swapped, else the negative one."""
+    for steps in (1, -1):
+        desk = fresh(carriage=[-5 if i == axis else n for i, n in enumerate(MIDDLE)])
+        for text in ("@0IE65535", f"@0Ie{swapped << axis}", "@07", "@08", "@0N7", "@0N8"):
+            assert desk.query(text) == "0"
+        struck = (steps > 0) == swapped
+        assert desk.query(move(axis, steps)) == ("2" if struck else "0")
+        assert desk.ticks == (0 if struck else 1)
+
+
+@shows("imc-4.2.7-1")
+@pytest.mark.parametrize("swapped", [True, False])
+def test_printed_swap_tells_which_switch_z_stands_on(swapped: bool) -> None:
+    """Z inverted and on its far switch, which is its negative one only if the two are swapped: then it runs off it."""
+    desk = fresh(carriage=(*MIDDLE[:2], TRAVEL[2] + 5, MIDDLE[3]), settings={"search_steps": 3000})
+    for text in ("@0Ie4" if swapped else "@0Ie0", "@0ID4", "@07"):
         assert desk.query(text) == "0"
-    assert TRAVEL[2] - 100 < desk.carriage[2] < TRAVEL[2]
+    assert desk.query("@0R4") == ("0" if swapped else "2")
+    assert (desk.carriage[2] < TRAVEL[2]) == swapped
+    assert (desk.steps.delta[:, 2] > 0).all() == swapped
 
 
 @shows("imc-4.2.7-2")

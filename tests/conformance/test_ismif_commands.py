@@ -44,7 +44,7 @@ def cruising(desk: Desk, command: str = "L1,X5000", seconds: float = 2.0) -> Des
 # --- 6.1 and 6.16: reset, stop at once ----------------------------------------------------------------------------
 
 
-@shows("ismif-6.1-1", "ismif-6.1-2", "ismif-6.1-4", "ismif-6.1-5", "ismif-6.3-5")
+@shows("ismif-4-1", "ismif-6.1-1", "ismif-6.1-2", "ismif-6.1-4", "ismif-6.1-5", "ismif-6.3-5")
 def test_reset_in_a_motion() -> None:
     desk = cruising(referenced())
     mark = desk.ticks
@@ -177,15 +177,15 @@ def test_position_of_the_moment() -> None:
 # --- 6.5 to 6.7: signals, steps, Z axis (5.2 and 7 have more) -----------------------------------------------------
 
 
-@shows("ismif-6.5-1", "ismif-6.5-2")
+@shows("ismif-4-5", "ismif-6.5-1", "ismif-6.5-2")
 @pytest.mark.parametrize("command", ["T0", "T1"])
-def test_signals_are_acknowledged(command: str) -> None:
+def test_the_choice_of_signals_is_shown(command: str) -> None:
     desk = referenced()
     assert job(desk, command) == ACK + DONE
     assert desk.outputs["clock_signals"] == int(command[1])
 
 
-@shows("ismif-6.6-1", "ismif-6.6-2")
+@shows("ismif-4-6", "ismif-6.6-1", "ismif-6.6-2", "ismif-7-6")
 def test_full_steps_go_twice_as_far() -> None:
     """A full step is two half steps of the stage at once (decision S4); speeds count full steps."""
     desk = referenced()
@@ -324,6 +324,7 @@ def test_reference_of_one_axis_leaves_the_others() -> None:
 # --- 6.14: vectors ------------------------------------------------------------------------------------------------
 
 
+@shows("ismif-4-14")
 @pytest.mark.parametrize(
     ("speeds", "command", "start", "steps", "v"),
     [

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.motion import circle, helix
-from isel_twin.motion.circle import Circle
+from isel_twin.motion.circle import Circle, squared_radius
 
 RADII = [7, 8, 9, 10, 13, 20, 25, 64, 99, 100, 200, 401, 1000, 5001, 20_000]
 OCTANTS = [8 + 45 * k for k in range(8)]
@@ -275,3 +275,16 @@ def test_a_tie_steps_outwards() -> None:
     path = Circle(8, 1, 0, 1, (0, 1), None, 0, 4)
     corners = [(1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     assert points(path, 1, 0)[-8:].tolist() == [list(point) for point in corners]
+
+
+@pytest.mark.parametrize(("meant", "r2"), [(10_100, 10_100), (9_900, 9_900), (1_000_000, 10_303), (400, 9_702)])
+def test_a_radius_that_is_not_whole_stays_near_the_start_point(meant: int, r2: int) -> None:
+    """Start (100, 0), Rx = -1, Ry = 1: 2 D = Xs (Xs + Rx) - R^2. At most 1.5 steps off: 98.5^2 and 101.5^2, rounded."""
+    assert squared_radius((100 * 99 - meant) // 2, 100, 0, -1, 1) == r2
+
+
+@pytest.mark.parametrize(("x", "r2"), [(100, 9702), (1, 0)])
+def test_from_outside_on_its_axis_the_path_goes_inwards(x: int, r2: int) -> None:
+    """The step inwards ends nearer to the circle: (x - 1)^2 - R^2 against x^2 + 1 - R^2."""
+    path = Circle(1, x, 0, r2, (0, 1), None, 0, 4)
+    assert points(path, x, 0)[1].tolist() == [x - 1, 0]

@@ -14,8 +14,8 @@ PROGRAM = "09000,900,0,900,0,900,0,900"
 ONE_STEP = "@0A1,900,0,900,0,900,0,900"
 
 
-def desk_after(*commands: str, x: int = MIDDLE[0], **options: object) -> Desk:
-    desk = Desk.of("imc-s8", carriage=(x, *MIDDLE[1:]), **options)  # type: ignore[arg-type]
+def desk_after(*commands: str, x: int = MIDDLE[0], y: int = MIDDLE[1]) -> Desk:
+    desk = Desk.of("imc-s8", carriage=(x, y, *MIDDLE[2:]))
     for command in commands:
         assert desk.query(command) == "0", command
     return desk
@@ -43,8 +43,10 @@ def test_a_condition_is_used_up_by_one_move() -> None:
 
 
 def test_a_condition_ends_all_legs_of_its_move() -> None:
+    """Also if it is over before the ramp is: what it has ended does not begin again."""
     desk = with_program("60,0,1", "09000,900,0,900,50,900,0,900")
     desk.at(1.0, lambda: desk.set("user_0", True))
+    desk.at(1.0001, lambda: desk.set("user_0", False))
     assert desk.query("@0S") == "0"
     assert 0 < desk.counts[0] < 9000
     assert desk.counts[2] == 0
@@ -70,6 +72,18 @@ def test_running_free_between_two_struck_switches_goes_nowhere() -> None:
         desk.set(contact, "open")
     assert desk.query("@0F1") == "2"
     assert desk.ticks == 0
+
+
+@pytest.mark.parametrize("command", ["@0F3", "@0R3"])
+def test_two_switches_struck_while_another_axis_runs_end_the_run(command: str) -> None:
+    """Y stands between two steps out; when it is the turn of X, nobody knows where to go."""
+    desk = going(desk_after("@07", y=-9), command, 0.0025)
+    assert desk.controller.run is None
+    for contact in ("limit_x1", "limit_x2"):
+        desk.set(contact, "open")
+    assert desk.finish() == "2"
+    assert desk.ticks > 0
+    assert desk.counts[0] == 0
 
 
 @pytest.mark.parametrize("command", ["@0R1", "@0R7", "@0F1", "@0F7"])
@@ -165,7 +179,9 @@ def test_the_stop_key_is_no_switch_once_a_search_is_broken_off() -> None:
     desk = going(desk_after("@07", "@0d30000,900,900"), "@0R1", 0.5)
     desk.send(b"\xff")
     desk.set("stop", "down")
+    mark = desk.ticks
     assert desk.finish() == "F"
+    assert desk.ticks > mark + 1000  # the ramp goes on: 30 kHz at 100 Hz/ms
     assert desk.query(ONE_STEP) == "R"
 
 
@@ -179,16 +195,17 @@ def test_letting_the_start_key_go_starts_nothing() -> None:
 
 
 def test_the_start_key_does_nothing_while_a_program_is_stored() -> None:
-    desk = going(desk_after("@07", "@0N7"), MOVE)
+    """Nor does it go on with a stopped move; afterwards `@0S` does."""
+    desk = going(desk_after("@07", "@0N7", "@0k"), MOVE)
     desk.send(b"\xfd")
     assert desk.finish() == "F"
     stands = desk.counts
-    assert desk.query("@0k") == "0"
     assert desk.query("@0i") == "0"
     desk.press("start")
-    assert desk.query("1 65") == "0"
-    assert desk.query("9") == "0"
+    desk.run(1.0)
     assert desk.counts == stands
+    assert [desk.query(line) for line in ("1 65", "9", "@0S")] == ["0", "0", "0"]
+    assert desk.counts[0] == 9000
 
 
 def test_watched_ports_are_asked_before_a_program_goes_on() -> None:
@@ -277,3 +294,14 @@ def test_an_arc_finds_out_which_way_a_switch_lies() -> None:
     assert desk.query("@0y400,1500,119,141,141,1,-1") == "2"
     assert desk.struck("limit_x1")
     assert [desk.query("@0DRp"), desk.query("@0DRn")] == ["001", "000"]
+
+
+def test_a_switch_lies_where_an_arc_is_going_now_not_where_it_has_been_going() -> None:
+    """Clockwise round (141, -141) with radius 200: X goes 341 steps up, then down, and is struck before it is back."""
+    desk = going(desk_after("@07", "@0N7", "@0f0"), "@0y1000,1500,119,-141,141,-1,-1", 0.61)
+    before = desk.counts[0]
+    desk.run(0.01)
+    assert 0 < desk.counts[0] < before
+    desk.set("limit_x1", "open")
+    assert desk.finish() == "2"
+    assert [desk.query("@0DRp"), desk.query("@0DRn")] == ["000", "001"]

@@ -79,16 +79,12 @@ def run_free(device: Device, mask: int) -> Activity:
 def _run_free(device: Device, axes: list[int]) -> Activity:
     for axis in axes:
         struck = device.limits.struck(axis)
-        if len(struck) > 1:
-            raise Refusal(LIMIT_SWITCH)
         if struck:
             yield from _leave(device, axis, -device.limits.lies(struck[0]), RUNNING_FREE)
 
 
 def _find_switch(device: Device, axis: int) -> Activity:
     direction = 1 if device.settings.reference_inverted >> axis & 1 else -1
-    if len(device.limits.struck(axis)) > 1:
-        raise Refusal(LIMIT_SWITCH)
     if not device.limits.blocks(axis, direction):
         farthest = device.profile.search_steps
         path = line(as_steps({axis: direction * farthest}))

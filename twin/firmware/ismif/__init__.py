@@ -7,7 +7,6 @@
     actions.py         what stored commands do: vector, waiting time, reference run
     configuration.py   what can be set
     moves.py           ramp law, full steps
-    signals.py         what the 15-pin socket carries: phase patterns, clock and direction
 
 docs/ismif.md tells what the manual leaves open and the ramp law in closed form.
 """

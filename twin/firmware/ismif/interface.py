@@ -1,7 +1,7 @@
 """The iSMIF stepper interface: its border to host, input and clock, and the commands that are carried out at once.
 
     host bytes --> lines --> master commands (@), at once
-                       `---> jobs --> actions --> motion, signals
+                       `---> jobs --> actions --> motion, outputs
     pin 11 ----------------------------^
     clock -----> ends of motions and waiting times
 
