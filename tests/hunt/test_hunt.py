@@ -158,6 +158,11 @@ def _too_early(patch: Patch) -> None:
     patch.setattr(SerialLine, "at_host", lambda self, t_ns: at_host(self, t_ns + MILLISECOND_NS))
 
 
+def _no_bell(patch: Patch) -> None:
+    """A twin does not say that there is something to read."""
+    patch.setattr(Twin, "reply_waiting", property(lambda self: False))
+
+
 def _no_promise(patch: Patch) -> None:
     """A twin does not say that there are events to come."""
     patch.setattr(Twin, "next_event_ns", property(lambda self: None))
@@ -184,6 +189,7 @@ FAULTY: Sequence[tuple[Callable[[Patch], None], str, str, str]] = (
     (_no_time, "calm", "safety", "time stands still"),
     (_byte_by_byte, "broken off", "safety", "does not get the byte"),
     (_too_early, "timed", "safety", "has not arrived yet"),
+    (_no_bell, "broken off", "safety", "and should have by"),
     (_no_promise, "emergency", "safety", "came before next_event_ns"),
     (_raises, "calm", "safety", "raised ZeroDivisionError"),
 )
