@@ -237,7 +237,10 @@ class Twin:
 
     @property
     def next_event_ns(self) -> int | None:
-        """When something may happen without anybody's doing; None if only the outside can change anything."""
+        """When something may happen without anybody's doing; None if only the outside can change anything.
+
+        While something moves this is when to look again: a switch may be struck before.
+        """
         times = [
             self._controller.next_ns,
             self._line.next_ns,

@@ -158,6 +158,11 @@ def _too_early(patch: Patch) -> None:
     patch.setattr(SerialLine, "at_host", lambda self, t_ns: at_host(self, t_ns + MILLISECOND_NS))
 
 
+def _no_bell(patch: Patch) -> None:
+    """A twin does not say that there is something to read."""
+    patch.setattr(Twin, "reply_waiting", property(lambda self: False))
+
+
 def _no_promise(patch: Patch) -> None:
     """A twin does not say that there are events to come."""
     patch.setattr(Twin, "next_event_ns", property(lambda self: None))
@@ -184,6 +189,7 @@ FAULTY: Sequence[tuple[Callable[[Patch], None], str, str, str]] = (
     (_no_time, "calm", "safety", "time stands still"),
     (_byte_by_byte, "broken off", "safety", "does not get the byte"),
     (_too_early, "timed", "safety", "has not arrived yet"),
+    (_no_bell, "broken off", "safety", "and should have by"),
     (_no_promise, "emergency", "safety", "came before next_event_ns"),
     (_raises, "calm", "safety", "raised ZeroDivisionError"),
 )
@@ -228,8 +234,11 @@ def test_energy_from_nowhere_is_noticed(tmp_path: Path) -> None:
 
 # ---- what is drawn ---------------------------------------------------------------------------------------------------
 
-DRAWN = [draw_world(seed) for seed in range(600)]
-"""Worlds among which everything has to come up that there is."""
+
+@pytest.fixture(scope="module")
+def drawn() -> list[World]:
+    """Worlds among which everything has to come up that there is."""
+    return [draw_world(seed) for seed in range(600)]
 
 
 def _imc_codes(lines: Sequence[str]) -> set[str]:
@@ -265,8 +274,8 @@ def test_every_command_is_said() -> None:
     assert {bytes([byte]) for byte in (253, 254, 255)} <= set(imc_dialect.interruptions)
 
 
-def test_everything_that_can_happen_is_drawn() -> None:
-    events = [event for world in DRAWN for event in (*world.scripted, *world.by_hand)]
+def test_everything_that_can_happen_is_drawn(drawn: list[World]) -> None:
+    events = [event for world in drawn for event in (*world.scripted, *world.by_hand)]
     assert {event.doing[0] for event in events} == {"set", "force", "phase", "noise"}
     done = {event.doing[1:] for event in events if event.doing[0] == "set"}
     assert {(name, state) for name, states in ELEMENTS.items() for state in states} <= done
@@ -275,21 +284,21 @@ def test_everything_that_can_happen_is_drawn() -> None:
     assert set(FAULTS) <= {state for _, state in done}
     assert {event.doing[2] for event in events if event.doing[0] == "phase"} == {"a", "b", "ab", ""}
     assert min(event.at_ns for event in events) == 0
-    instants = Counter((id(world), event.at_ns) for world in DRAWN for event in world.scripted)
+    instants = Counter((id(world), event.at_ns) for world in drawn for event in world.scripted)
     assert max(instants.values()) > 1
 
 
-def test_every_kind_of_world_is_drawn() -> None:
-    assert {world.controller for world in DRAWN} == set(CONTROLLERS)
-    assert {world.physics for world in DRAWN} == {False, True}
-    assert {bool(world.options.get("line_speed")) for world in DRAWN} == {False, True}
-    assert {world.speed is None for world in DRAWN} == {False, True}
-    assert {key for world in DRAWN for key in world.options.get("overrides", ())} >= {
+def test_every_kind_of_world_is_drawn(drawn: list[World]) -> None:
+    assert {world.controller for world in drawn} == set(CONTROLLERS)
+    assert {world.physics for world in drawn} == {False, True}
+    assert {bool(world.options.get("line_speed")) for world in drawn} == {False, True}
+    assert {world.speed is None for world in drawn} == {False, True}
+    assert {key for world in drawn for key in world.options.get("overrides", ())} >= {
         "payload.mass",
         "axes.all.motor",
         "axes.all.steps_per_rev",
         "imperfections",
     }
-    assert any(world.settings for world in DRAWN)
-    assert any(world.damage is not None for world in DRAWN)
-    assert any(world.strict for world in DRAWN)
+    assert any(world.settings for world in drawn)
+    assert any(world.damage is not None for world in drawn)
+    assert any(world.strict for world in drawn)
