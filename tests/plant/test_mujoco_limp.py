@@ -104,7 +104,7 @@ def test_motor_stalls_at_the_stop(bench, axis):
         force_n.append(b.plant.nut_force_n[axis])
         beyond_mm.append(b.plant.position_mm[axis] - start[axis] - 3.0)
     assert 1900.0 < max(force_n) < 2400.0
-    assert max(beyond_mm) < 0.3, "most of it is the table's structure"
+    assert max(beyond_mm) < 0.2, "most of it is the frame, which swings as the carriage bounces"
     b.wait(1000)
     assert b.lost[axis] == pytest.approx(3200 - 3.0 * 320, abs=2 * PERIOD), "the nut's spring is wound up"
 

@@ -1,7 +1,9 @@
 """The machine's MuJoCo model: its MJCF file with what machine.toml says about it.
 
 Goal: an override changes the physics and not the file. The MJCF brings the tree of bodies; masses, travel, guide
-friction, payload, fixture and structural modes are set when the model is loaded:
+friction, payload, fixture and structural modes are set when the model is loaded. What the MJCF has for those who use it
+in MuJoCo alone is left out: rotor and screw (armature, friction and damping of the shaft), actuators, sensors and
+keyframes. Drives are simulated beside the model, and would count twice.
 
     structure   k as stated,  c = 2 zeta sqrt(k m),  f = sqrt(k / m) / 2 pi       m: what the mode's joint carries
 
@@ -42,6 +44,8 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
     _need(machine, spec, machine.masses_kg, "body")
     _need(machine, spec, PLACES.values(), "site")
+    for extra in (*spec.keys, *spec.sensors, *spec.actuators):
+        spec.delete(extra)
     if not machine.imperfections.structure:
         for mode in machine.structure:
             spec.delete(spec.joint(mode.joint))
@@ -65,6 +69,8 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
         joint = spec.joint(axis.name)
         joint.range = np.array([-axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm]) * 1e-3
         joint.frictionloss = axis.guide_friction_n
+        joint.armature = 0.0
+        joint.damping = np.zeros_like(joint.damping)
     try:
         model = spec.compile()
     except ValueError as error:
