@@ -33,6 +33,8 @@ REST_TIME_S = 0.025
 LARGEST_STEP_RATIO = 1.7
 """Largest MuJoCo step times axial frequency (rad/s) of a carriage on its nut. Above 2, sticking and sliding in turn can
 feed the nut spring (found with random machines, see decision P3)."""
+NEAR_M = 1e-9
+"""From this far before a position switch on the loop asks it itself; rounding is far below."""
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
@@ -107,6 +109,8 @@ class MujocoPlant:
             switch = self._thresholds[number]
             switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
+        self._find_free()
+
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
@@ -122,6 +126,7 @@ class MujocoPlant:
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
+        self._plant["watched"] = (self._thresholds["quantity"] != kernel.POSITION).any()
         self._joints_law, mobility = gliding(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
@@ -154,6 +159,7 @@ class MujocoPlant:
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if plant["edge"][0]:
+            self._find_free()
             self._late = self._none
             return self.time_ns
         if made == len(t_ns):
@@ -204,6 +210,7 @@ class MujocoPlant:
         if self._thresholds["quantity"][threshold] != kernel.POSITION:
             raise ValueError(f"threshold {threshold} is not a position")
         self._thresholds["limit"][threshold] = position_mm * 1e-3
+        self._find_free()
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
@@ -321,6 +328,17 @@ class MujocoPlant:
         now = self.data.qvel.copy()
         now[self._dof] = self._axes["v_m_s"]
         return now
+
+    def _find_free(self) -> None:
+        """Between which positions no threshold of an axis changes: only beyond them the loop looks at each of them."""
+        self._axes["free_low_m"], self._axes["free_high_m"] = -math.inf, math.inf
+        for t in self._thresholds[self._thresholds["quantity"] == kernel.POSITION]:
+            axis = self._axes[t["axis"]]
+            end_m = t["limit"] - t["sense"] * (t["hysteresis"] if t["passed"] else 0.0)
+            if (t["sense"] > 0.0) == (t["passed"] == 0):
+                axis["free_high_m"] = min(axis["free_high_m"], end_m - NEAR_M)
+            else:
+                axis["free_low_m"] = max(axis["free_low_m"], end_m + NEAR_M)
 
     def _set_phases(self) -> None:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
