@@ -240,21 +240,23 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 @njit(nogil=True, error_model="numpy")
 def advance(
     plants, axes, drives, states, thresholds, commanded, leads, joints, mobility,
-    qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta, early_lead_ns, lead_ns,
+    qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
-    """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
-    ticks made.
+    """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
+    return the ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
     commanded int64 [m] microsteps and leads [m] LEAD, joints [nv] JOINT and mobility [nv, nv], q... [nv] views of
-    MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in time order;
-    early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the others.
+    MuJoCo's arrays, before [nv] qpos one window ago, place [nv] where the joints are at until_ns; t_ns [n], delta
+    int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the
+    others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
     plant.edge = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
+    until = until_ns // dt_ns
     made = 0
     while plant.now < until:
         if plant.frozen:
@@ -321,6 +323,14 @@ def advance(
         if near and _pass(thresholds, plant, axes, states, commanded, leads):
             plant.edge = 1
             break
+
+    # What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
+    ahead_ns = 0 if plant.edge else until_ns - plant.now * dt_ns
+    share = (plant.now % plant.window + ahead_ns / dt_ns) / plant.window
+    for j in range(qpos.shape[0]):
+        place[j] = before[j] + share * (qpos[j] - before[j])
+    for i in range(AXES):
+        place[axes[i].dof] = axes[i].x_m + 1e-9 * ahead_ns * axes[i].v_m_s
     return made
 
 
