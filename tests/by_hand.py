@@ -19,6 +19,7 @@ class PlantByHand:
 
     def __init__(self, watched: Sequence[Threshold] = (), axes: int = 4, stages: Sequence[Stage] = ()) -> None:
         self.time_ns = 0
+        self.edge = False
         self.passed = np.zeros(len(watched), dtype=bool)
         self.position_mm = np.zeros(3)
         self.velocity_mm_s = np.zeros(3)

@@ -641,9 +641,9 @@ def test_a_following_error_is_an_edge_at_the_sub_step_that_passes_the_limit(buil
     def look() -> None:
         controller.at(controller.t_ns + SUBSTEP_NS, look)
 
+    controller.at(50 * MILLISECOND_NS, look)
     twin = build(controller, "mujoco")
     twin.run_until(50 * MILLISECOND_NS)
-    controller.at(50 * MILLISECOND_NS, look)
     controller.seen.clear()
     twin.apply_force(0, 900.0)
     twin.run_until(100 * MILLISECOND_NS)

@@ -59,7 +59,7 @@ class Position:
         self._turned = tuple(controller.direction)
         """The directions that the zeros below belong to."""
         self._zero_mm = self._zeros()
-        self._sense = _of_carriages(self._direction, 1)
+        self._sense, self._mirrored = self._senses()
 
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
@@ -81,8 +81,8 @@ class Position:
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in zero and direction of the counters."""
         self._follow_direction()
-        position_mm: NDArray[np.float64] = self._sense * (self._plant.position_mm - self._zero_mm)
-        return position_mm
+        beyond_mm: NDArray[np.float64] = self._plant.position_mm - self._zero_mm
+        return self._sense * beyond_mm if self._mirrored else beyond_mm
 
     @property
     def error_mm(self) -> NDArray[np.float64]:
@@ -131,8 +131,13 @@ class Position:
         """The other way round, another place is where the counter is 0. Directions change at rest only."""
         if self._controller.direction != self._turned:
             self._turned = tuple(self._controller.direction)
-            self._sense = _of_carriages(self._direction, 1)
+            self._sense, self._mirrored = self._senses()
             self._zero_mm = self._zeros()
+
+    def _senses(self) -> tuple[NDArray[np.int64], bool]:
+        """int64 [3], direction of each carriage, and whether one is turned round."""
+        sense = _of_carriages(self._direction, 1)
+        return sense, bool((sense < 0).any())
 
     def _zeros(self) -> NDArray[np.float64]:
         """float64 [3], the zeros by what is true now."""

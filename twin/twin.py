@@ -9,6 +9,9 @@ which it has something to do by itself (None: never). The loop is
 
 so no part ever has to take anything back. See docs/one_move.md for one command followed through all of it.
 
+Where a stretch of time ends with nothing due, only the plant has moved: the controller is told of it when it is next
+called or asked for its counters.
+
 What time means: `time_ns` counts virtual nanoseconds since power-on. It advances only inside `run`, `run_until` and
 `query`; nothing here knows a wall clock. Same arguments and same calls give the same bits.
 """
@@ -50,6 +53,7 @@ PLANTS = ("mujoco", "kinematic")
 
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 """While something moves by itself, whoever paces the twin should look again after this time."""
+_NEVER_NS = 1 << 62
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
 
@@ -147,6 +151,12 @@ class Twin:
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
+        self._sense: NDArray[np.int8] | None = None
+        """Directions of the motors if one is turned round, during a motion."""
+        self._due_ns = 0
+        """When somebody has something to do by himself, as far as is known since the twin last settled."""
+        self._untold = False
+        """The plant has moved on since the twin last settled."""
 
         if asking is not None:
             asking.use_drives(self._position)
@@ -256,6 +266,7 @@ class Twin:
     @property
     def counts(self) -> NDArray[np.int64]:
         """int64 [axes], the controller's counters X Y Z A ..."""
+        self._tell()
         return self._position.counts
 
     @property
@@ -266,6 +277,7 @@ class Twin:
     @property
     def position_error_mm(self) -> NDArray[np.float64]:
         """float64 [3], true position minus counter, in mm."""
+        self._tell()
         return self._position.error_mm
 
     @property
@@ -368,6 +380,7 @@ class Twin:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
         self._observe(changed=False)
+        self._due_ns = self._next_due_ns()
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
@@ -377,28 +390,45 @@ class Twin:
 
     def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
         while self.time_ns < until_ns and not (stop is not None and stop()):
-            horizon = until_ns
-            for source in (*self._sources, *self._observers):
-                if (next_ns := source.next_ns) is not None and next_ns < horizon:
-                    horizon = next_ns
-            if self.time_ns < self._line.quiet_ns < horizon:
-                horizon = self._line.quiet_ns
-            self._advance_plant(max(horizon, self.time_ns))
-            self._settle()
+            self._advance_plant(max(min(until_ns, self._due_ns), self.time_ns))
+            if self.time_ns >= self._due_ns or self._plant.edge:
+                self._settle()
+            else:
+                self._untold = True
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the ticks up to until_ns, or up to the first threshold passed or the end of a chunk."""
         t_ns, delta = self._stream.until(until_ns)
-        if len(t_ns) and self._stream.more_after(len(t_ns)):
+        count = len(t_ns)
+        if count and self._stream.more_after(count):
             until_ns = int(t_ns[-1])
-        delta = _in_motor_sense(delta, self._controller.direction)
+        if count and self._sense is not None:
+            delta = delta * self._sense.astype(delta.dtype)
         reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
-        self._stream.make(len(t_ns) if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
+        if count:
+            self._stream.make(count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
+
+    def _tell(self) -> None:
+        """Let the controller know of the time that has passed, if it does not yet."""
+        if self._untold:
+            self._settle()
+
+    def _next_due_ns(self) -> int:
+        """When the twin has to settle next; far away if nobody knows of anything."""
+        due_ns = _NEVER_NS
+        for source in (*self._sources, *self._observers):
+            if (next_ns := source.next_ns) is not None and next_ns < due_ns:
+                due_ns = next_ns
+        if self.time_ns < self._line.quiet_ns < due_ns:
+            due_ns = self._line.quiet_ns
+        return due_ns
 
     def _settle(self) -> None:
         """Hand over everything that is due at this instant, until nothing more is."""
         rounds, events = 0, self._wiring.events_left
+        self._untold = False
+        self._due_ns = self.time_ns
         while rounds < _ENDLESS:
             if events != self._wiring.events_left:  # however many events there are, they come to an end
                 rounds, events = 0, self._wiring.events_left
@@ -409,6 +439,7 @@ class Twin:
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 self._observe(changed=False)
+                self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
@@ -435,6 +466,8 @@ class Twin:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
         if self._stream.follow(self._controller.run, self.time_ns):
+            direction = self._controller.direction  # it changes between motions only
+            self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._wiring.motion(self._stream.moving)
         outputs_changed = False
         for event in events:
@@ -506,8 +539,3 @@ def _power_on_mm(
         if not low_mm <= position_mm <= high_mm:
             raise ValueError(f"start_mm: {axis.name} = {position_mm}; it must lie from {low_mm:g} to {high_mm:g} mm")
     return np.array(wanted_mm, dtype=np.float64)
-
-
-def _in_motor_sense(delta: NDArray[Any], direction: tuple[int, ...]) -> NDArray[Any]:
-    """Changes [n, axes] in the sense of the counters, turned into that of the motors."""
-    return delta if min(direction) > 0 else delta * np.array(direction, dtype=delta.dtype)

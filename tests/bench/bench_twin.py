@@ -1,7 +1,8 @@
 """The whole twin: how much faster than the machine it is, what an hour costs, how long the command line takes to start.
 
-Targets (docs/performance.md): kinematic at least 1000 times real time, 500 times with short moves; an hour of motion
-adds less than 100 MB; `isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
+Targets (docs/performance.md): with physics at most the time of bare `mj_step`, kinematic at least 1000 times real time,
+500 times with short moves; sampling every millisecond costs less than bare `mj_step`; an hour of motion adds less than
+100 MB; `isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import tracemalloc
 from typing import Any
 
 import pytest
+from bench.bench_plant import SECONDS, bare
 
 from isel_twin import Twin
+from isel_twin.plant.mujoco import MujocoPlant
 
 THERE_AND_BACK = ("@0M40000,10000,40000,10000,40000,10000,0,30", "@0M0,10000,0,10000,0,10000,0,30")
 """Three axes at 10 kHz, 8 s of machine time and a little more for the ramps."""
@@ -43,6 +46,50 @@ def test_motion(benchmark: Any, plant: str) -> None:
 
     benchmark.pedantic(job, rounds=5, warmup_rounds=1)
     benchmark.extra_info["times real time"] = spans[-1] / benchmark.stats.stats.median
+
+
+@pytest.mark.benchmark(group="twin, three axes at 10 kHz")
+def test_physics_and_samples_beside_bare_mujoco(benchmark: Any) -> None:
+    """A job as it is, the same looked at every millisecond, and the bare steps of its MuJoCo model, in turn: the
+    medians of what each took for a second of machine time, in CPU time, which other work leaves alone."""
+    twin = ready("mujoco")
+    plant = twin._plant
+    assert isinstance(plant, MujocoPlant)
+    step = bare(plant, plant.model)
+
+    def job() -> float:
+        began, cpu = twin.time_ns, time.process_time()
+        for command in THERE_AND_BACK:
+            assert twin.query(command) == "0"
+        return (time.process_time() - cpu) / (twin.time_ns - began) * NANOSECOND
+
+    def sampled() -> float:
+        began, cpu = twin.time_ns, time.process_time()
+        for command in THERE_AND_BACK:
+            twin.write(command.encode() + b"\r")
+            while not twin.idle:
+                twin.run(0.001)
+                assert twin.position_mm.shape == (3,)
+            assert twin.read() == b"0"
+        return (time.process_time() - cpu) / (twin.time_ns - began) * NANOSECOND
+
+    def steps() -> float:
+        cpu = time.process_time()
+        step()
+        return (time.process_time() - cpu) / SECONDS
+
+    for warm in (job, sampled, steps):
+        warm()
+    turns = [(job(), sampled(), steps()) for _ in range(8)]
+    benchmark.pedantic(lambda: turns.append((job(), sampled(), steps())), rounds=1)
+    alone = statistics.median(j / b for j, _, b in turns)
+    looking = statistics.median((s - j) / b for j, s, b in turns)
+    benchmark.extra_info["whole twin, times bare mj_step"] = alone
+    benchmark.extra_info["sampling every ms, times bare mj_step"] = looking
+    benchmark.extra_info["sampling every ms, us a sample"] = statistics.median(s - j for j, s, _ in turns) * 1e3
+    benchmark.extra_info["whole twin, times real time by CPU"] = 1.0 / statistics.median(j for j, _, _ in turns)
+    assert alone <= 1.0
+    assert looking <= 1.2
 
 
 @pytest.mark.benchmark(group="twin, short moves")

@@ -45,7 +45,7 @@ MORE_OVERRIDES: tuple[dict[str, Any], ...] = (
     {"axes.all.stage.thermal_time_constant": 2.0},
     {"axes.all.steps_per_rev": 12_800},
     {"axes.all.lead": 10.0, "payload.mass": 3.0},
-    {"structure.flex_x.frequency": 12.0, "structure.flex_y.frequency": 15.0, "imperfections": "dynamic"},
+    {"structure.flex_x.stiffness": 4.0, "structure.flex_y.stiffness": 6.0, "imperfections": "dynamic"},
     {"timing.mujoco_step": 0.25},
 )
 SETTINGS: tuple[dict[str, int | bool], ...] = (

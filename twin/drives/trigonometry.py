@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from isel_twin.compiling import njit
 
 FAR_RAD = 1e6
@@ -43,7 +45,7 @@ def sine_and_cosine(angle_rad):
     even = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05))
     even += w * w * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))
     cosine = 1.0 - (0.5 * z - z * even)
-    quarter = int(quarters) & 3
+    quarter = np.int64(quarters) & 3
     if quarter & 1:
         sine, cosine = cosine, sine
     if quarter & 2:

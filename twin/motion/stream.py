@@ -73,13 +73,13 @@ class Stream:
         motion = self._motion
         if not len(self._t_ns) and motion is not None and self._made < motion.last:
             self._t_ns, self._delta = motion.window(self._made, min(self._made + CHUNK, motion.last))
-        count = int(np.searchsorted(self._t_ns, t_ns, side="right"))
+        count = int(self._t_ns.searchsorted(t_ns, side="right"))
         return self._t_ns[:count], self._delta[:count]
 
     def more_after(self, count: int) -> bool:
         """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
         motion = self._motion
-        return motion is not None and count == len(self._t_ns) and self._made + count < motion.last
+        return count == len(self._t_ns) and motion is not None and self._made + count < motion.last
 
     def make(self, count: int) -> None:
         """The next `count` ticks have been made."""

@@ -93,6 +93,8 @@ class Plant(Protocol):
     """Forces from outside and lost motor phases have an effect."""
     time_ns: int
     """Time reached: a multiple of the sub-step, if there are sub-steps."""
+    edge: bool
+    """The last `advance` has ended because a threshold was passed or left."""
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without

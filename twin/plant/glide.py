@@ -49,18 +49,15 @@ _SHAPELESS = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 @njit(nogil=True, error_model="numpy")
-def within(joints, qpos):
-    """Whether all joints lie within their bounds: joints [nv] JOINT, qpos [nv]."""
-    inside = True
-    for j in range(qpos.shape[0]):
-        inside = inside and joints[j].low_m < qpos[j] < joints[j].high_m
-    return inside
-
-
-@njit(nogil=True, error_model="numpy")
 def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
-    """One step of h_s with the forces qfrc on the joints: joints [nv] JOINT, mobility [nv, nv], q... as MuJoCo's."""
+    """One step of h_s with the forces qfrc on the joints: joints [nv] JOINT, mobility [nv, nv], q... as MuJoCo's.
+
+    Returns False, and has done nothing, if a joint is out of its bounds.
+    """
     n = qpos.shape[0]
+    for j in range(n):
+        if not joints[j].low_m < qpos[j] < joints[j].high_m:
+            return False
     for j in range(n):
         joint = joints[j]
         joint.force_n = qfrc[j] + joint.rest_n - joint.spring_n_per_m * qpos[j] - joint.damper_n_s_per_m * qvel[j]
@@ -80,6 +77,7 @@ def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
     for j in range(n):
         qvel[j] += h_s * qacc[j]
         qpos[j] += h_s * qvel[j]
+    return True
 
 
 def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64]]:
@@ -106,8 +104,9 @@ def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64
     joints["friction_n"][dof] = data.efc_frictionloss
     joints["creep_per_s"][dof] = data.efc_KBIP[:, 1]
     joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
-    if _agrees(model, joints, mobility, bounds):
-        joints["low_m"], joints["high_m"] = bounds
+    joints["low_m"], joints["high_m"] = bounds
+    if not _agrees(model, joints, mobility, bounds):
+        joints["low_m"] = joints["high_m"] = np.nan
     return joints, mobility
 
 

@@ -46,7 +46,7 @@ from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead
 from isel_twin.plant import margin as margins
-from isel_twin.plant.glide import glide, within
+from isel_twin.plant.glide import glide
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
 
@@ -58,8 +58,6 @@ HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
 FAR_M = 1e3
 """A joint this far away is lost, finite or not."""
-NEAR_M = 1e-9
-"""From this far before a position switch on it is asked itself; rounding is far below."""
 NEVER = np.iinfo(np.int64).max
 
 PLANT = np.dtype(
@@ -73,6 +71,7 @@ PLANT = np.dtype(
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
+        ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
@@ -106,6 +105,9 @@ AXIS = np.dtype(
         ("mean_nm", "f8"),  # their mean in the window before
         ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
         ("fault", "i8"),  # 1: the drive has switched itself off; for drives that can
+        ("command", "f8"),  # time mean of the command in this sub-step
+        ("free_low_m", "f8"),  # between these no position switch of the axis changes
+        ("free_high_m", "f8"),
     ],
     align=True,
 )
@@ -142,27 +144,11 @@ def _call_mj_step(typingctx, address, model, data):
 
 
 @njit(nogil=True, error_model="numpy")
-def _copy(to, values):
-    """to[:] = values. Said that way, numba compiles seconds of text handling for an error message about shapes."""
-    for i in range(to.shape[0]):
-        to[i] = values[i]
-
-
-@njit(nogil=True, error_model="numpy")
 def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
     return axis.still_since + axis.idle_delay
-
-
-@njit(nogil=True, error_model="numpy")
-def _lower_first(axes):
-    """The first of them; a tick can only put it off, or begin it."""
-    first = NEVER
-    for i in range(AXES):
-        first = min(first, _lower_at(axes[i]))
-    return first
 
 
 @njit(nogil=True, error_model="numpy")
@@ -219,12 +205,11 @@ def _leave_window(
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
-    _copy(before, qpos)
-    _copy(rates, qvel)
+    for j in range(qpos.shape[0]):  # element by element: compiles in a fraction of the time of a slice
+        before[j] = qpos[j]
+        rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
-    if within(joints, qpos):
-        glide(joints, mobility, window_s, qpos, qvel, qacc, qacc_smooth, qfrc)
-    else:
+    if not glide(joints, mobility, window_s, qpos, qvel, qacc, qacc_smooth, qfrc):
         _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     for i in range(AXES):
         axis = axes[i]
@@ -238,9 +223,10 @@ def _leave_window(
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
-        qvel[:] = 0.0
-        rates[:] = 0.0
-        _copy(before, qpos)
+        for j in range(qpos.shape[0]):
+            qvel[j] = 0.0
+            rates[j] = 0.0
+            before[j] = qpos[j]
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
@@ -257,29 +243,6 @@ def look(plant, axes, states, commanded, leads, available):
             lag = (command - states[i].theta_rad * axis.steps_per_rad) * axis.full_steps
             now = margin(axis.mean_nm, lag, states[i].omega_rad_s, available[i], axis.fraction)
             axis.margin = min(axis.margin, now)
-
-
-@njit(nogil=True, error_model="numpy")
-def _find_free(free, thresholds):
-    """Positions between which no threshold of a position changes, to free [2, 3]; whether there are only such."""
-    for i in range(AXES):
-        free[0, i], free[1, i] = -math.inf, math.inf
-    positions = True
-    for k in range(thresholds.shape[0]):
-        threshold = thresholds[k]
-        if threshold.quantity != POSITION:
-            positions = False
-            continue
-        i = threshold.axis
-        if threshold.passed == 0:
-            end_m, above = threshold.limit, threshold.sense > 0.0
-        else:
-            end_m, above = threshold.limit - threshold.sense * threshold.hysteresis, threshold.sense < 0.0
-        if above:
-            free[1, i] = min(free[1, i], end_m - NEAR_M)
-        else:
-            free[0, i] = max(free[0, i], end_m + NEAR_M)
-    return positions
 
 
 @njit(nogil=True, error_model="numpy")
@@ -308,52 +271,46 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 @njit(nogil=True, error_model="numpy")
 def advance(
     plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates,
-    qpos, before, qvel, qacc, qacc_smooth, qfrc, until, t_ns, delta, early_lead_ns, lead_ns,
+    qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
-    """Advance to sub-step `until`, or to the end of the first one in which a threshold was passed or left; return the
-    ticks made.
+    """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
+    return the ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
     commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
     mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago,
-    q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago; t_ns [n], delta int32 [n, m' <= m] ticks in
-    time order;
-    early_lead_ns int64 [e <= n] leads of the first ticks, lead_ns that of the others.
+    q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago, place [nv] where the joints are at until_ns;
+    t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
+    lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
     plant.edge = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
+    until = until_ns // dt_ns
     made = 0
-    mean = np.empty(AXES)
-    free = np.empty((2, AXES))
-    only_positions = _find_free(free, thresholds)
-    lowers = _lower_first(axes)
     while plant.now < until:
         if plant.frozen:
             wakes = until if made == t_ns.shape[0] else min(until, (t_ns[made] - 1) // dt_ns)
-            wakes = min(wakes, _lower_first(axes))
+            for i in range(AXES):
+                wakes = min(wakes, _lower_at(axes[i]))
             plant.now = max(plant.now, wakes)
             if plant.now == until:
                 break
             _wake(plant, axes)
 
         end_ns = (plant.now + 1) * dt_ns
-        if plant.now >= lowers:
-            for i in range(AXES):
-                if plant.now >= _lower_at(axes[i]):
-                    axes[i].fraction = axes[i].idle_fraction
-            lowers = _lower_first(axes)
         for i in range(AXES):
-            mean[i] = commanded[i]
+            if plant.now >= _lower_at(axes[i]):
+                axes[i].fraction = axes[i].idle_fraction
+            axes[i].command = commanded[i]
         if plant.led_until_ns > end_ns - dt_ns:
             for i in range(AXES):
                 if leads[i].end_ns > end_ns - dt_ns:
-                    mean[i] -= mean_behind(leads[i], end_ns - dt_ns, end_ns, dt_ns)
+                    axes[i].command -= mean_behind(leads[i], end_ns - dt_ns, end_ns, dt_ns)
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
-                    lowers = min(lowers, _lower_at(axes[i]))
         while made < t_ns.shape[0] and t_ns[made] <= end_ns:
             remaining = (end_ns - t_ns[made]) / dt_ns
             tick_lead_ns = early_lead_ns[made] if made < early_lead_ns.shape[0] else lead_ns
@@ -363,23 +320,22 @@ def advance(
                     continue
                 commanded[i] += change
                 if i < AXES:
-                    mean[i] += change * remaining
+                    axes[i].command += change * remaining
                     axes[i].fraction = 1.0
                     axes[i].still_since = plant.now + 1
-                    lowers = min(lowers, _lower_at(axes[i]))
                 if tick_lead_ns > 0:
                     before_it = mean_behind(leads[i], t_ns[made], end_ns, dt_ns)
                     begin(leads[i], t_ns[made], change, tick_lead_ns)
                     plant.led_until_ns = max(plant.led_until_ns, leads[i].end_ns)
                     if i < AXES:
-                        mean[i] -= mean_behind(leads[i], t_ns[made], end_ns, dt_ns) - before_it
+                        axes[i].command -= mean_behind(leads[i], t_ns[made], end_ns, dt_ns) - before_it
             made += 1
 
         for i in range(AXES):
             axis = axes[i]
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
             force_n = axis.push_n + step_axis(
-                drives[i], states[i], mean[i], axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
+                drives[i], states[i], axis.command, axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
             axis.sum_n += force_n
             axis.sum_nm += states[i].torque_nm
@@ -400,12 +356,20 @@ def advance(
             )
             if plant.lost_dof >= 0:
                 break
-        near = not only_positions
+        near = plant.watched != 0
         for i in range(AXES):
-            near = near or not free[0, i] < axes[i].x_m < free[1, i]
+            near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m
         if near and _pass(thresholds, plant, axes, states, commanded, leads):
             plant.edge = 1
             break
+
+    # What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
+    ahead_ns = 0 if plant.edge else until_ns - plant.now * dt_ns
+    share = (plant.now % plant.window + ahead_ns / dt_ns) / plant.window
+    for j in range(qpos.shape[0]):
+        place[j] = before[j] + share * (qpos[j] - before[j])
+    for i in range(AXES):
+        place[axes[i].dof] = axes[i].x_m + 1e-9 * ahead_ns * axes[i].v_m_s
     return made
 
 

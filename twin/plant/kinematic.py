@@ -167,6 +167,7 @@ class KinematicPlant:
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates. axes: number of the controller's axes."""
         self.time_ns = 0
+        self.edge = False
         self._start_mm = np.array(start_mm, dtype=np.float64)
         self._step_mm = np.array([axis.step_mm for axis in machine.axes])
         self._count = axes
@@ -201,11 +202,14 @@ class KinematicPlant:
         """See Plant.advance."""
         if lead_ns == 0 and self._led_until_ns <= self.time_ns:
             made, changed = _make_steps(t_ns, delta, *self._state)
+            self.edge = changed
             self.time_ns = int(t_ns[made - 1]) if changed else until_ns
             return self.time_ns
+        struck = self._struck.copy()
         wide = delta.astype(np.int32)  # whatever the ticks are, one compiled function
         made, self.time_ns = _lead(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), wide, *self._state)
         self._led_until_ns = int(self._leads["end_ns"].max())
+        self.edge = bool((struck != self._struck).any())
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:

@@ -34,10 +34,14 @@ REST_TIME_S = 0.025
 LARGEST_STEP_RATIO = 1.9
 """Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above
 2 the exchange of forces feeds what swings, and sticking and sliding in turn can (decision P3)."""
+NEAR_M = 1e-9
+"""From this far before a position switch on the loop asks it itself; rounding is far below."""
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 
+_NOW, _EDGE, _LOST_DOF = map((kernel.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
+"""Places of fields in kernel.PLANT."""
 _QUANTITIES = {"position": kernel.POSITION, "lag": kernel.LAG, "fault": kernel.FAULT}
 
 
@@ -72,9 +76,10 @@ class MujocoPlant:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
+        self.edge = False
         model, data = self.model, self.data
         self._dof = np.array([model.joint(name).dofadr[0] for name in CARRIAGES])
-        self._shape = tool_motion(machine, model)
+        self._shape_mm = 1e3 * tool_motion(machine, model)
 
         substep_s = machine.timing.substep_ns * 1e-9
         self._drives = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
@@ -112,6 +117,7 @@ class MujocoPlant:
             switch = self._thresholds[number]
             switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
+        self._find_free()
         self._reach = reach(machine, model)
         self._pushes = np.zeros((kernel.AXES, model.nv))
         """float64 [3, nv], what the push along each axis is at the joints."""
@@ -120,8 +126,6 @@ class MujocoPlant:
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
-        self._ahead_ns = 0
-        """Time since the last whole sub-step."""
         self._late = self._none
         """Times, changes and leads of the ticks after the last whole sub-step."""
         self._plant = np.zeros(1, kernel.PLANT)
@@ -132,6 +136,10 @@ class MujocoPlant:
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
+        self._plant["watched"] = (self._thresholds["quantity"] != kernel.POSITION).any()
+        self._words = self._plant.view(np.int64)
+        """The same as whole numbers, by place."""
+        self._substep_ns = machine.timing.substep_ns
         self._joints_law, mobility = gliding(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
@@ -139,43 +147,46 @@ class MujocoPlant:
         stiffness = model.jnt_stiffness[model.dof_jntid]
         self._springs = -np.stack([self._mobility[self._dof] * of for of in (stiffness, model.dof_damping)])
         """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
+        self._place = data.qpos.copy()
+        """float64 [nv], joint positions now, within a sub-step along their velocities."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
             self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, data.qpos,
-            self._before, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._before, self._place, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """See Plant.advance. Raises PlantError if a joint runs away."""
-        plant = self._plant
-        substep_ns = self.machine.timing.substep_ns
+        words = self._words
         early_ns, changes, early_lead_ns = self._late
         if len(t_ns):  # whatever the ticks are, one compiled kernel
-            t_ns, changes = t_ns.astype(np.int64), delta.astype(np.int32)
+            changes = delta.astype(np.int32)
             if len(early_ns):
                 t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
         else:
             t_ns = early_ns
-        made = kernel.advance(*self._state, until_ns // substep_ns, t_ns, changes, early_lead_ns, lead_ns)
-        self.time_ns = int(plant["now"][0]) * substep_ns
-        self._ahead_ns = 0
-        if plant["lost_dof"][0] >= 0:
-            joint = self.model.joint(int(self.model.dof_jntid[plant["lost_dof"][0]])).name
+        made = kernel.advance(*self._state, until_ns, t_ns, changes, early_lead_ns, lead_ns)
+        self.time_ns = words.item(_NOW) * self._substep_ns
+        self.edge = words.item(_EDGE) != 0
+        if words.item(_LOST_DOF) >= 0:
+            joint = self.model.joint(int(self.model.dof_jntid[words.item(_LOST_DOF)])).name
             raise PlantError(
                 f"axis {joint}: runs away at {self.time_ns / 1e9:.6f} s, beyond {kernel.FAR_M:g} m or any number; "
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
-        if plant["edge"][0]:
+        if self.edge:
+            self._find_free()
             self._late = self._none
             return self.time_ns
         if made == len(t_ns):
             self._late = self._none
         else:
-            leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
+            leads_ns = early_lead_ns
+            if len(t_ns) > len(early_lead_ns):
+                leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
             self._late = t_ns[made:], changes[made:], leads_ns[made:]
-        self._ahead_ns = until_ns - self.time_ns
         return until_ns
 
     def trips(self) -> NDArray[np.bool_]:
@@ -233,16 +244,19 @@ class MujocoPlant:
         if self._thresholds["quantity"][threshold] != kernel.POSITION:
             raise ValueError(f"threshold {threshold} is not a position")
         self._thresholds["limit"][threshold] = position_mm * 1e-3
+        self._find_free()
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """See Plant.position_mm; as the drives see it, and within a sub-step along its velocity."""
-        return 1e3 * (self._shape @ self._joints(self._ahead_ns))
+        position_mm: NDArray[np.float64] = self._shape_mm @ self._place
+        return position_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
         """See Plant.velocity_mm_s."""
-        return 1e3 * (self._shape @ self._rates())
+        velocity_mm_s: NDArray[np.float64] = self._shape_mm @ self._rates()
+        return velocity_mm_s
 
     @property
     def commanded(self) -> NDArray[np.int64]:
@@ -347,26 +361,26 @@ class MujocoPlant:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
         model = load_model(self.machine)
         data = mujoco.MjData(model)
-        data.qpos[:] = self._joints()
+        data.qpos[:] = self._place
         mujoco.mj_forward(model, data)
         return model, data
-
-    def _joints(self, ahead_ns: int = 0) -> NDArray[np.float64]:
-        """float64 [nv], joint positions at the end of the last sub-step, somewhere inside a window, or ahead_ns later.
-
-        What only MuJoCo knows, the structure, is known at the ends of windows: it comes one window late and smooth.
-        """
-        window, substep_ns = self._plant["window"][0], self._plant["substep_ns"][0]
-        share = (self._plant["now"][0] % window * substep_ns + ahead_ns) / (window * substep_ns)
-        now = self._before + share * (self.data.qpos - self._before)
-        now[self._dof] = self._axes["x_m"] + 1e-9 * ahead_ns * self._axes["v_m_s"]
-        return now
 
     def _rates(self) -> NDArray[np.float64]:
         """float64 [nv], joint velocities at this moment."""
         now = self.data.qvel.copy()
         now[self._dof] = self._axes["v_m_s"]
         return now
+
+    def _find_free(self) -> None:
+        """Between which positions no threshold of an axis changes: only beyond them the loop looks at each of them."""
+        self._axes["free_low_m"], self._axes["free_high_m"] = -math.inf, math.inf
+        for t in self._thresholds[self._thresholds["quantity"] == kernel.POSITION]:
+            axis = self._axes[t["axis"]]
+            end_m = t["limit"] - t["sense"] * (t["hysteresis"] if t["passed"] else 0.0)
+            if (t["sense"] > 0.0) == (t["passed"] == 0):
+                axis["free_high_m"] = min(axis["free_high_m"], end_m - NEAR_M)
+            else:
+                axis["free_low_m"] = max(axis["free_low_m"], end_m + NEAR_M)
 
     def _set_phases(self) -> None:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Remark, Reply
@@ -79,7 +79,7 @@ class Device:
     @property
     def direction(self) -> Displacement:
         """Motor sense of each counter (`@0ID`)."""
-        return tuple(-1 if self.settings.inverted >> axis & 1 else 1 for axis in range(AXES))
+        return _senses(self.settings.inverted)
 
     # ---- axes and references ----------------------------------------------------------------------------------------
 
@@ -257,3 +257,9 @@ class Device:
 
 def _sum(a: Displacement, b: Displacement) -> Displacement:
     return tuple(m + n for m, n in zip(a, b, strict=True))
+
+
+@cache
+def _senses(inverted: int) -> Displacement:
+    """+1, or -1 for the axes whose bit is set."""
+    return tuple(-1 if inverted >> axis & 1 else 1 for axis in range(AXES))

@@ -70,8 +70,9 @@ def _blocked(device: Device, way: Travel) -> bool:
     """Would this travel drive an axis further onto a switch it stands on?"""
     last = way.first + way.law.ticks
     return any(
-        device.guards(axis) and device.limits.blocks(axis, _sense(way.path, way.first, last, axis))
+        device.limits.blocks(axis, _sense(way.path, way.first, last, axis))
         for axis in device.axis_list
+        if device.guards(axis) and device.limits.struck(axis)
     )
 
 
