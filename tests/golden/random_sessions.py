@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import unknown
 from golden.session import Action, Session
 
 Draw = np.random.Generator
@@ -240,7 +239,7 @@ IMC_WATCHES = ("@0IA0,{watch},0", "@0IH0,{watch},0", "@0IN0,{watch},0", "@0IA0,1
 """Ports that end or stop programs (4.2.11 to 4.2.14)."""
 DURING_PROGRAMS = ("user_0", "user_0", "user_1", "user_2", "start", "stop", "hood")
 
-IMC_RARE = ("@0k", "@0i", "9", "@0IO1", "@0IO0", "@1P", "@0G1", "@0G0", unknown.DNC[0], "hello", "", "@", "0", "\xe9")
+IMC_RARE = ("@0k", "@0i", "9", "@0IO1", "@0IO0", "@1P", "@0G1", "@0G0", "@0x", "hello", "", "@", "0", "\xe9")
 
 
 def imc_line(draw: Draw) -> str:

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import isel_twin.twin as twin_module
 from hunt.host import dialect_of
 from hunt.invariants import Broken, Watch
 from hunt.play import Stage, hunt, play
@@ -25,6 +24,8 @@ from isel_twin.firmware.imc import commands as imc
 from isel_twin.firmware.imc.grammar import AXES_CODE
 from isel_twin.firmware.ismif.commands import FORMS, CommandError, parse
 from isel_twin.motion.step_run import StepRun
+from isel_twin.plant.kinematic import KinematicPlant
+from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.twin import Twin
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.wiring import FAULTS, SerialLine, Wiring
@@ -110,18 +111,21 @@ def _deaf_contact(patch: Patch) -> None:
 
 
 def _lost_tick(patch: Patch) -> None:
-    """Once the plant does not get a tick that the record has."""
-    in_motor_sense: Callable[[Any, Any], Any] = twin_module._in_motor_sense
-    pieces = []
+    """Once the plants do not get a tick that the record has."""
+    calls = []
 
-    def losing(delta: Any, sense: Any) -> Any:
-        signed = np.array(in_motor_sense(delta, sense))
-        if len(signed):
-            pieces.append(len(signed))
-            signed[:1] *= len(pieces) != 5
-        return signed
+    def losing(advance: Callable[..., int]) -> Callable[..., int]:
+        def lose(plant: Any, until_ns: int, t_ns: Any, delta: Any, lead_ns: int = 0) -> int:
+            if len(t_ns):
+                calls.append(len(t_ns))
+            if len(t_ns) and len(calls) == 5:
+                t_ns, delta = t_ns[1:], delta[1:]
+            return advance(plant, until_ns, t_ns, delta, lead_ns)
 
-    patch.setattr(twin_module, "_in_motor_sense", losing)
+        return lose
+
+    for plant in (KinematicPlant, MujocoPlant):
+        patch.setattr(plant, "advance", losing(plant.advance))
 
 
 def _no_way_back(patch: Patch) -> None:
@@ -179,7 +183,7 @@ def _raises(patch: Patch) -> None:
 
 FAULTY: Sequence[tuple[Callable[[Patch], None], str, str, str]] = (
     (_uncut, "broken off", "safety", "before the last one ends"),
-    (_lost_tick, "calm", "safety", "the drives were commanded"),
+    (_lost_tick, "calm", "safety", "carriages are .* mm away from their counters"),
     (_far_trip_point, "calm", "safety", "is free, with its carriage"),
     (_deaf_contact, "calm", "safety", "is high, with|is low, with"),
     (_draw_at_each_call, "calm", "safety", "not the same bits with time cut otherwise"),
