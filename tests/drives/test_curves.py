@@ -1,6 +1,8 @@
-"""Torque curves against the maker's: StepperOnline 23HS32-4004S on a DM542T, 2000 microsteps a revolution, 4.2 A peak.
+"""Torque curves against the makers', a closed form written out here once more, and a data sheet's starting rate.
 
-Expected values are the maker's curve, the closed form written out here once more, and a data sheet's starting rate.
+A   StepperOnline 23HS32-4004S on a DM542T, 2000 microsteps a revolution, 4.2 A peak      the law is chosen on A and D
+D   17HS19-2004S on a digital microstep drive, 24 V, 2 A peak, 2000 microsteps a revolution
+C   14HS17-0504S at 20 V, 0.5 A, half step, without damping by the drive                  nothing is fitted on it
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from isel_twin.drives import (
     resonance_hz,
     starts_in_step,
 )
+from isel_twin.drives.motor import from_datasheet
 
 SPEEDS_RPM = (90, 210, 300, 390, 510, 600)
 PUBLISHED_NM = {
@@ -28,6 +31,18 @@ PUBLISHED_NM = {
     48: (1.846, 1.824, 1.781, 1.733, 1.501, 1.332),
 }
 POINTS = [(v, rpm, nm) for v, row in PUBLISHED_NM.items() for rpm, nm in zip(SPEEDS_RPM, row, strict=True)]
+
+CURVE_D = {
+    25: 0.350, 50: 0.350, 100: 0.345, 200: 0.330, 300: 0.330, 400: 0.310, 500: 0.310, 600: 0.310, 700: 0.285,
+    800: 0.265, 900: 0.245, 1000: 0.245, 1100: 0.220, 1200: 0.220, 1300: 0.195, 1400: 0.175, 1500: 0.155,
+}  # fmt: skip
+"""Nm at rev/min, lower edge of the maker's band."""
+
+CURVE_C = {
+    600: 1700, 800: 1800, 1000: 1800, 1200: 1700, 1400: 1600, 1600: 1550, 1800: 1500, 2000: 1300, 2200: 1200,
+    2500: 1100, 2800: 900, 3000: 700,
+}  # fmt: skip
+"""g cm at half steps/s. The maker's first point (400) lies in the resonance."""
 
 NEMA23 = MOTORS["23HS32-4004S"]
 FOUR_FIELDS = Motor(
@@ -37,35 +52,64 @@ FOUR_FIELDS = Motor(
     rotor_inertia_kgm2=5.3e-5,
 )
 UNFITTED = Motor(0.65, 3.2e-3, 2.4 / (math.sqrt(2) * 4.0), 5.3e-5, iron_loss_ohm=math.inf)
+NEMA17 = from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7)
+NEMA14 = from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7)
 
 
 def dm542t(supply_v: float, **settings: float) -> Stage:
-    return Stage(supply_v=supply_v, current_a=4.2, microsteps=10, **settings)  # type: ignore[arg-type]
+    """A digital drive: it damps."""
+    return Stage(**{"supply_v": supply_v, "current_a": 4.2, "microsteps": 10, "damping_gain": 2.0, **settings})  # type: ignore[arg-type]
+
+
+DRIVE_D = Stage(supply_v=24, current_a=2.0, microsteps=10, damping_gain=2.0)
+DRIVE_C = Stage(supply_v=20, current_a=0.5, microsteps=2)
 
 
 @pytest.mark.parametrize(("supply_v", "rpm", "published_nm"), POINTS)
 @pytest.mark.parametrize("motor", [NEMA23, FOUR_FIELDS], ids=["table", "four fields"])
-def test_pull_out_torque_is_the_makers_within_15_percent(
-    motor: Motor, supply_v: float, rpm: float, published_nm: float
-) -> None:
-    assert pull_out_torque(motor, dm542t(supply_v), rpm) == pytest.approx(published_nm, rel=0.15)
+def test_curve_a_is_met_within_10_percent(motor: Motor, supply_v: float, rpm: float, published_nm: float) -> None:
+    assert pull_out_torque(motor, dm542t(supply_v), rpm) == pytest.approx(published_nm, rel=0.10)
+
+
+@pytest.mark.parametrize(("rpm", "published_nm"), CURVE_D.items())
+def test_curve_d_is_met_within_15_percent(rpm: float, published_nm: float) -> None:
+    """To 1500 rev/min; 1300 was asked for."""
+    assert pull_out_torque(NEMA17, DRIVE_D, rpm) == pytest.approx(published_nm, rel=0.15)
+
+
+@pytest.mark.parametrize(("half_steps_hz", "published_gcm"), CURVE_C.items())
+def test_curve_c_is_predicted_within_25_percent(half_steps_hz: float, published_gcm: float) -> None:
+    """From 90 to 450 rev/min, from the data sheet alone."""
+    torque = pull_out_torque(NEMA14, DRIVE_C, half_steps_hz * 60 / 400)
+    assert torque == pytest.approx(published_gcm * 9.80665e-5, rel=0.25)
 
 
 @pytest.mark.parametrize(("supply_v", "rpm", "published_nm"), [p for p in POINTS if p[1] <= 300])
 def test_up_to_300_rpm_nothing_needs_to_be_fitted(supply_v: float, rpm: float, published_nm: float) -> None:
-    ideal = dm542t(supply_v, supply_factor=1.0, extra_resistance_ohm=0.0)
+    ideal = dm542t(supply_v, supply_factor=1.0, damping_gain=0.0, extra_resistance_ohm=0.0)
     assert pull_out_torque(UNFITTED, ideal, rpm) == pytest.approx(published_nm, rel=0.08)
-    assert pull_out_torque(FOUR_FIELDS, dm542t(supply_v), rpm) == pytest.approx(published_nm, rel=0.08)
+
+
+@pytest.mark.parametrize("rpm", [210, 390, 600, 750, 900, 1200])
+@pytest.mark.parametrize(
+    ("motor", "stage"), [(NEMA23, dm542t(36)), (NEMA23, dm542t(48)), (NEMA17, DRIVE_D)], ids=["A 36 V", "A 48 V", "D"]
+)
+def test_on_a_drive_that_damps_the_kind_of_load_does_not_matter(motor: Motor, stage: Stage, rpm: float) -> None:
+    """A brake damps and a constant load does not: within 5 % they agree."""
+    brake = pull_out_torque(motor, stage, rpm)
+    assert pull_out_torque(motor, stage, rpm, constant_load=True) == pytest.approx(brake, rel=0.05)
 
 
 @pytest.fixture(scope="module")
 def curves() -> dict[int, list[float]]:
-    """Torque every 20 rpm from 300 to 800 rpm at both supplies."""
-    return {v: [pull_out_torque(NEMA23, dm542t(v), rpm) for rpm in range(300, 801, 20)] for v in (36, 48)}
+    """Torque every 20 rpm from 300 to 1200 rpm at both supplies."""
+    return {v: [pull_out_torque(NEMA23, dm542t(v), rpm) for rpm in range(300, 1201, 20)] for v in (36, 48)}
 
 
-def test_torque_falls_with_speed_above_300_rpm(curves: dict[int, list[float]]) -> None:
-    for curve in curves.values():
+def test_torque_falls_with_speed_above_the_knee(curves: dict[int, list[float]]) -> None:
+    """The supply takes over at 300 rev/min (36 V) and 420 (48 V) from the current, and at 420 for curve D's motor."""
+    small = [pull_out_torque(NEMA17, DRIVE_D, rpm) for rpm in range(420, 1501, 20)]
+    for curve in (curves[36], curves[48][6:], small):
         assert all(faster < slower for slower, faster in itertools.pairwise(curve))
 
 
@@ -79,14 +123,14 @@ def envelope_nm(motor: Motor, voltage_v: float, current_a: float, resistance_ohm
     we, km = 50 * w, motor.torque_constant_nm_per_a
     z2 = resistance_ohm**2 + (we * motor.inductance_h) ** 2
     by_voltage = km * (4 / math.pi) * voltage_v / math.sqrt(z2) - 50 * we * (km / 50) ** 2 * resistance_ohm / z2
-    return min(km * current_a, by_voltage) - km**2 / motor.iron_loss_ohm * w
+    return min(km * current_a, by_voltage) - km**2 / motor.iron_loss_ohm * w / (1 + (w / motor.iron_knee_rad_s) ** 2)
 
 
 @pytest.mark.parametrize("supply_v", [36, 48])
 @pytest.mark.parametrize("rpm", [60, 150, 300, 450, 600, 750, 900])
 def test_the_closed_form_bounds_the_bench(supply_v: float, rpm: float) -> None:
     stage = dm542t(supply_v)
-    bound = envelope_nm(NEMA23, 0.9 * supply_v, 4.2, 0.65 + stage.extra_resistance_ohm, rpm)
+    bound = envelope_nm(NEMA23, 0.5 * (0.82 + 1.0) * supply_v, 4.2, 0.65 + stage.extra_resistance_ohm, rpm)
     assert pull_out_torque(NEMA23, stage, rpm) <= 1.05 * bound
     assert pull_out_envelope(NEMA23, stage, rpm) == pytest.approx(bound, rel=0.005)
 
@@ -119,7 +163,7 @@ def test_the_inertia_on_the_bench_matters_little() -> None:
 
 def test_a_load_without_damping_brings_out_mid_band_instability() -> None:
     """Where the supply limits the current, a motor that nothing damps swings itself out of step."""
-    stage = dm542t(36)
+    stage = dm542t(36, damping_gain=0.0)
     assert pull_out_torque(NEMA23, stage, 700, constant_load=True) < 0.8 * pull_out_torque(NEMA23, stage, 700)
     slow = pull_out_torque(NEMA23, stage, 240)
     assert pull_out_torque(NEMA23, stage, 240, constant_load=True) == pytest.approx(slow, rel=0.02)

@@ -63,11 +63,12 @@ def test_nothing_creeps_at_rest() -> None:
 
 
 def test_friction_stops_a_shaft_after_the_time_of_the_closed_form() -> None:
-    """J dw/dt = -(T + B w): t = J/B ln(1 + B w/T), with iron loss and viscous friction in B."""
+    """J dw/dt = -(T + B w): t = J/B ln(1 + B w/T), with iron loss (its knee far away) and viscous friction in B."""
     inertia, coulomb = 5.3e-5 + 4e-5, 0.08
     drag = 2e-4 + NO_DETENT.torque_constant_nm_per_a**2 / NO_DETENT.iron_loss_ohm
+    motor = dataclasses.replace(NO_DETENT, iron_knee_rad_s=math.inf)
     screw = Screw(inertia_kgm2=4e-5, coulomb_nm=coulomb, breakaway_ratio=1.0, viscous_nm_s_per_rad=2e-4)
-    parameters, states = axis_parameters(NO_DETENT, Stage(48, 4.2), screw, DT), axis_states(1)
+    parameters, states = axis_parameters(motor, Stage(48, 4.2), screw, DT), axis_states(1)
     states["omega_rad_s"] = 60.0
     steps = 0
     while states["omega_rad_s"][0] > 0.0:
@@ -77,9 +78,63 @@ def test_friction_stops_a_shaft_after_the_time_of_the_closed_form() -> None:
     assert states["omega_rad_s"][0] == 0.0
 
 
+@pytest.mark.parametrize("speed", [6.0, 60.0, 300.0])
+def test_a_limp_rotor_feels_the_iron_drag_with_its_knee(speed: float) -> None:
+    """Without current, detent and friction: J dw/dt = -(Km^2/Rm) w / (1 + (w/w_k)^2), stage on or off."""
+    bare = dataclasses.replace(NO_DETENT, iron_loss_ohm=40.0, iron_knee_rad_s=60.0)
+    parameters, states = axis_parameters(bare, Stage(48, 4.2), Screw(), DT), axis_states(1)
+    states["omega_rad_s"] = speed
+    step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, 0.0)
+    torque = (speed - states["omega_rad_s"][0]) / DT * bare.rotor_inertia_kgm2
+    km = 2.40 / (math.sqrt(2) * 4.0)
+    assert torque == pytest.approx(km**2 / 40.0 * speed / (1 + (speed / 60.0) ** 2), rel=2e-3)
+
+
+def damped(gain: float, microsteps: int = 8) -> Stage:
+    return Stage(supply_v=48, current_a=4.2, microsteps=microsteps, damping_gain=gain)
+
+
+def swing_after_a_kick(gain: float, microsteps: int) -> float:
+    """Peak to peak angle of a standing rotor from 30 to 60 ms after a kick of 3 rad/s."""
+    motor = dataclasses.replace(NO_DETENT, iron_loss_ohm=math.inf)
+    parameters, states = axis_parameters(motor, damped(gain, microsteps), Screw(), DT), axis_states(1)
+    for _ in range(2000):
+        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+    states["omega_rad_s"] += 3.0
+    angles = []
+    for k in range(2400):
+        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+        if k >= 1200:
+            angles.append(states["theta_rad"][0])
+    return float(np.ptp(angles))
+
+
+def test_electronic_damping_quiets_a_rotor_and_leaves_it_where_it_stood() -> None:
+    assert swing_after_a_kick(2.0, 8) < 0.02 * swing_after_a_kick(0.0, 8)
+
+
+@pytest.mark.parametrize("microsteps", [1, 2])
+def test_there_is_no_electronic_damping_in_half_and_full_step(microsteps: int) -> None:
+    assert swing_after_a_kick(2.0, microsteps) == swing_after_a_kick(0.0, microsteps)
+
+
+def test_a_damped_drive_comes_to_rest_bit_for_bit() -> None:
+    """The low pass meets the load angle for good; a stage switched off meanwhile does not remember where it was."""
+    parameters, states = axis_parameters(NEMA23, damped(2.0), Screw(coulomb_nm=0.1), DT), axis_states(1)
+    states["omega_rad_s"] = 5.0
+    for phases in (BOTH, OPEN, BOTH):
+        for _ in range(8000):
+            step_axis(parameters[0], states[0], 3.0, phases, 1.0, 0.0, 0.0, 0.065)
+        assert at_rest(states[0])
+        before = states.tobytes()
+        step_axis(parameters[0], states[0], 3.0, phases, 1.0, 0.0, 0.0, 0.065)
+        assert states.tobytes() == before
+
+
 def test_friction_at_rest_is_higher_than_in_motion() -> None:
     """A load between the two lets a standing shaft stand and a turning one turn on."""
-    parameters = axis_parameters(NO_DETENT, Stage(48, 4.2), Screw(coulomb_nm=0.1, breakaway_ratio=1.5), DT)
+    motor = dataclasses.replace(NO_DETENT, iron_loss_ohm=48.0, iron_knee_rad_s=math.inf)
+    parameters = axis_parameters(motor, Stage(48, 4.2), Screw(coulomb_nm=0.1, breakaway_ratio=1.5), DT)
     standing, turning = axis_states(1), axis_states(1)
     turning["omega_rad_s"] = 20.0
     for _ in range(4000):
@@ -87,7 +142,7 @@ def test_friction_at_rest_is_higher_than_in_motion() -> None:
             step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, -0.14)
     assert standing["theta_rad"][0] == 0.0
     # In motion the load of 0.14 Nm leaves 0.04 Nm for the iron drag: w = 0.04 / 3.75e-3.
-    drag = NO_DETENT.torque_constant_nm_per_a**2 / NO_DETENT.iron_loss_ohm
+    drag = NO_DETENT.torque_constant_nm_per_a**2 / 48.0
     assert turning["omega_rad_s"][0] == pytest.approx(0.04 / drag, rel=0.1)
 
 

@@ -18,16 +18,23 @@ from isel_twin.drives.curves import mean_command
 
 STAGE_48 = Stage(supply_v=48, current_a=4.2, microsteps=8)
 STAGE_36 = Stage(supply_v=36, current_a=4.2, microsteps=8)
+STAGE_36_DAMPED = Stage(supply_v=36, current_a=4.2, microsteps=8, damping_gain=2.0)
 
 
 def distance_to_multiple_of_four(full_steps: float) -> float:
     return abs(full_steps - 4 * round(full_steps / 4))
 
 
-@pytest.mark.parametrize(("stage", "load_nm"), [(STAGE_48, 0.0), (STAGE_48, 0.6), (STAGE_36, 0.6)])
+@pytest.mark.parametrize(("stage", "load_nm"), [(STAGE_48, 0.0), (STAGE_48, 0.6), (STAGE_36_DAMPED, 0.6)])
 def test_the_default_ramp_to_16000_hz_loses_nothing(stage: Stage, load_nm: float) -> None:
     outcome = travel(trapezoid(16_000, 300, 16_000, 100e3), stage, load_nm=load_nm)
     assert abs(outcome.lost_full_steps) < 0.5
+
+
+def test_at_36_v_and_0_6_nm_15000_hz_hold_without_damping_and_16000_do_not() -> None:
+    """A load that does not damp, on a stage that does not either: mid-band instability comes before pull-out."""
+    assert abs(travel(trapezoid(16_000, 300, 15_000, 100e3), STAGE_36, load_nm=0.6).lost_full_steps) < 0.5
+    assert travel(trapezoid(16_000, 300, 16_000, 100e3), STAGE_36, load_nm=0.6).lost_full_steps > 3.5
 
 
 @pytest.mark.parametrize("load_nm", [0.0, 0.6])

@@ -62,8 +62,12 @@ def test_z_falls_when_the_power_is_cut_unless_something_holds_it(bench, override
 
 @pytest.mark.parametrize("overrides", [HEAVY, {"imperfections": "ideal"}, {"axes.all.guide_friction": 0.0}])
 def test_limp_machine_never_gains_energy(bench, overrides):
-    """Pushed away, let go, running into its stops. (What a stop's spring holds for a moment is not in the sum.)"""
+    """Pushed away, let go, running into its stops, 3 mm beyond the travel.
+
+    What the spring of a stop holds for a moment is not in the sum: looked at while no carriage is in one.
+    """
     b = bench(overrides, power=False, start_mm=(360.0, 280.0, 100.0))
+    stops = np.array([398.0, 303.0, 143.0])
     for axis in range(3):
         b.plant.apply_force(axis, 800.0)
     b.wait(60)
@@ -72,7 +76,8 @@ def test_limp_machine_never_gains_energy(bench, overrides):
     energy = [b.plant.energy_j]
     for _ in range(3000):
         b.wait(0.5)
-        energy.append(b.plant.energy_j)
+        if np.all(b.plant.position_mm < stops):
+            energy.append(b.plant.energy_j)
     spent = energy[0] - energy[-1]
     assert spent > 0.1
     assert np.max(energy - np.minimum.accumulate(energy)) < 1e-4 * spent

@@ -13,7 +13,7 @@ four full steps, one turn of the electrical angle.
 The closed form knows nothing of motion (P. Acarnley, Stepping Motors: a phasor diagram without instability); it bounds
 what the bench finds:
 
-    T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - Km^2 w/Rm
+    T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - T_fe(w)
     we = Nr w,  psi = Km/Nr,  |Z|^2 = R^2 + we^2 L^2,  V1 = 4/pi V,  g: fundamental of the current wave over I
 
 V is the mean of what drives a current and what it flows back against, since a limited stage does both in turn.
@@ -192,7 +192,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     by_supply = km * 4.0 / math.pi * 0.5 * (stage.drive_v + stage.supply_v) / impedance
     by_supply -= electrical * km**2 / motor.pole_pairs * resistance / impedance**2
     by_current = _fundamental(stage) * km * stage.current_a
-    return max(0.0, min(by_current, by_supply) - motor.iron_drag_nm_s_per_rad * omega)
+    return max(0.0, min(by_current, by_supply) - motor.iron_torque_nm(omega))
 
 
 def _fundamental(stage: Stage) -> float:

@@ -5,11 +5,19 @@ fast enough for 10^7 axis sub-steps a second, with true sticking and without eve
 
     e_A = -Km w sin(Nr th)        e_B = Km w cos(Nr th)                              back-EMF
     v   = clip((i_ref - E i)/A + e, -V, V),   i' = E i + A (v - e)                   E = exp(-R dt/L), A = (1 - E)/R
-    T   = -Km i_A sin(Nr th) + Km i_B cos(Nr th) - Td sin(4 Nr th) - Km^2/Rm w       i_A, i_B: mean of i and i'
+    T   = -Km i_A sin(Nr th) + Km i_B cos(Nr th) - Td sin(4 Nr th) - T_fe(w)         i_A, i_B: mean of i and i'
+    T_fe = (Km^2/Rm) w / (1 + (w/w_k)^2)                                             iron loss, see motor.py
     F   = k dead_zone(r th - x, backlash) + c (r w - v_nut)                          force on the nut
     J dw/dt = T - B w - F r - T_load - friction
 
 (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
+
+i_ref is the wave of the stage at the commanded angle. A stage with electronic damping turns the current vector further
+by what the load angle swings about its low pass, as a digital microstep drive does that watches its motor (D9):
+
+    lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
+
+For lambda the command is smoothed between its pulses.
 
 Time step: the angle drifts half a sub-step, the speed is kicked by the torque found there, the angle drifts the other
 half (Stoermer-Verlet: second order, no secular gain of energy). What is linear in w is taken as the mean of old and new
@@ -65,6 +73,12 @@ BOTH = 3
 REST_RAD_S = 1e-9
 """Below this shaft speed before and after a sub-step a drive counts as standing (friction brings it to exactly 0)."""
 
+SMOOTHING = 5.0
+"""Corner of the smooth command of the electronic damping over its own corner: else it would amplify single pulses."""
+
+SETTLED_RAD = 1e-12
+"""Electronic damping takes a smaller swing of the load angle (electrical) for none, so that a drive comes to rest."""
+
 AXIS_PARAMETERS = np.dtype(
     [
         ("dt_s", "f8"),  # the sub-step all derived constants below belong to
@@ -82,7 +96,12 @@ AXIS_PARAMETERS = np.dtype(
         ("detent_torque_nm", "f8"),  # Td
         ("kick_rad_s_per_nm", "f8"),  # dt / J, J: rotor and everything that turns with it
         ("inertia_kgm2", "f8"),  # J
-        ("drag_nm_s_per_rad", "f8"),  # B + Km^2 / Rm
+        ("drag_nm_s_per_rad", "f8"),  # B
+        ("iron_nm_s_per_rad", "f8"),  # Km^2 / Rm, the iron drag over speed well below the knee
+        ("iron_knee_s_per_rad", "f8"),  # 1 / w_k
+        ("damping_gain", "f8"),  # g of the electronic damping, 0: none
+        ("smooth_share", "f8"),  # part of the way to the command that its smooth version goes in a sub-step
+        ("damping_share", "f8"),  # the same of the low pass of the load angle
         ("coulomb_nm", "f8"),  # friction torque in motion
         ("stribeck_nm", "f8"),  # surplus of the friction torque at rest
         ("stribeck_rad_s", "f8"),  # shaft speed at which half of the surplus is gone
@@ -106,6 +125,8 @@ AXIS_STATE = np.dtype(
         ("command", "f8"),  # mean command the shape below belongs to, microsteps
         ("shape_a", "f8"),  # wanted current of phase A over current_a
         ("shape_b", "f8"),
+        ("smooth_rad", "f8"),  # commanded angle as the electronic damping sees it, without its steps
+        ("lag_rad", "f8"),  # low pass of the load angle to that
         ("torque_nm", "f8"),  # torque of the currents in the last sub-step (for traces)
         ("force_n", "f8"),  # force on the nut in the last sub-step
         ("at_rest", "i8"),  # 1: the last sub-step changed nothing; see at_rest()
@@ -147,7 +168,12 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["detent_torque_nm"] = motor.detent_torque_nm
     p["kick_rad_s_per_nm"] = dt_s / inertia
     p["inertia_kgm2"] = inertia
-    p["drag_nm_s_per_rad"] = motor.iron_drag_nm_s_per_rad + screw.viscous_nm_s_per_rad
+    p["drag_nm_s_per_rad"] = screw.viscous_nm_s_per_rad
+    p["iron_nm_s_per_rad"] = motor.iron_drag_nm_s_per_rad
+    p["iron_knee_s_per_rad"] = 1.0 / motor.iron_knee_rad_s
+    p["damping_gain"] = 0.0 if stage.stepped else stage.damping_gain
+    p["smooth_share"] = -math.expm1(-2.0 * math.pi * SMOOTHING * stage.damping_corner_hz * dt_s)
+    p["damping_share"] = -math.expm1(-2.0 * math.pi * stage.damping_corner_hz * dt_s)
     p["coulomb_nm"] = screw.coulomb_nm
     p["stribeck_nm"] = screw.coulomb_nm * (screw.breakaway_ratio - 1.0)
     p["stribeck_rad_s"] = screw.stribeck_rad_s
@@ -218,7 +244,26 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     sine, cosine = sine_and_cosine(angle)
 
     # Stage and currents.
-    if command != s.command:
+    settled = True
+    if p.damping_gain > 0.0:
+        phi = command * p.microstep_rad + p.phase_offset_rad
+        if phases != BOTH or s.command != s.command:  # nothing to damp, or the first sub-step
+            s.smooth_rad = phi
+            s.lag_rad = phi - angle
+        s.smooth_rad += p.smooth_share * (phi - s.smooth_rad)
+        lag = s.smooth_rad - angle
+        s.lag_rad += p.damping_share * (lag - s.lag_rad)
+        swing = lag - s.lag_rad
+        settled = abs(swing) + abs(phi - s.smooth_rad) < SETTLED_RAD
+        if settled:
+            s.smooth_rad = phi
+            s.lag_rad = phi - angle
+            swing = 0.0
+        s.command = command
+        phi += p.damping_gain * swing
+        s.shape_a = math.cos(phi)
+        s.shape_b = math.sin(phi)
+    elif command != s.command:
         phi = command * p.microstep_rad + p.phase_offset_rad
         s.command = command
         if p.stepped != 0.0:
@@ -232,7 +277,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     current_b = _phase(p, s.current_b_a, wanted_a * s.shape_b, emf_v * cosine) if phases & PHASE_B else 0.0
     mean_a = 0.5 * (s.current_a_a + current_a) if phases & PHASE_A else 0.0
     mean_b = 0.5 * (s.current_b_a + current_b) if phases & PHASE_B else 0.0
-    steady = current_a == s.current_a_a and current_b == s.current_b_a
+    steady = settled and current_a == s.current_a_a and current_b == s.current_b_a
     s.current_a_a = current_a
     s.current_b_a = current_b
     torque = p.torque_constant_nm_per_a * (mean_b * cosine - mean_a * sine)
@@ -241,7 +286,8 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     torque -= p.detent_torque_nm * 2.0 * sine_2 * (1.0 - 2.0 * sine * sine) + load_torque_nm
 
     # Nut: spring and damper outside the backlash; a nut with play can be pushed but not pulled back.
-    drag = p.drag_nm_s_per_rad
+    knee = p.iron_knee_s_per_rad * omega
+    drag = p.drag_nm_s_per_rad + p.iron_nm_s_per_rad / (1.0 + knee * knee)
     damping = 0.0
     spring = 0.0
     if p.stiffness_n_per_m > 0.0:

@@ -31,7 +31,7 @@ class Stage:
     """Current at rest over current in motion, while the controller asks for current lowering."""
     idle_delay_s: float = number("ms", 0.0, 10_000.0, key="idle_delay", scale=1e-3, default=0.2)
     """Rest after the last pulse of the axis before the current is lowered."""
-    supply_factor: float = number("1", 0.1, 1.0, default=0.8)
+    supply_factor: float = number("1", 0.1, 1.0, default=0.82)
     """Part of the supply that can drive a current: drops, dead time, sag (fitted, decision D1); 1: all of it."""
     extra_resistance_ohm: float = number("ohm", 0.0, 100.0, default=0.2)
     """Switches, sense resistor and cable in each phase (estimate); 0: none."""
@@ -45,6 +45,10 @@ class Stage:
     """Temperature of the air in the cabinet."""
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     """Where the over-temperature contact opens (estimate)."""
+    damping_gain: float = number("1", 0.0, 5.0, optional=True, default=0.0)
+    """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
+    damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=200.0)
+    """Corner of the low pass that tells the mean load angle from its swing."""
 
     def __post_init__(self) -> None:
         check(self)
