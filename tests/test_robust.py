@@ -24,7 +24,7 @@ AT_36_V = """based_on = "4030"
 [axes.all.stage]
 supply = { value = 36.0, unit = "V", grade = "setting", source = "the supply in question" }
 """
-NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,23000,0,900,0,900,0,30\n"
+NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,20500,0,900,0,900,0,30\n"
 """At 36 V it loses nearly everything or nothing, as chance has it."""
 
 
@@ -102,6 +102,12 @@ def test_a_sound_job_is_robust(run: Any) -> None:
     code, out, err = run(SOUND, "--robust", "5")
     assert (code, err) == (0, "")
     assert out[-1] == "robust: 5 repetitions with small perturbations ended alike"
+
+
+@pytest.mark.slow
+def test_a_job_that_fails_always_is_not_called_robust(run: Any) -> None:
+    code, out, _ = run(NEAR_STALL.replace("20500", "40000"), "--machine", "m36", "--robust", "2")
+    assert (code, out[-1]) == (1, "no matter of luck: 2 repetitions with small perturbations went wrong alike")
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 
 from isel_twin.job import parse_job, play
 from isel_twin.twin import Twin
-from isel_twin.verdict import SETTLE_S, Verdict, judge, lost
+from isel_twin.verdict import SETTLE_S, Verdict, halfway, judge, lost
 
 SLIP = 32.0
 """Four full steps at 1600 steps a revolution."""
@@ -74,7 +74,9 @@ WELL = Verdict(
         ({"events_after_end": 3, "events_without_effect": 2}, True, (False, False, False, False)),
         ({"faults": {"limit_x1": "broken"}}, True, (False, False, False, False)),
         ({"lost_steps": (0.0, -16.0, 0.0, 0.0)}, False, (False, True, False, False)),
-        ({"lost_steps": (15.9, -15.9, 15.9, 0.0)}, True, (False, False, False, False)),
+        ({"lost_steps": (8.0, -8.0, 11.9, 0.0)}, True, (False, False, False, False)),
+        ({"lost_steps": (0.0, -15.9, 0.0, 0.0)}, False, (False, False, False, False)),
+        ({"lost_steps": (0.0, 47.9, 0.0, 0.0)}, False, (False, True, False, False)),
         ({"forgotten_steps": (0.0, 0.0, SLIP, 0.0)}, False, (False, False, True, False)),
     ],
 )
@@ -104,6 +106,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("events_after_end", 0),
         ("events_without_effect", 0),
         ("margin", [0.71, 0.9, 0.93, None]),
+        ("halfway", [False, False, False, False]),
     ]
 
 
@@ -127,3 +130,9 @@ def test_a_job_without_commands_is_well_done() -> None:
     verdict = judge(Twin(plant="kinematic"), [])
     assert verdict.ok
     assert (verdict.commands, verdict.began_ns, verdict.ended_ns, verdict.time_ns) == (0, 0, 0, 500_000_000)
+
+
+def test_a_rotor_between_two_places_that_hold_is_told_as_such() -> None:
+    """A slip is 32 microsteps: 16 and 48 are the middles; a motor at its greatest load lags by 8."""
+    lags = [0.0, 8.0, -8.0, 15.9, -16.1, 32.0, 47.5, 64.2]
+    assert halfway(lags, [SLIP] * len(lags)).tolist() == [False, False, False, True, True, False, True, False]

@@ -5,7 +5,9 @@ rest
 
     steps are lost  <=>  |counter - rotor| >= slip / 2
 
-and anything less is load angle. What was lost and then forgotten, as a reference run set the counter anew, counts too.
+and anything less is load angle. Almost half a slip is neither: there, between two places that would hold, dry friction
+keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the next touch takes it one way or the other;
+so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the counter anew, counts too.
 
 Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
 an emergency stop, and had it come after the end of the job, has seen nothing.
@@ -27,7 +29,10 @@ if TYPE_CHECKING:
     from isel_twin.job import Result
     from isel_twin.twin import Twin
 
-__all__ = ["SETTLE_S", "Verdict", "judge", "lost"]
+__all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost"]
+
+HALFWAY = 0.375
+"""Part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway."""
 
 SETTLE_S = 0.5
 """Virtual time for the machine to come to rest after the last command, before it is asked what it has lost."""
@@ -40,6 +45,16 @@ def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
     in one slip of each motor. What is not a number counts as lost.
     """
     return ~(np.abs(steps) < np.asarray(slip_steps) / 2.0)
+
+
+def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
+    """bool [axes], whether a rotor rests near the middle between two places that its motor would hold.
+
+    Arguments as in `lost`. No load does that: beyond a quarter of a slip the torque of a motor falls with the angle.
+    """
+    slip = np.asarray(slip_steps, dtype=np.float64)
+    off = np.abs(np.asarray(steps) / slip - np.round(np.asarray(steps) / slip))
+    return off >= HALFWAY
 
 
 @dataclass(frozen=True)
@@ -95,10 +110,16 @@ class Verdict:
         return tuple((now | (np.array(self.forgotten_steps) != 0.0)).tolist())
 
     @property
+    def halfway(self) -> tuple[bool, ...]:
+        """Whether the rotor of each axis rests between two places that would hold."""
+        return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
+
+    @property
     def ok(self) -> bool:
-        """Every command sent and accepted, no step lost, no error left in the controller."""
-        whole = self.unsent == 0 and not self.interrupted
-        return whole and self.refused == 0 and not any(self.lost) and not self.controller_fault and not self.flash_fault
+        """Every command sent and accepted, no step lost or half lost, no error left in the controller."""
+        whole = self.unsent == 0 and not self.interrupted and self.refused == 0
+        held = not any(self.lost) and not any(self.halfway)
+        return whole and held and not self.controller_fault and not self.flash_fault
 
     def summary(self) -> dict[str, Any]:
         """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables."""
@@ -120,6 +141,7 @@ class Verdict:
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
             "margin": list(self.margin),
+            "halfway": list(self.halfway),
         }
 
 

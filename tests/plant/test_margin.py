@@ -74,9 +74,9 @@ def test_at_lowered_current_the_same_push_takes_a_larger_part(bench):
 
 
 def test_faster_is_nearer_to_the_end_until_nothing_is_left():
-    """48 V: every 2000 Hz from 16 to 26 kHz takes something; 40 kHz (1500 rev/min) loses steps."""
+    """48 V: every 2000 Hz from 16 to 24 kHz takes something; 40 kHz (1500 rev/min) loses steps."""
     margins, lost = [], []
-    for speed_hz in (*range(16_000, 26_001, 2000), 40_000):
+    for speed_hz in (*range(16_000, 24_001, 2000), 40_000):
         twin = Twin(start_mm=(50.0, 50.0, 50.0))
         for line in ("@07", "@0R7", "@0J100"):
             assert twin.query(line) == "0"
@@ -85,7 +85,7 @@ def test_faster_is_nearer_to_the_end_until_nothing_is_left():
         margins.append(twin.margin[0])
         lost.append(abs(twin.lost_steps[0]) > PERIOD / 2)
     assert (np.diff(margins) < 0.0).all()
-    assert lost == [False] * 6 + [True]
+    assert lost == [False] * 5 + [True]
     assert margins[-2] > 0.2
     assert margins[-1] < 0.02
     assert np.isnan(twin.margin[3])  # the A axis has no mechanics

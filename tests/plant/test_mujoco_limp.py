@@ -31,7 +31,7 @@ def test_limp_axis_gives_way_to_a_hand_but_not_to_a_finger(bench):
 def test_moved_by_hand_it_snaps_to_the_nearest_period_at_power_on(bench):
     b = bench(power=False)
     b.plant.apply_force(0, 400.0)
-    b.wait(250)
+    b.wait(240)
     b.plant.apply_force(0, 0.0)
     b.wait(1000)
     by_hand = b.plant.rotor[0]

@@ -106,7 +106,8 @@ class JsonOutput:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
             print(json.dumps({**told, **trial.verdict.summary()}), flush=True)
-        print(json.dumps({"robust": not other, "trials": len(trials), "other": len(other)}), flush=True)
+        robust = verdict.ok and not other
+        print(json.dumps({"robust": robust, "trials": len(trials), "other": len(other)}), flush=True)
         return not other
 
 
@@ -173,6 +174,9 @@ class TableOutput:
         if any(verdict.forgotten_steps):
             before = zip(axes, verdict.forgotten_steps, strict=False)
             lost += f" (and before a reference run: {', '.join(f'{axis} {int(n)}' for axis, n in before if n)})"
+        if any(verdict.halfway):
+            where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
+            lost += f" ({where}: between two places that hold, kept there by friction alone)"
         if verdict.controller_fault:
             lost += ", the controller shows an error"
         if verdict.flash_fault:
@@ -193,8 +197,10 @@ class TableOutput:
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         runs = f"{len(trials)} repetitions with small perturbations"
-        if not other:
-            self._print(f"robust: {runs} ended alike", style="bold green" if verdict.ok else "")
+        if not other and verdict.ok:
+            self._print(f"robust: {runs} ended alike", style="bold green")
+        elif not other:
+            self._print(f"no matter of luck: {runs} went wrong alike", style="bold red")
         else:
             self._print(f"fragile: {len(other)} of {runs} ended otherwise", style="bold red")
         for trial in other[:SHOWN_TRIALS]:

@@ -39,7 +39,8 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     """
     omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
     net = np.array([pull_out_envelope(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
-    return np.where(net > 0.0, net + motor.iron_drag_nm_s_per_rad * omega, 0.0)
+    iron = np.array([motor.iron_torque_nm(w) for w in omega])
+    return np.where(net > 0.0, net + iron, 0.0)
 
 
 @njit(nogil=True, error_model="numpy")
