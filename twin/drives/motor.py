@@ -137,6 +137,9 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
         # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
         "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
+        # StepperOnline data sheets; with the first of this table, the motors whose makers' curves were compared.
+        "17HS19-2004S": from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7),
+        "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
     }
 )
-"""Stand-in motors by type name (isel publishes no motor data): NEMA 23, 0.6 .. 1.2 ohm as isel states for its own."""
+"""Motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel states for its."""
