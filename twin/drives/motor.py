@@ -142,4 +142,4 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
     }
 )
-"""Motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel states for its."""
+"""Motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel says of its."""
