@@ -264,7 +264,7 @@ def test_a_motor_is_shown_and_drawn(tmp_path):
     picture = tmp_path / "torque.png"
     done = isel_twin("motor", "23HS32-4004S", "--picture", picture)
     assert done.returncode == 0, done.stderr
-    assert "envelope" in done.stdout
+    assert "predicted" in done.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

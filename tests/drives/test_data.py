@@ -46,6 +46,40 @@ def test_a_rewound_motor_is_the_same_iron() -> None:
     assert rewound.iron_drag_nm_s_per_rad == pytest.approx(motor.iron_drag_nm_s_per_rad)
 
 
+def test_the_rated_current_is_peak_or_rms_by_name() -> None:
+    """Km is the same; the peak of the microstep wave is the printed current, or 41 % more."""
+    peak = from_datasheet(2.0, 4.0, 0.6, 2e-3, 5e-5)
+    rms = from_datasheet(2.0, rated_current_rms_a=4.0, resistance_ohm=0.6, inductance_h=2e-3, rotor_inertia_kgm2=5e-5)
+    assert peak.rated_current_a == 4.0
+    assert rms.rated_current_a == pytest.approx(5.657, abs=1e-3)
+    assert rms.torque_constant_nm_per_a == peak.torque_constant_nm_per_a == pytest.approx(0.35355, abs=1e-5)
+    for currents in ({}, {"rated_current_a": 4.0, "rated_current_rms_a": 2.8}):
+        with pytest.raises(ValueError, match=r"either rated_current_a .peak. or rated_current_rms_a"):
+            from_datasheet(2.0, resistance_ohm=0.6, inductance_h=2e-3, rotor_inertia_kgm2=5e-5, **currents)
+
+
+@pytest.mark.parametrize(
+    ("name", "running_nm", "said"),
+    [
+        ("rated_current_a", 1.83, None),  # curve A at 4.2 A: 1.83 Nm; the sheet means the peak
+        ("rated_current_a", 2.30, "does not fit 4 A as peak (1.7 Nm at most); it fits RMS: give rated_current_rms_a"),
+        ("rated_current_rms_a", 2.30, None),
+        ("rated_current_rms_a", 1.70, "does not fit 4 A as RMS (2.4 Nm at most); it fits peak: give rated_current_a"),
+        ("rated_current_a", 3.50, "does not fit 4 A as peak (1.7 Nm at most); nor does it fit RMS"),
+        ("rated_current_a", math.nan, None),
+    ],
+)
+def test_a_current_that_fits_the_torques_in_one_meaning_only_is_told(
+    caplog: pytest.LogCaptureFixture, name: str, running_nm: float, said: str | None
+) -> None:
+    """23HS32-4004S: holding torque 2.40 Nm at 4.0 A, so 1.70 Nm in microstep at 4 A peak and 2.40 Nm at 4 A RMS."""
+    rest = {"resistance_ohm": 0.65, "inductance_h": 3.2e-3, "rotor_inertia_kgm2": 5.3e-5}
+    from_datasheet(2.40, **{name: 4.0}, **rest, running_torque_nm=running_nm)
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) == (said is not None)
+    assert said is None or said in lines[0]
+
+
 def test_default_detent_is_in_the_range_of_data_sheets() -> None:
     """Stated: 0.039 Nm for the 57HS56, 0.09 for a 2.45 Nm motor; the rule must come within a factor 1.5."""
     for name in ("57HS56-2804", "cnc3d-NEMA23"):

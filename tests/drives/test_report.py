@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from isel_twin.drives import MOTORS, Stage, pull_out_envelope, pull_out_torque
+from isel_twin.drives import MOTORS, Stage, pull_out_envelope, pull_out_prediction, pull_out_torque
 from isel_twin.drives.report import default_stage, draw_torque, show_motor, torque_table
 
 
@@ -15,6 +15,7 @@ def test_the_table_puts_bench_and_closed_form_side_by_side() -> None:
     (point,) = torque_table(motor, stage, [360])
     assert point.speed_rpm == 360
     assert point.pull_out_nm == pull_out_torque(motor, stage, 360)
+    assert point.predicted_nm == pull_out_prediction(motor, stage, 360)
     assert point.envelope_nm == pull_out_envelope(motor, stage, 360)
 
 
@@ -25,6 +26,19 @@ def test_a_motor_is_shown_on_the_stage_asked_for(capsys: pytest.CaptureFixture[s
     speeds = [float(line.split()[0]) for line in lines if line.endswith("|")]
     assert speeds[:3] == [30, 60, 90]
     assert speeds[-1] == 1000
+
+
+def test_the_range_that_was_compared_is_marked(capsys: pytest.CaptureFixture[str]) -> None:
+    """Curve C of 14HS17-0504S: from 90 (below lies the resonance) to 450 rev/min."""
+    show_motor("14HS17-0504S", Stage(20.0, 0.5, 2))
+    out = capsys.readouterr().out
+    marked = [float(line.split()[0]) for line in out.splitlines() if line.strip()[:1].isdigit() and " * " in line]
+    assert marked == [90, 150, 200, 250, 300, 350, 400, 450]
+    assert "* compared with the maker's curve, at 20 V, 0.5 A, half step, 90 to 450 rev/min" in out
+    show_motor("14HS17-0504S", Stage(24.0, 0.5, 2))
+    assert " * " not in capsys.readouterr().out
+    show_motor("57HS56-2804", Stage(32.0, 2.0, 2))
+    assert "no maker's curve of this motor was compared" in capsys.readouterr().out
 
 
 def test_by_default_1600_microsteps_a_revolution_at_rated_current() -> None:

@@ -23,7 +23,7 @@ def motor(
     ] = None,
     picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
 ) -> int:
-    """Show a motor's torque curve with its closed-form envelope.
+    """Show a motor's torque curve with its closed forms: a prediction, and a bound. * marks what was compared.
 
     On 48 V with the rated current and 1600 microsteps a revolution, or on the stage that a machine has for it.
     """

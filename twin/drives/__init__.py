@@ -20,7 +20,14 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 
 if TYPE_CHECKING:
-    from isel_twin.drives.curves import pull_in_rate, pull_out_envelope, pull_out_torque, resonance_hz, starts_in_step
+    from isel_twin.drives.curves import (
+        pull_in_rate,
+        pull_out_envelope,
+        pull_out_prediction,
+        pull_out_torque,
+        resonance_hz,
+        starts_in_step,
+    )
 
 __all__ = [
     "MOTORS",
@@ -29,6 +36,7 @@ __all__ = [
     "Stage",
     "pull_in_rate",
     "pull_out_envelope",
+    "pull_out_prediction",
     "pull_out_torque",
     "resonance_hz",
     "starts_in_step",

@@ -10,13 +10,24 @@ The bench is the motor, an inertia on its shaft and a generator as brake, whose 
 motor accelerates against it to the speed in question and must hold it. A motor is out of step for good once it lags by
 four full steps, one turn of the electrical angle.
 
-The closed form knows nothing of motion (P. Acarnley, Stepping Motors: a phasor diagram without instability); it bounds
-what the bench finds:
+Two closed forms stand beside it. Neither knows anything of motion, and so of instability. The first bounds what the
+bench finds (P. Acarnley, Stepping Motors: phasor diagram), with one limit at a time:
 
     T(w) = min(g Km I, Nr psi V1/|Z| - Nr we psi^2 R/|Z|^2) - T_fe(w)
     we = Nr w,  psi = Km/Nr,  |Z|^2 = R^2 + we^2 L^2,  V1 = 4/pi V,  g: fundamental of the current wave over I
 
 V is the mean of what drives a current and what it flows back against, since a limited stage does both in turn.
+
+The second predicts it, to about 6 % where the motor does not swing itself out of step. Both limits hold at once: in
+axes that turn with the rotor (d along its magnets, T = Km i_q) the current vector lies in the circle that the stage
+asks for, and in the one that the voltage allows:
+
+    |i| <= g I            |(R + j we L) i + j we psi| <= V1            T(w) = Km max i_q - T_fe(w)
+
+The second circle has its centre at -j we psi / (R + j we L), the radius V1 / |R + j we L|, and wanders to negative d
+with speed. The highest point of what both have in common is first i = j g I, then where they cross, then the top of the
+second. A stage that follows its sine gives V1 = V at most. Where the second circle alone limits, the stage asks for
+X = g I/|i| times what flows and its voltage is a clipped sine, of amplitude V 2/pi (X asin(1/X) + sqrt(1 - 1/X^2)).
 """
 
 from __future__ import annotations
@@ -193,6 +204,37 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     by_supply -= electrical * km**2 / motor.pole_pairs * resistance / impedance**2
     by_current = _fundamental(stage) * km * stage.current_a
     return max(0.0, min(by_current, by_supply) - motor.iron_torque_nm(omega))
+
+
+def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
+    """Pull-out torque in Nm at a speed in rev/min as the closed form predicts it (see the module), 0 or more."""
+    omega = speed_rpm * 2.0 * math.pi / 60.0
+    electrical = motor.pole_pairs * omega
+    impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, electrical * motor.inductance_h)
+    centre = -1j * omega * motor.torque_constant_nm_per_a / impedance
+    current = _fundamental(stage) * stage.current_a
+    radius = 0.5 * (stage.drive_v + stage.supply_v) / abs(impedance)
+    best = _highest(current, centre, radius)
+    if 0.0 < abs(best) < current * (1.0 - 1e-9):
+        excess = current / abs(best)
+        clipped = 2.0 / math.pi * (excess * math.asin(1.0 / excess) + math.sqrt(1.0 - 1.0 / excess**2))
+        best = _highest(current, centre, radius * clipped)
+    return max(0.0, motor.torque_constant_nm_per_a * best.imag - motor.iron_torque_nm(omega))
+
+
+def _highest(current: float, centre: complex, radius: float) -> complex:
+    """The point of largest imaginary part in |i| <= current and |i - centre| <= radius; 0 if they do not meet."""
+    if abs(1j * current - centre) <= radius:
+        return 1j * current
+    top = centre + 1j * radius
+    if abs(top) <= current:
+        return top
+    distance = abs(centre)
+    along = (current**2 - radius**2 + distance**2) / (2.0 * distance)
+    if along >= current:
+        return 0j
+    across = math.sqrt(current**2 - along**2)
+    return max((centre / distance * complex(along, side) for side in (across, -across)), key=lambda i: i.imag)
 
 
 def _fundamental(stage: Stage) -> float:

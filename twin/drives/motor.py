@@ -5,6 +5,9 @@ follows from the holding torque, which is measured with both phases at rated cur
 
     Km = T_hold / (sqrt(2) I)
 
+Sheets print that current without saying whether it is the peak of the microstep wave or its RMS value. Km is the same;
+the drive may be set to I, or to sqrt(2) I, and the torque in microstep differs by as much. Taken for peak unless named.
+
 The magnets of a turning rotor drive eddy currents through the iron of the teeth, with the phases open as well as on.
 Their path has a resistance and an inductance, as a short-circuited winding has, so the drag has a knee:
 
@@ -32,6 +35,7 @@ half a sheet's thickness d at 8 rho / (mu d^2), 3600 rad/s for 0.3 uohm m and mu
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,11 +43,16 @@ from types import MappingProxyType
 
 from isel_twin.parameters import check, number
 
+log = logging.getLogger("isel_twin")
+
 IRON_LOSS = 1650.0
 """Iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)."""
 
 IRON_KNEE_RAD_S = 3600.0
 """Electrical angular frequency of the knee of the iron drag, rad/s (decision D2)."""
+
+RUNNING_SHARE = (0.8, 1.15)
+"""Torque at low speed in microstep over Km times the peak current: detent, friction and ripple take a little."""
 
 DETENT_PER_MOTOR_CONSTANT = 0.12
 """Detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)."""
@@ -71,7 +80,7 @@ class Motor:
     pole_pairs: int = number("1", 1, 1000, key="pole_pairs", whole=True, optional=True, default=50)
     """Rotor teeth: 50 for 1.8 degrees, 100 for 0.9 degrees a full step."""
     rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current_a", optional=True, default=math.nan)
-    """Phase current the maker allows with both phases on; nan: unknown."""
+    """Peak of the phase current that the maker allows; nan: unknown."""
     iron_knee_rad_s: float = number("rad/s", 1e-3, math.inf, key="iron_knee_rad_s", optional=True, default=math.nan)
     """Speed at which the iron drag is largest, math.inf for drag that grows without end; nan: by rule."""
 
@@ -106,23 +115,52 @@ def _iron_loss_ohm(motor: Motor) -> float:
 
 def from_datasheet(
     holding_torque_nm: float,
-    rated_current_a: float,
-    resistance_ohm: float,
-    inductance_h: float,
-    rotor_inertia_kgm2: float,
+    rated_current_a: float = math.nan,
+    resistance_ohm: float = math.nan,
+    inductance_h: float = math.nan,
+    rotor_inertia_kgm2: float = math.nan,
     detent_torque_nm: float = math.nan,
     pole_pairs: int = 50,
+    *,
+    rated_current_rms_a: float = math.nan,
+    running_torque_nm: float = math.nan,
 ) -> Motor:
-    """The motor whose data sheet gives these figures; the holding torque with both phases at rated current."""
-    return Motor(
+    """The motor whose data sheet gives these figures; the holding torque with both phases at the current it prints.
+
+    rated_current_a      the printed current, taken for the peak of the microstep wave
+    rated_current_rms_a  the same, taken for its RMS value: the peak, which the motor then has as `rated_current_a`, is
+                         41 % more, and so is its torque in microstep. Give one of the two
+    running_torque_nm    what the sheet's torque curve begins with, in microstep at that current, if it has one; about
+                         Km times the peak. One line of the log tells a figure that does not fit, and whether it
+                         fits the other meaning of the current
+
+    Raises ValueError for no current or for both, and for what `Motor` refuses.
+    """
+    given = [current for current in (rated_current_a, rated_current_rms_a) if not math.isnan(current)]
+    if len(given) != 1:
+        raise ValueError("motor: give either rated_current_a (peak) or rated_current_rms_a")
+    rms = math.isnan(rated_current_a)
+    motor = Motor(
         resistance_ohm=resistance_ohm,
         inductance_h=inductance_h,
-        torque_constant_nm_per_a=holding_torque_nm / (math.sqrt(2.0) * rated_current_a),
+        torque_constant_nm_per_a=holding_torque_nm / (math.sqrt(2.0) * given[0]),
         rotor_inertia_kgm2=rotor_inertia_kgm2,
         detent_torque_nm=detent_torque_nm,
         pole_pairs=pole_pairs,
-        rated_current_a=rated_current_a,
+        rated_current_a=math.sqrt(2.0) * given[0] if rms else given[0],
     )
+    share = running_torque_nm / (motor.torque_constant_nm_per_a * motor.rated_current_a)
+    if share > RUNNING_SHARE[1] or share < RUNNING_SHARE[0]:
+        reading, other = ("RMS", "peak") if rms else ("peak", "RMS")
+        fits = RUNNING_SHARE[0] <= share * (math.sqrt(2.0) if rms else math.sqrt(0.5)) <= RUNNING_SHARE[1]
+        remedy = f"it fits {other}: give rated_current{'' if rms else '_rms'}_a" if fits else f"nor does it fit {other}"
+        log.warning(
+            "motor: a running torque of %.3g Nm with a holding torque of %.3g Nm does not fit %.3g A as %s "
+            "(%.3g Nm at most); %s (41 %% between them)",
+            running_torque_nm, holding_torque_nm, given[0], reading,
+            motor.torque_constant_nm_per_a * motor.rated_current_a, remedy,
+        )  # fmt: skip
+    return motor
 
 
 MOTORS: Mapping[str, Motor] = MappingProxyType(
@@ -137,6 +175,9 @@ MOTORS: Mapping[str, Motor] = MappingProxyType(
         "cnc3d-NEMA23": from_datasheet(2.45, 3.0, 1.2, 4.0e-3, 600e-7, detent_torque_nm=0.09),
         # LDO, 0.9 degrees; figures of the public stepper-calculator collection.
         "57STH56-2804MAC": from_datasheet(1.2, 2.8, 1.1, 3.4e-3, 305e-7, pole_pairs=100),
+        # StepperOnline data sheets; with the first of this table, the motors whose makers' curves were compared.
+        "17HS19-2004S": from_datasheet(0.52, 2.0, 1.4, 3.0e-3, 82e-7),
+        "14HS17-0504S": from_datasheet(0.23, 0.5, 15.0, 26e-3, 18e-7),
     }
 )
-"""Stand-in motors by type name (isel publishes no motor data): NEMA 23, 0.6 .. 1.2 ohm as isel states for its own."""
+"""Motors by type name. isel has published no motor data: stand-ins are NEMA 23, 0.6 .. 1.2 ohm as isel says of its."""

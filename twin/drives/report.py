@@ -1,10 +1,11 @@
 """The torque curve of a motor as a table, as bars in a terminal and as a picture.
 
-The goal of this code is to show what a motor and a stage can do, with the closed form beside what the bench found:
+The goal of this code is to show what a motor and a stage can do, with the closed forms beside what the bench found, and
+how far anybody has compared it with a measurement:
 
-       rpm   pull-out   envelope    0 ... Nm
-       300      1.651      1.662    ##########################|
-       600      1.355      1.544    #####################   |
+       rpm   pull-out  predicted      bound    0 ... Nm
+       300 *    1.651      1.660      1.662    ##########################|
+       650      1.355      1.371      1.544    #####################   |     * where a maker's curve was compared
 """
 
 from __future__ import annotations
@@ -14,12 +15,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from isel_twin.drives.curves import pull_in_rate, pull_out_envelope, pull_out_torque, resonance_hz
+from isel_twin.drives.curves import (
+    pull_in_rate,
+    pull_out_envelope,
+    pull_out_prediction,
+    pull_out_torque,
+    resonance_hz,
+)
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.stage import Stage
 
 SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))
-"""Speeds of the table: up to 1000 rev/min; curves were compared up to 600."""
+"""Speeds of the table."""
+
+COMPARED = {
+    "23HS32-4004S": ((36.0, 48.0), (90.0, 600.0), "36 and 48 V, 4.2 A peak, microstep, digital drive"),
+    "17HS19-2004S": ((24.0, 24.0), (25.0, 1500.0), "24 V, 2 A peak, microstep, digital drive"),
+    "14HS17-0504S": ((20.0, 20.0), (90.0, 450.0), "20 V, 0.5 A, half step"),
+}
+"""Supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared."""
 
 BAR = 40
 """Characters of the longest bar."""
@@ -31,13 +45,20 @@ class TorquePoint:
 
     speed_rpm: float
     pull_out_nm: float
+    predicted_nm: float
     envelope_nm: float
 
 
 def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEEDS_RPM) -> list[TorquePoint]:
-    """Pull-out torque from the bench and from the closed form, for each speed."""
+    """Pull-out torque from the bench and from both closed forms, for each speed."""
     return [
-        TorquePoint(rpm, pull_out_torque(motor, stage, rpm), pull_out_envelope(motor, stage, rpm)) for rpm in speeds_rpm
+        TorquePoint(
+            rpm,
+            pull_out_torque(motor, stage, rpm),
+            pull_out_prediction(motor, stage, rpm),
+            pull_out_envelope(motor, stage, rpm),
+        )
+        for rpm in speeds_rpm
     ]
 
 
@@ -81,7 +102,8 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     speeds = [point.speed_rpm for point in table]
-    axes.plot(speeds, [point.envelope_nm for point in table], "--", label="closed-form envelope")
+    axes.plot(speeds, [point.envelope_nm for point in table], "--", label="closed form: bound")
+    axes.plot(speeds, [point.predicted_nm for point in table], ":", label="closed form: prediction")
     axes.plot(speeds, [point.pull_out_nm for point in table], "o-", markersize=3, label="pull-out torque")
     axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
     axes.grid(alpha=0.3)
@@ -91,31 +113,39 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
 
 def _title(name: str, stage: Stage) -> str:
     steps = {1: "full step", 2: "half step"}.get(stage.microsteps, f"{stage.microsteps} microsteps a full step")
-    return f"{name} at {stage.supply_v:g} V, {stage.current_a:g} A peak, {steps}"
+    damped = ", damped" if stage.damping_gain > 0.0 and not stage.stepped else ""
+    return f"{name} at {stage.supply_v:g} V, {stage.current_a:g} A peak, {steps}{damped}"
 
 
 def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -> list[str]:
-    """Lines for a terminal: data, the table with bars (# pull-out, | envelope), starting rate and resonance."""
+    """Lines for a terminal: data, the table with bars (# pull-out, | bound), starting rate and resonance."""
+    never = (math.inf, -math.inf)
+    supplies, speeds, conditions = COMPARED.get(name, (never, never, ""))
+    compared = supplies[0] <= stage.supply_v <= supplies[1]
     top = max(point.envelope_nm for point in table) or 1.0
     lines = [
         _title(name, stage),
         f"R {motor.resistance_ohm:g} ohm, L {motor.inductance_h * 1e3:g} mH, Km {motor.torque_constant_nm_per_a:.3f} "
         f"Nm/A, J {motor.rotor_inertia_kgm2:g} kg m^2, detent {motor.detent_torque_nm:.3f} Nm, "
-        f"Rm {motor.iron_loss_ohm:.3g} ohm",
+        f"Rm {motor.iron_loss_ohm:.3g} ohm, iron drag largest at {motor.iron_knee_rad_s * 30.0 / math.pi:.0f} rev/min",
         "",
-        f"{'rpm':>6} {'pull-out Nm':>12} {'envelope Nm':>12}",
+        f"{'rpm':>6}   {'pull-out Nm':>12} {'predicted Nm':>12} {'bound Nm':>12}",
     ]
     for point in table:
         bar = list("#" * round(BAR * point.pull_out_nm / top) + " " * (BAR + 1))
         bar[round(BAR * point.envelope_nm / top)] = "|"
         picture = "".join(bar).rstrip()
-        lines.append(f"{point.speed_rpm:6g} {point.pull_out_nm:12.3f} {point.envelope_nm:12.3f}  {picture}")
+        mark = "*" if compared and speeds[0] <= point.speed_rpm <= speeds[1] else " "
+        figures = " ".join(f"{nm:12.3f}" for nm in (point.pull_out_nm, point.predicted_nm, point.envelope_nm))
+        lines.append(f"{point.speed_rpm:6g} {mark} {figures}  {picture}")
     rate = pull_in_rate(motor, stage)
     lines += [
         "",
         f"starts from rest, unloaded: up to {rate:.0f} steps/s of this stage "
         f"({rate / stage.microsteps:.0f} full steps/s), except near its resonance",
         f"resonance, unloaded: {resonance_hz(motor, stage):.0f} Hz",
-        "compared with a maker's curve up to 600 rev/min only: see docs/fidelity.md",
+        f"* compared with the maker's curve, at {conditions}, {speeds[0]:g} to {speeds[1]:g} rev/min: docs/fidelity.md"
+        if conditions
+        else "no maker's curve of this motor was compared; the law was on others: see docs/fidelity.md",
     ]
     return lines

@@ -47,7 +47,7 @@ class Stage:
     """Where the over-temperature contact opens (estimate)."""
     damping_gain: float = number("1", 0.0, 5.0, optional=True, default=0.0)
     """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
-    damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=200.0)
+    damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     """Corner of the low pass that tells the mean load angle from its swing."""
 
     def __post_init__(self) -> None:
