@@ -6,8 +6,9 @@ rest
     steps are lost  <=>  |counter - rotor| >= slip / 2
 
 and anything less is load angle. Almost half a slip is neither: there, between two places that would hold, dry friction
-keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the next touch takes it one way or the other;
-so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the counter anew, counts too.
+keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the next touch takes it one way or the
+other; so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the
+counter anew, counts too.
 
 Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
 an emergency stop, and had it come after the end of the job, has seen nothing.
