@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.drives.stage import Stage
-from isel_twin.plant import Threshold
+from isel_twin.plant import Cut, Threshold
 
 
 class PlantByHand:
@@ -38,6 +38,7 @@ class PlantByHand:
         """Trip points told, by number of the threshold."""
         self.pushed: list[tuple[int, float]] = []
         self.phases: list[tuple[int, str]] = []
+        self.cuts: list[Cut | None] = []
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         self.time_ns = until_ns
@@ -54,6 +55,9 @@ class PlantByHand:
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         self.pushed.append((axis, force_n, place))
+
+    def set_cut(self, cut: Cut | None) -> None:
+        self.cuts.append(cut)
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         self.phases.append((axis, phases))
