@@ -105,9 +105,21 @@ def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
 def reach(machine: Machine, model: mujoco.MjModel) -> dict[str, NDArray[np.float64]]:
     """By place, float64 [3, nv]: what each joint contributes to X, Y and Z by moving tool or table; their sum is
     `tool_motion` without squareness. Its transpose turns forces on that place into those on the joints.
+
+    Raises MachineError for a structural joint that does not move the tool over the table along its axis, the way that
+    positions rise.
     """
     jacobian, ways = _jacobian(model), _ways(machine, model)
-    return {"tool": ways @ jacobian["tool"], "table": -ways @ jacobian["table"]}
+    places = {"tool": ways @ jacobian["tool"], "table": -ways @ jacobian["table"]}
+    for mode in machine.structure if machine.imperfections.structure else ():
+        moves = (places["tool"] + places["table"])[:, model.joint(mode.joint).dofadr[0]]
+        if not np.allclose(moves, np.array(CARRIAGES) == mode.axis, atol=1e-6):
+            way = ", ".join(f"{part:.3g}" for part in moves)
+            raise MachineError(
+                f"{machine.file}: structure.{mode.joint}: its joint moves the tool over the table by ({way}) along X, "
+                f"Y, Z; allowed: by 1 along {mode.axis}"
+            )
+    return places
 
 
 def left_of_x(machine: Machine, model: mujoco.MjModel) -> float:
