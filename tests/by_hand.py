@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.drives.stage import Stage
-from isel_twin.plant import Threshold
+from isel_twin.plant import Cut, Threshold
 
 
 class PlantByHand:
@@ -39,6 +39,7 @@ class PlantByHand:
         """Trip points told, by number of the threshold."""
         self.pushed: list[tuple[int, float]] = []
         self.phases: list[tuple[int, str]] = []
+        self.cuts: list[Cut | None] = []
 
     @property
     def told(self) -> NDArray[np.int64]:
@@ -59,6 +60,9 @@ class PlantByHand:
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         self.pushed.append((axis, force_n, place))
+
+    def set_cut(self, cut: Cut | None) -> None:
+        self.cuts.append(cut)
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         self.phases.append((axis, phases))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
+from isel_twin.plant import Cut
 from isel_twin.wiring import ScenarioError
 
 MOVE = "@0A32000,5000,0,30,0,30,0,30"  # 100 mm, 6.4 s
@@ -230,16 +231,66 @@ def test_what_needs_physics_is_said_and_counted_without(
         force_n = { x = 0.0 }
         phase_lost = { y = "" }
         set = { hood = "open" }
+        cut = "off"
         [[event]]
         at = 3.0
         phase_lost = { y = "a" }
         """,
         plant,
     )
-    said = f"{tmp_path}/scenario.toml: 2 of 3 events push a carriage or interrupt a motor phase"
+    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut or interrupt a motor phase"
     assert [record.getMessage().startswith(said) for record in caplog.records] == [True] * bool(idle)
     assert (twin.events_left, twin.events_without_effect) == (3, 0)
     twin.run(2.5)
     assert (twin.events_left, twin.events_without_effect) == (1, min(idle, 1))
     twin.run(2.5)
     assert (twin.events_left, twin.events_without_effect) == (0, idle)
+
+
+CUT = """
+[[event]]
+at = 22.0
+[event.cut]
+diameter = 6.0
+flutes = 2
+depth = 0.5
+width = 6.0
+spindle = 3600
+kc = { value = 800, unit = "N/mm2", grade = "estimate", source = "aluminium" }
+[[event]]
+at = 24.0
+cut = "off"
+"""
+
+
+def test_a_cut_shows_while_it_lasts(tmp_path: Path) -> None:
+    """2 x 0.5 mm x 800 N/mm2 x 0.13 mm / 4 = 26 N across a feed along X push portal and table apart in Y."""
+    twin = home(twin_with(tmp_path, CUT, "mujoco"))
+    twin.run(20.0 - twin.time_ns / 1e9)
+    seen: list[float] = []
+    twin.observe(lambda now: seen.append(now.position_mm[1]), 1_000_000)
+    assert twin.query(MOVE) == "0"
+    before, during, after = (np.array(seen[start:end]) for start, end in ((500, 1900), (2500, 3900), (4500, 5900)))
+    assert np.ptp(before) < 1e-3
+    assert np.ptp(during) > 5e-3, "teeth pass 120 times a second"
+    assert np.ptp(after) < 1e-3
+    assert during.mean() - before.mean() > 26.0 / 5e3
+    assert np.abs(twin.lost_steps).max() < 4.0
+
+
+def test_a_cut_between_two_lines_of_a_job() -> None:
+    """And on the plant without physics it does nothing."""
+    cut = Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=3600.0, kc_n_mm2=800.0)
+    for plant, shaken in (("mujoco", True), ("kinematic", False)):
+        twin = home(Twin(plant=plant, start_mm=START_MM))
+        spans = []
+        for begins in (None, cut, None):
+            twin.set_cut(begins)
+            twin.write(b"@0A320,5000,0,30,0,30,0,30\r")
+            seen: list[float] = []
+            for _ in range(100):
+                twin.run(0.002)
+                seen.append(twin.position_mm[1])
+            twin.run(1.0)
+            spans.append(np.ptp(seen))
+        assert (spans[1] > 3.0 * max(spans[0], spans[2], 1e-6)) == shaken

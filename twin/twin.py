@@ -44,7 +44,7 @@ from isel_twin.controller import (
 from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import PLACES, Plant, Threshold
+from isel_twin.plant import PLACES, Cut, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.wiring import SerialLine, Wiring, check_input, load_scenario, thresholds
@@ -146,7 +146,7 @@ class Twin:
             events = load_scenario(scenario, self._wiring.settable)
             self._wiring.schedule(events)
             if not self._plant.physics and (idle := sum(event.physical for event in events)):
-                what = f"{idle} of {len(events)} events push a carriage or interrupt a motor phase"
+                what = f"{idle} of {len(events)} events push, cut or interrupt a motor phase"
                 log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
@@ -373,6 +373,10 @@ class Twin:
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
         self._plant.apply_force(axis, force_n, place)
+
+    def set_cut(self, cut: Cut | None) -> None:
+        """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
+        self._plant.set_cut(cut)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
         """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""

@@ -97,7 +97,7 @@ class Verdict:
     events_after_end: int = 0
     """Events of the scenario that were still to come when the last command was over."""
     events_without_effect: int = 0
-    """Forces and lost phases of the scenario on a plant without physics."""
+    """Forces, cuts and lost phases of the scenario on a plant without physics."""
 
     @property
     def accepted(self) -> int:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin.plant import Cut
 from isel_twin.wiring import FAULTS, ScenarioError, load_scenario
 from isel_twin.wiring.cabinet import ELEMENTS
 
@@ -42,6 +43,46 @@ def test_a_force_acts_at_a_place(tmp_path: Path) -> None:
     assert [event.place for event in load(tmp_path, text)] == ["", "table"]
 
 
+CUT = """
+[[event]]
+at = 1
+[event.cut]
+diameter = 6.0
+flutes = 2
+depth = 0.5
+width = {width}
+spindle = 18000
+kc = {kc}
+"""
+KC = '{ value = 800, unit = "N/mm2", grade = "estimate", source = "aluminium" }'
+
+
+def test_a_cut_begins_and_ends(tmp_path: Path) -> None:
+    begin, end = load(tmp_path, CUT.format(width=3, kc=KC) + "[[event]]\nat = 2\ncut = 'off'\n")
+    assert begin.cut == Cut(6.0, 2, 0.5, 3.0, 18_000.0, 800.0, radial=0.3, climb=True)
+    assert begin.physical
+    assert end.cut == "off"
+    assert not end.physical
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CUT.format(width=7, kc=KC), "event 1.cut: cut: width must be at most the diameter, 6 mm, not 7.0"),
+        (CUT.format(width=0, kc=KC), "event 1.cut.width: 0; allowed: 0.001 .. 100 mm"),
+        (CUT.format(width=1, kc=800), "event 1.cut.kc: 800; allowed: a table such as { value = 0.1, unit"),
+        (CUT.format(width=1, kc=KC) + "helix = 30", "event 1.cut.helix: unknown key"),
+        ("[[event]]\nat = 1\ncut = 'on'", "event 1.cut: 'on'; allowed: off"),
+        ("[[event]]\nat = 1\n[event.cut]\ndiameter = 6", "event 1.cut.flutes: missing"),
+    ],
+)
+def test_a_wrong_cut_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        load(tmp_path, text)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -50,7 +91,7 @@ def test_a_force_acts_at_a_place(tmp_path: Path) -> None:
         ("[[event]]\nset = { hood = 'open' }", "event 1.at: missing; allowed: 0 .. 1e+09 s"),
         ("[[event]]\nat = -1", "event 1.at: -1; allowed: 0 .. 1e+09 s"),
         ("[[event]]\nat = true", "event 1.at: True; allowed: 0 .. 1e+09 s"),
-        ("[[event]]\nat = 1", "event 1: nothing happens; say what: set, force_n, phase_lost, noise"),
+        ("[[event]]\nat = 1", "event 1: nothing happens; say what: set, force_n, phase_lost, noise, cut"),
         ("[[event]]\nat = 1\nsett = {}", "event 1.sett: unknown key; did you mean 'set'?"),
         ("[[event]]\nat = 1\nset = { hoood = 'open' }", "unknown input 'hoood'; did you mean 'hood'?"),
         (
@@ -63,7 +104,10 @@ def test_a_force_acts_at_a_place(tmp_path: Path) -> None:
         ("[[event]]\nat = 1\nnoise = 2", "event 1.noise: 2; allowed: 0 .. 1"),
         ("[[event]]\nat = 1\nset = 'hood'", "event 1.set: 'hood'; allowed: a table such as { name = value }"),
         ("[[event]]\nat = 1\nforce_n = { x = 1e6 }", "event 1.force_n.x: 1000000.0; allowed: -100000 .. 100000 N"),
-        ("[[event]]\nat = 1\nplace = 'tool'", "event 1: nothing happens; say what: set, force_n, phase_lost, noise"),
+        (
+            "[[event]]\nat = 1\nplace = 'tool'",
+            "event 1: nothing happens; say what: set, force_n, phase_lost, noise, cut",
+        ),
         ("[[event]]\nat = 1\nnoise = 0\nplace = 'tool'", "event 1.place: no force acts there; allowed: beside force_n"),
         ("[[event]]\nat = 1\nforce_n = { x = 1 }\nplace = 'hood'", "event 1.place: 'hood'; allowed: tool, table"),
         ("[[event]", "not a TOML file"),

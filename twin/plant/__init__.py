@@ -6,6 +6,8 @@ kernel.py      the compiled loop: drives and MuJoCo together, up to the first th
 glide.py       MuJoCo's step between the stops, written out
 mujoco.py      the MuJoCo plant around it (default)
 model.py       the MuJoCo model of a machine
+cutting.py     forces of a milling cutter: what it is, equations
+teeth.py       and tooth by tooth, compiled
 picture.py     what it looks like
 kinematic.py   the carriage follows its command exactly; thresholds still work
 """
@@ -22,8 +24,9 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import Stage
+from isel_twin.plant.cutting import Cut
 
-__all__ = ["PLACES", "Plant", "Quantity", "Threshold"]
+__all__ = ["PLACES", "Cut", "Plant", "Quantity", "Threshold"]
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}
 """Where a force can act from outside, and the site of the MuJoCo model that stands for it."""
@@ -124,6 +127,11 @@ class Plant(Protocol):
         place: one of PLACES; "": the one that this axis moves. A positive force pushes tool or table the way that
         `position_mm` rises, and loads every joint between there and the ground. An axis has one push: a new one
         replaces it, wherever it was. ValueError for a place that does not exist.
+        """
+
+    def set_cut(self, cut: Cut | None) -> None:
+        """Begin a cut (cutting.py), which pushes the tool, and the table the other way, as long as the tool goes over
+        the table; None ends it. A new one replaces it.
         """
 
     def set_phase_lost(self, axis: int, phases: str) -> None:

@@ -44,11 +44,12 @@ from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import glide as gliding
-from isel_twin.plant import lead
+from isel_twin.plant import lead, teeth
 from isel_twin.plant import margin as margins
 from isel_twin.plant.glide import glide
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
+from isel_twin.plant.teeth import bite
 
 AXES = 3
 """Axes with mechanics."""
@@ -190,13 +191,34 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 @njit(nogil=True, error_model="numpy")
 def _leave_window(
-    plant, axes, states, joints, mobility, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
+    plant,
+    axes,
+    states,
+    joints,
+    mobility,
+    push,
+    springs,
+    rates,
+    cut,
+    cut_joints,
+    qpos,
+    before,
+    qvel,
+    qacc,
+    qacc_smooth,
+    qfrc,
 ):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
     quiet = plant.led_until_ns <= plant.now * plant.substep_ns
     for j in range(qfrc.shape[0]):
         qfrc[j] = push[0, j] + push[1, j] / plant.window
         push[1, j] = 0.0
+    if cut.sum_x_n != 0.0 or cut.sum_y_n != 0.0:
+        quiet = False
+        for j in range(qfrc.shape[0]):
+            qfrc[j] += (cut_joints[0, j] * cut.sum_x_n + cut_joints[1, j] * cut.sum_y_n) / plant.window
+        cut.sum_x_n = 0.0
+        cut.sum_y_n = 0.0
     for i in range(AXES):
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
@@ -227,6 +249,8 @@ def _leave_window(
             qvel[j] = 0.0
             rates[j] = 0.0
             before[j] = qpos[j]
+        cut.x_m_s = 0.0
+        cut.y_m_s = 0.0
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
@@ -270,21 +294,24 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates,
-    qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns, lead_ns,
+    plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates, cuts,
+    cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns,
+    lead_ns,
 ):  # fmt: skip
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
 
     plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
     commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
-    mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, rates [nv] qvel one window ago,
-    q... [nv] views of MuJoCo's arrays, before [nv] qpos one window ago, place [nv] where the joints are at until_ns;
+    mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT, cut_nuts [2, 3] and
+    cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at joints, q... [nv] views of
+    MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where the joints are at until_ns;
     t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
     lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
+    cut = cuts[0]
     plant.edge = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
@@ -331,12 +358,17 @@ def advance(
                         axes[i].command -= mean_behind(leads[i], t_ns[made], end_ns, dt_ns) - before_it
             made += 1
 
+        if cut.on:
+            x_m_s = drives[0].travel_m_per_rad * states[0].omega_rad_s
+            bite(cut, plant.now, x_m_s, drives[1].travel_m_per_rad * states[1].omega_rad_s)
         for i in range(AXES):
             axis = axes[i]
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
             force_n = axis.push_n + step_axis(
                 drives[i], states[i], axis.command, axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
+            if cut.on:
+                force_n += cut_nuts[0, i] * cut.x_n + cut_nuts[1, i] * cut.y_n
             axis.sum_n += force_n
             axis.sum_nm += states[i].torque_nm
             free_m_s = axis.v_m_s + dt_s * (axis.mobility_per_kg * force_n + axis.rest_m_s2)
@@ -352,7 +384,22 @@ def advance(
                 axes[i].sum_nm = 0.0
             look(plant, axes, states, commanded, leads, available)
             _leave_window(
-                plant, axes, states, joints, mobility, push, springs, rates, qpos, before, qvel, qacc, qacc_smooth, qfrc
+                plant,
+                axes,
+                states,
+                joints,
+                mobility,
+                push,
+                springs,
+                rates,
+                cut,
+                cut_joints,
+                qpos,
+                before,
+                qvel,
+                qacc,
+                qacc_smooth,
+                qfrc,
             )
             if plant.lost_dof >= 0:
                 break
@@ -374,5 +421,11 @@ def advance(
 
 
 dynamics.drop_stale_code(
-    advance, dynamics.__file__, trigonometry.__file__, gliding.__file__, lead.__file__, margins.__file__
+    advance,
+    dynamics.__file__,
+    trigonometry.__file__,
+    gliding.__file__,
+    lead.__file__,
+    margins.__file__,
+    teeth.__file__,
 )

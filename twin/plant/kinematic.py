@@ -24,7 +24,7 @@ from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
-from isel_twin.plant import Threshold, lead
+from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 from isel_twin.units import SECOND_NS
 
@@ -226,6 +226,9 @@ class KinematicPlant:
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """Without physics there is nothing to push."""
+
+    def set_cut(self, cut: Cut | None) -> None:
+        """Without physics there is nothing that a cut could push."""
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Without physics there are no phases."""

@@ -105,17 +105,43 @@ def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
 def reach(machine: Machine, model: mujoco.MjModel) -> dict[str, NDArray[np.float64]]:
     """By place, float64 [3, nv]: what each joint contributes to X, Y and Z by moving tool or table; their sum is
     `tool_motion` without squareness. Its transpose turns forces on that place into those on the joints.
+
+    Raises MachineError for a structural joint that does not move the tool over the table along its axis, the way that
+    positions rise.
     """
+    jacobian, ways = _jacobian(model), _ways(machine, model)
+    places = {"tool": ways @ jacobian["tool"], "table": -ways @ jacobian["table"]}
+    for mode in machine.structure if machine.imperfections.structure else ():
+        moves = (places["tool"] + places["table"])[:, model.joint(mode.joint).dofadr[0]]
+        if not np.allclose(moves, np.array(CARRIAGES) == mode.axis, atol=1e-6):
+            way = ", ".join(f"{part:.3g}" for part in moves)
+            raise MachineError(
+                f"{machine.file}: structure.{mode.joint}: its joint moves the tool over the table by ({way}) along X, "
+                f"Y, Z; allowed: by 1 along {mode.axis}"
+            )
+    return places
+
+
+def left_of_x(machine: Machine, model: mujoco.MjModel) -> float:
+    """+1 if left of X is Y for who looks down along the tool (the way of Z), -1 if it is -Y."""
+    return math.copysign(1.0, -float(np.linalg.det(_ways(machine, model))))
+
+
+def _jacobian(model: mujoco.MjModel) -> dict[str, NDArray[np.float64]]:
+    """By place, float64 [3, nv]: its motion in the world by each joint."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    jacobian = {}
+    jacobian = {place: np.zeros((3, model.nv)) for place in PLACES}
     for place, site in PLACES.items():
-        jacobian[place] = np.zeros((3, model.nv))
         mujoco.mj_jacSite(model, data, jacobian[place], None, model.site(site).id)
+    return jacobian
+
+
+def _ways(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:
+    """float64 [3, 3], which way X, Y and Z point in the world: where they move the tool, seen from the table."""
+    jacobian = _jacobian(model)
     between = jacobian["tool"] - jacobian["table"]
-    # Which way an axis points in the world: where it moves the tool, seen from the table.
-    ways = np.array([between[:, model.joint(axis.name).dofadr[0]] for axis in machine.axes])
-    return {"tool": ways @ jacobian["tool"], "table": -ways @ jacobian["table"]}
+    return np.array([between[:, model.joint(axis.name).dofadr[0]] for axis in machine.axes])
 
 
 def mode_hz(machine: Machine, model: mujoco.MjModel) -> dict[str, float]:

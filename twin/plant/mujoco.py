@@ -24,10 +24,11 @@ from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, 
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
+from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
-from isel_twin.plant.model import load_model, reach, tool_motion
+from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
@@ -123,6 +124,10 @@ class MujocoPlant:
         """float64 [3, nv], what the push along each axis is at the joints."""
         self._push = np.zeros((2, model.nv))
         """What the pushes are beside `push_n`: now, and a correction of this window's sum for how they were before."""
+        self._cuts = np.zeros(1, CUT)
+        pulls = [self._split(way) for way in (self._reach["tool"] + self._reach["table"])[:2]]
+        self._cut_joints, self._cut_nuts = (np.array(part) for part in zip(*pulls, strict=True))
+        self._left = left_of_x(machine, model)
         self._lost = [""] * kernel.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
@@ -152,8 +157,9 @@ class MujocoPlant:
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, data.qpos,
-            self._before, self._place, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+            self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, self._cuts,
+            self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
+            data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
@@ -231,13 +237,21 @@ class MujocoPlant:
         if not place:
             place = "tool" if self._reach["tool"][axis, self._dof[axis]] else "table"
         self._pushes[axis] = force_n * self._reach[place][axis]
-        joints_n = self._pushes.sum(axis=0)
-        nuts_n = (self._mobility @ joints_n)[self._dof] / self._axes["mobility_per_kg"]
+        joints_n, nuts_n = self._split(self._pushes.sum(axis=0))
         self._axes["push_n"] = nuts_n
-        joints_n[self._dof] -= nuts_n
         over = self._plant["now"][0] % self._plant["window"][0]
         self._push[1] += over * (self._push[0] - joints_n)
         self._push[0] = joints_n
+
+    def set_cut(self, cut: Cut | None) -> None:
+        """See Plant.set_cut."""
+        kernel.wake(self._plant, self._axes)
+        set_cut(self._cuts, cut, int(self._plant["now"][0]), self.machine.timing.substep_ns * 1e-9, self._left)
+
+    @property
+    def cut_n(self) -> NDArray[np.float64]:
+        """float64 [2], force of the cut on the tool along X and Y in the last sub-step; the table has the opposite."""
+        return np.array([self._cuts["x_n"][0], self._cuts["y_n"][0]])
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point."""
@@ -381,6 +395,14 @@ class MujocoPlant:
                 axis["free_high_m"] = min(axis["free_high_m"], end_m - NEAR_M)
             else:
                 axis["free_low_m"] = max(axis["free_low_m"], end_m + NEAR_M)
+
+    def _split(self, joints_n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces on the joints [nv]: what is left of them [nv] beside forces on the nuts [3] that would accelerate the
+        carriages alike, and those."""
+        nuts_n = (self._mobility @ joints_n)[self._dof] / self._axes["mobility_per_kg"]
+        joints_n = joints_n.copy()
+        joints_n[self._dof] -= nuts_n
+        return joints_n, nuts_n
 
     def _set_phases(self) -> None:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]

@@ -20,6 +20,18 @@
 
     [[event]]
     at = 6.0
+    [event.cut]                              # a cutter is in the material, until an event with cut = "off"
+    diameter = 6.0                           # mm; and so are depth and width, across the feed (6 of 6: a slot)
+    flutes = 2
+    depth = 0.5
+    width = 6.0
+    spindle = 18000                          # turns a minute
+    kc = { value = 800, unit = "N/mm2", grade = "estimate", source = "aluminium" }     # specific cutting force
+    radial = 0.3                             # radial over tangential force; may be left out, and so may
+    climb = true                             # the material right of the feed; false: left; see plant/cutting.py
+
+    [[event]]
+    at = 6.5
     noise = 0.01                             # chance of a flipped bit in each byte on the serial line
 
 What one event sets changes together, in whatever order it is written; events at the same instant happen one after the
@@ -29,17 +41,18 @@ the file is read.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, read_toml, table, text
-from isel_twin.plant import PLACES
+from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, read_toml, section, table, text
+from isel_twin.plant import PLACES, Cut
 from isel_twin.units import SECOND_NS
 
-_KEYS = ("at", "set", "force_n", "phase_lost", "noise", "place")
+_KEYS = ("at", "set", "force_n", "phase_lost", "noise", "cut", "place")
 _ACTS = tuple(key for key in _KEYS if key not in ("at", "place"))
 _PHASES = ("a", "b", "ab", "")
 _AT_S = Limits("s", 0.0, 1e9)
@@ -62,11 +75,13 @@ class ScenarioEvent:
     noise: float | None = None
     place: str = ""
     """Of the forces, one of `isel_twin.plant.PLACES`; "": what each axis moves."""
+    cut: Cut | str = ""
+    """A cut that begins; "off": it ends; "": nothing of the kind."""
 
     @property
     def physical(self) -> bool:
-        """It pushes a carriage or interrupts a motor phase, which takes a plant with physics."""
-        return any(self.force_n.values()) or any(self.phase_lost.values())
+        """It pushes the machine, cuts or interrupts a motor phase, which takes a plant with physics."""
+        return any(self.force_n.values()) or any(self.phase_lost.values()) or isinstance(self.cut, Cut)
 
 
 def load_scenario(path: str | Path, settable: Mapping[str, tuple[str, ...]]) -> tuple[ScenarioEvent, ...]:
@@ -104,7 +119,20 @@ def _event(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[s
     phases = {axis: text(value, where, _PHASES) for axis, value, where in _of_axes(content, "phase_lost", place)}
     noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
     where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
-    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise, where)
+    cut = _cut(content["cut"], place.at("cut")) if "cut" in content else ""
+    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise, where, cut)
+
+
+def _cut(content: Any, place: Place) -> Cut | str:
+    """A cut from its table, or "off". What somebody sets is a plain number; what the material does has a source."""
+    if isinstance(content, str):
+        return text(content, place, ("off",))
+    numbers = dict(table(content, place))
+    for item in dataclasses.fields(Cut):
+        key, rule = item.metadata.get("key") or item.name, item.metadata["rule"]
+        if key != "kc" and isinstance(rule, Limits) and key in numbers and not isinstance(numbers[key], dict):
+            numbers[key] = {"value": numbers[key], "unit": rule.unit, "grade": "setting", "source": "scenario"}
+    return section(Cut, numbers, place)
 
 
 def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[int, Any, Place]]:

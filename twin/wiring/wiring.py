@@ -25,7 +25,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.controller import DriveInput
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine
-from isel_twin.plant import Plant, Threshold
+from isel_twin.plant import Cut, Plant, Threshold
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
@@ -211,6 +211,8 @@ class Wiring:
             self._operate_all(event.inputs)
         for axis, force_n in event.force_n.items():
             self._plant.apply_force(axis, force_n, event.place)
+        if event.cut:
+            self._plant.set_cut(event.cut if isinstance(event.cut, Cut) else None)
         for axis, phases in event.phase_lost.items():
             self._plant.set_phase_lost(axis, phases)
         if event.noise is not None:

@@ -1,0 +1,214 @@
+"""Cuts: forces as the closed form of the textbook, and where they show: frame, following, vibration, lost steps."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from isel_twin.plant.cutting import CUT, Cut, set_cut
+from isel_twin.plant.teeth import bite
+
+from .conftest import Bench, ramp_ns, ticks
+
+SUBSTEP_S = 25e-6
+SLOT = Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=6000.0, kc_n_mm2=800.0)
+
+
+def mean_n(cut: Cut, speed_m_s: float) -> tuple[float, float]:
+    """Mean force on the tool along the feed and to its left, N: the integral over a turn (Altintas, 2.2)."""
+    e = math.acos(1.0 - 2.0 * cut.width_mm / cut.diameter_mm)
+    low, high = (math.pi - e, math.pi) if cut.climb else (0.0, e)
+    sin_cos = 0.5 * (math.sin(high) ** 2 - math.sin(low) ** 2)
+    sin_sin = 0.5 * (high - low) - 0.25 * (math.sin(2.0 * high) - math.sin(2.0 * low))
+    feed_mm = 1e3 * speed_m_s * 60.0 / (cut.spindle_rpm * cut.flutes)
+    scale = cut.flutes * cut.kc_n_mm2 * cut.depth_mm * feed_mm / (2.0 * math.pi)
+    return -scale * (sin_cos + cut.radial * sin_sin), scale * (sin_sin - cut.radial * sin_cos)
+
+
+def bites(cut: Cut, velocity_m_s: Sequence[float], count: int, left: float = 1.0) -> np.ndarray:
+    """float64 [count, 2], forces in sub-steps at an even feed, the lag over."""
+    cuts = np.zeros(1, CUT)
+    set_cut(cuts, cut, 0, SUBSTEP_S, left)
+    cuts["x_m_s"], cuts["y_m_s"] = velocity_m_s
+    forces = []
+    for now in range(count):
+        bite(cuts[0], now, *velocity_m_s)
+        forces.append((cuts["x_n"][0], cuts["y_n"][0]))
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("width_mm", [6.0, 3.0, 1.5])
+@pytest.mark.parametrize("climb", [True, False])
+@pytest.mark.parametrize("direction", [0.0, 0.7, 2.0, -1.6])
+def test_mean_force_is_the_integral_over_a_turn(width_mm, climb, direction):
+    """4000 sub-steps are ten turns of 400; the edge of a tooth is somewhere in a sub-step, 0.9 degrees."""
+    cut = dataclasses.replace(SLOT, width_mm=width_mm, climb=climb)
+    speed = 0.02
+    mean = bites(cut, (speed * math.cos(direction), speed * math.sin(direction)), 4000).mean(axis=0)
+    along, leftwards = mean_n(cut, speed)
+    ahead, left = (
+        np.array([math.cos(direction), math.sin(direction)]),
+        np.array([-math.sin(direction), math.cos(direction)]),
+    )
+    scale = math.hypot(along, leftwards)
+    np.testing.assert_allclose(mean, along * ahead + leftwards * left, atol=0.02 * scale)
+
+
+def test_a_slot_by_hand():
+    """N a kc f / 4 across, r times as much against the feed: 2 x 0.5 mm x 800 N/mm2 x 0.1 mm / 4 = 20 N, 6 N."""
+    mean = bites(SLOT, (0.02, 0.0), 4000).mean(axis=0)
+    np.testing.assert_allclose(mean, (-6.0, 20.0), rtol=1e-3)
+    np.testing.assert_allclose(bites(SLOT, (0.02, 0.0), 4000, left=-1.0).mean(axis=0), (-6.0, -20.0), rtol=1e-3)
+
+
+def test_the_power_is_that_of_the_chips():
+    """Speed of the edge times tangential force: kc x depth x width x feed speed, summed over one tooth's arc."""
+    cut = dataclasses.replace(SLOT, radial=0.0, flutes=1, width_mm=2.0)
+    force = bites(cut, (0.02, 0.0), 4000)
+    tangential = np.hypot(force[:, 0], force[:, 1])
+    edge_m_s = math.pi * 6e-3 * 100.0
+    assert (tangential * edge_m_s).mean() == pytest.approx(800e6 * 0.5e-3 * 2e-3 * 0.02, rel=0.02)
+
+
+def test_no_chip_without_feed():
+    assert not bites(SLOT, (0.5e-6, 0.5e-6), 400).any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"width_mm": 7.0}, "cut: width must be at most the diameter, 6 mm, not 7.0"),
+        ({"flutes": 0}, "cut: flutes must lie in 1 .. 12, not 0"),
+        ({"spindle_rpm": 1e6}, "cut: spindle_rpm must lie in 60 .. 60000, not 1000000.0"),
+    ],
+)
+def test_a_wrong_cut_is_named(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(SLOT, **changes)
+
+
+FREE = {f"axes.all.{key}": 0.0 for key in ("shaft_coulomb", "guide_friction", "backlash")}
+
+
+def feed_x(b: Bench, hz: float, seconds: float) -> None:
+    """Feed along X at an even rate; 320 steps are a millimetre."""
+    t_ns = (np.arange(1, round(hz * seconds) + 1) * (1e9 / hz)).astype(np.int64)
+    b.feed(round(seconds * 1e9), t_ns, ticks(len(t_ns), 1))
+
+
+def sampled(b: Bench, hz: float, seconds: float, look) -> np.ndarray:
+    """look() every ms of a feed along X; float64 [seconds in ms, ...]."""
+    seen = []
+    for _ in range(round(1e3 * seconds)):
+        feed_x(b, hz, 1e-3)
+        seen.append(look())
+    return np.array(seen)
+
+
+def test_tool_and_table_are_pushed_apart_and_the_frame_gives(bench):
+    """20 mm/s in X: on the tool 20 N to the left (Y, the portal nods) and as much on the table the other way."""
+    b = bench(FREE, lowering=False)
+    feed_x(b, 6000.0, 0.5)
+    before = b.plant.data.qpos.copy()
+    b.plant.set_cut(SLOT)
+    feed_x(b, 6000.0, 1.5)
+    seen = sampled(b, 6000.0, 1.0, lambda: np.append(b.plant.data.qpos - before, b.plant.cut_n))
+    names = [b.plant.model.joint(j).name for j in range(b.plant.model.njnt)]
+    give_um = dict(zip(names, 1e6 * seen.mean(axis=0), strict=False))
+    along, across = mean_n(SLOT, 6000.0 / 320.0 * 1e-3)
+    assert give_um["nod_y"] == pytest.approx(across / 5.0, rel=0.03)
+    assert give_um["flex_y"] == pytest.approx(across / 8.0, rel=0.03)
+    assert give_um["flex_x"] == pytest.approx(along / 5.0, rel=0.1)
+    tool, table = (b.plant.model.joint(name).axis for name in ("nod_y", "flex_y"))
+    assert tool[1] == -table[1], "apart, in the world"
+
+
+def test_teeth_shake_the_frame_at_their_own_frequency(bench):
+    """Two teeth in a slot push across with a pure tone, F (1 - cos 2 phi - r sin 2 phi): one mass on its spring."""
+    cut = dataclasses.replace(SLOT, spindle_rpm=3600.0)
+    b = bench(FREE, lowering=False)
+    b.plant.set_cut(cut)
+    feed_x(b, 6000.0, 1.5)
+    joint = b.plant.model.joint("nod_y").qposadr[0]
+    swing = sampled(b, 6000.0, 1.0, lambda: b.plant.data.qpos[joint])
+    tone = 2.0 * np.abs(np.fft.rfft(swing - swing.mean())) / len(swing)
+    assert tone.argmax() == 120, "two teeth, 60 turns a second, bins of 1 Hz"
+    _, across = mean_n(cut, 6000.0 / 320.0 * 1e-3)
+    ratio = 120.0 / (math.sqrt(5e6 / 32.0) / (2.0 * math.pi))
+    grown = 1.0 / math.hypot(1.0 - ratio**2, 2.0 * 0.03 * ratio)
+    assert tone.max() == pytest.approx(math.hypot(1.0, 0.3) * across / 5e6 * grown, rel=0.05)
+
+
+def test_a_cut_shows_in_the_following_error(bench):
+    """Against the feed: r F; the motor lags by more, as at standstill (asin), for the torque at its shaft."""
+    cut = dataclasses.replace(SLOT, depth_mm=3.0, radial=1.0, spindle_rpm=12_000.0)
+    b = bench({**FREE, "axes.all.efficiency": 1.0}, lowering=False)
+    feed_x(b, 3200.0, 0.5)
+    before = sampled(b, 3200.0, 0.5, lambda: b.plant.lag[0]).mean()
+    b.plant.set_cut(cut)
+    feed_x(b, 3200.0, 0.5)
+    more = sampled(b, 3200.0, 0.5, lambda: b.plant.lag[0]).mean() - before
+    along, _ = mean_n(cut, 3200.0 / 320.0 * 1e-3)
+    torque_nm = -along * 5e-3 / (2.0 * math.pi)
+    stiffness = 50 * 0.424 * 4.2
+    assert more == pytest.approx(torque_nm / stiffness * 1600 / (2.0 * math.pi), rel=0.1)
+
+
+@pytest.mark.parametrize(("spindle_rpm", "loses"), [(6000.0, False), (120.0, True)])
+def test_a_spindle_too_slow_for_its_feed_loses_steps(bench, spindle_rpm, loses):
+    """31 mm/s, 1 mm deep: 62 N against the feed at 6000 turns a minute, 3 kN at 120, where the motor pulls 2 kN."""
+    b = bench()
+    b.plant.set_cut(dataclasses.replace(SLOT, depth_mm=1.0, radial=1.0, spindle_rpm=spindle_rpm))
+    b.move((6400, 0, 0), 10_000)
+    b.plant.set_cut(None)
+    b.wait(1000)
+    assert (abs(b.lost[0]) > 16) == loses
+
+
+def test_no_bit_depends_on_how_time_is_cut(bench):
+    t_ns = ramp_ns(3200, 8000)
+    end_ns = int(t_ns[-1]) + 300_000_000
+
+    def run(cuts_ns: list[int]) -> bytes:
+        b = bench()
+        b.plant.set_cut(SLOT)
+        done_ns, start_ns = 0, b.now_ns
+        for until_ns in [*cuts_ns, end_ns]:
+            mine = t_ns[(t_ns > done_ns) & (t_ns <= until_ns)]
+            assert b.plant.advance(start_ns + until_ns, start_ns + mine, ticks(len(mine), 1, 1)) == start_ns + until_ns
+            done_ns = until_ns
+        state = (b.plant.position_mm, b.plant.rotor, b.plant.data.qpos, b.plant.data.qvel, b.plant.cut_n)
+        return b"".join(part.tobytes() for part in state)
+
+    random = np.random.default_rng(1)
+    whole = run([])
+    assert run(np.sort(random.integers(1, end_ns, 40)).tolist()) == whole
+
+
+def test_a_spindle_in_the_material_of_a_machine_at_rest_does_nothing(bench):
+    """No feed, no chip: the plant comes to rest, and time is skipped; off again nothing is left."""
+    b = bench()
+    b.plant.set_cut(SLOT)
+    b.move((320, 320, 0), 3000)
+    b.wait(2000)
+    assert b.plant.at_rest
+    assert not b.plant.cut_n.any()
+    place = b.plant.position_mm
+    b.wait(3_600_000)
+    b.plant.set_cut(None)
+    b.wait(1000)
+    assert b.plant.at_rest
+    np.testing.assert_allclose(b.plant.position_mm, place, atol=2e-5, err_msg="20 nm of swing were cut off")
+
+
+def test_left_of_the_feed_is_left_in_the_world(bench):
+    """On the traverse Y points to the front: the same cut pushes towards minus Y."""
+    for name, sign in (("4030", 1.0), ("traverse", -1.0)):
+        b = bench(machine=name)
+        b.plant.set_cut(SLOT)
+        feed_x(b, 6000.0, 0.5)
+        assert sign * sampled(b, 6000.0, 0.2, lambda b=b: b.plant.cut_n[1]).mean() > 5.0

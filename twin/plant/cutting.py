@@ -1,0 +1,117 @@
+"""A cut: the forces of a milling cutter on tool and workpiece, tooth by tooth.
+
+Goal: a spindle at work shows where it hurts, in following, vibration and margin. The smallest model that has teeth
+(Y. Altintas, Manufacturing Automation, chapter 2): a force in proportion to the section of the chip,
+
+    h = f sin(phi)        f = v T: feed of a tooth,  T = 1 / (teeth x turns a second),  v: speed of tool over workpiece
+    F_t = kc a h          against the way of the tooth;  a: depth of cut, kc: specific cutting force
+    F_r = r F_t           from the workpiece towards the axis of the tool
+
+                 left of the feed                    phi from 0 (left) by 90 degrees (ahead) to 180 (right): the spindle
+                    ^ phi = 0                        turns clockwise, seen from above
+                    |  .-.
+                    | (   ) --> feed, phi = 90       along the feed    - F_t cos(phi) - F_r sin(phi)
+                    |  '-'                           to its left       + F_t sin(phi) - F_r cos(phi)
+                    |
+
+for every tooth between entry and exit. A cutter with all its width in the material cuts from 0 to 180 degrees; with
+e = acos(1 - 2 width / diameter) one that climbs has the material on its right and cuts from 180 - e on, a conventional
+one on its left, up to e. The power is kc x depth x width x feed speed, whatever the rest.
+
+v is what the screws make of it (rotor speed times lead), behind a lag of T: a chip is the way of a whole tooth. What
+the frame swings beside that leaves no mark: vibration is forced by the teeth, and never feeds itself (no chatter).
+Below 1 um/s there is no chip, and none is thicker than the cutter's radius.
+
+Not in it: material that is removed (who says that there is a cut says how deep), feed along Z, helix and edge radius,
+the torque on the spindle, wear. kc is that of the chips in question: by Kienzle kc = kc1 (h / 1 mm)^-m, more for thin
+ones.
+
+CUT is a numpy structured dtype; in compiled code (teeth.py) `cuts[0]` is a reference with named fields.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.parameters import check, flag, number
+
+CUT = np.dtype(
+    [
+        ("on", "i8"),
+        ("flutes", "i8"),
+        ("start", "i8"),  # sub-step in which the first tooth stood at phi = 0
+        ("turns", "f8"),  # turns of the spindle in a sub-step
+        ("tooth_s", "f8"),  # T
+        ("gain", "f8"),  # of the lag of T in a sub-step
+        ("most_m_s", "f8"),  # feed beyond which chips get no thicker
+        ("n_per_m", "f8"),  # F_t / h
+        ("radial", "f8"),  # F_r / F_t
+        ("enter_rad", "f8"),
+        ("leave_rad", "f8"),
+        ("left", "f8"),  # +1 if left of X is Y, seen from above, -1 if it is -Y
+        ("x_m_s", "f8"),  # feed behind the lag, machine coordinates
+        ("y_m_s", "f8"),
+        ("x_n", "f8"),  # force on the tool in this sub-step
+        ("y_n", "f8"),
+        ("sum_x_n", "f8"),  # sums of this window
+        ("sum_y_n", "f8"),
+    ],
+    align=True,
+)
+"""State of a cut; all zero: none."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cutter in the material. Raises ValueError for a number out of range and a width beyond the diameter."""
+
+    diameter_mm: float = number("mm", 0.1, 100.0, key="diameter")
+    flutes: int = number("1", 1.0, 12.0, key="flutes", whole=True)
+    depth_mm: float = number("mm", 0.001, 100.0, key="depth")
+    """Along the axis of the tool."""
+    width_mm: float = number("mm", 0.001, 100.0, key="width")
+    """Across the feed; the diameter is a slot."""
+    spindle_rpm: float = number("1/min", 60.0, 60_000.0, key="spindle")
+    """Clockwise, seen from above."""
+    kc_n_mm2: float = number("N/mm2", 0.1, 20_000.0, key="kc")
+    """Specific cutting force, at the thickness of these chips."""
+    radial: float = number("1", 0.0, 2.0, key="radial", optional=True, default=0.3)
+    """Radial over tangential force."""
+    climb: bool = flag(default=True)
+    """The material is on the right of the feed, and a tooth begins with a thick chip; else on the left. No matter in a
+    slot."""
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.width_mm > self.diameter_mm:
+            raise ValueError(f"cut: width must be at most the diameter, {self.diameter_mm:g} mm, not {self.width_mm!r}")
+
+
+def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float, left: float) -> None:
+    """Begin a cut in cuts[0], or end it. now: sub-step; left: +1 if left of X is Y, seen from above, -1 if -Y.
+
+    What the window has summed up so far stays.
+    """
+    record = cuts[0]
+    record["on"] = cut is not None
+    for name in ("x_m_s", "y_m_s", "x_n", "y_n"):
+        record[name] = 0.0
+    if cut is None:
+        return
+    angle = math.acos(1.0 - 2.0 * cut.width_mm / cut.diameter_mm)
+    turns_hz = cut.spindle_rpm / 60.0
+    record["flutes"] = cut.flutes
+    record["start"] = now
+    record["turns"] = turns_hz * substep_s
+    record["tooth_s"] = 1.0 / (turns_hz * cut.flutes)
+    record["gain"] = -math.expm1(-substep_s * turns_hz * cut.flutes)
+    record["most_m_s"] = 0.5e-3 * cut.diameter_mm * turns_hz * cut.flutes
+    record["n_per_m"] = cut.kc_n_mm2 * 1e6 * cut.depth_mm * 1e-3
+    record["radial"] = cut.radial
+    record["enter_rad"] = math.pi - angle if cut.climb else 0.0
+    record["leave_rad"] = math.pi if cut.climb else angle
+    record["left"] = left

@@ -1,0 +1,39 @@
+"""The teeth of a cutter in one sub-step, compiled; the equations stand in cutting.py."""
+
+from __future__ import annotations
+
+import math
+
+from isel_twin.compiling import njit
+
+LEAST_M_S = 1e-6
+"""Feed below which a tooth rubs and takes no chip."""
+
+
+@njit(nogil=True, error_model="numpy")
+def bite(cut, now, x_m_s, y_m_s):
+    """Forces x_n, y_n of sub-step `now`, with the screws moving tool over table by x_m_s, y_m_s."""
+    cut.x_m_s += cut.gain * (x_m_s - cut.x_m_s)
+    cut.y_m_s += cut.gain * (y_m_s - cut.y_m_s)
+    speed = math.hypot(cut.x_m_s, cut.y_m_s)
+    cut.x_n = 0.0
+    cut.y_n = 0.0
+    if speed < LEAST_M_S:
+        return
+    along = 0.0
+    leftwards = 0.0
+    turns = cut.turns * (now - cut.start + 0.5)
+    for tooth in range(cut.flutes):
+        place = turns + tooth / cut.flutes
+        phi = 2.0 * math.pi * (place - math.floor(place))
+        if cut.enter_rad <= phi <= cut.leave_rad:
+            sine, cosine = math.sin(phi), math.cos(phi)
+            tangential_n = cut.n_per_m * min(speed, cut.most_m_s) * cut.tooth_s * sine
+            along -= tangential_n * (cosine + cut.radial * sine)
+            leftwards += tangential_n * (sine - cut.radial * cosine)
+    along /= speed
+    leftwards *= cut.left / speed
+    cut.x_n = along * cut.x_m_s - leftwards * cut.y_m_s
+    cut.y_n = along * cut.y_m_s + leftwards * cut.x_m_s
+    cut.sum_x_n += cut.x_n
+    cut.sum_y_n += cut.y_n
