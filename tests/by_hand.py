@@ -24,6 +24,8 @@ class PlantByHand:
         self.position_mm = np.zeros(3)
         self.velocity_mm_s = np.zeros(3)
         self.commanded = np.zeros(axes, dtype=np.int64)
+        self.late = np.zeros(axes, dtype=np.int64)
+        """Changes that no drive has been given yet."""
         self.command = np.zeros(axes)
         self.rotor = np.zeros(axes)
         self.lag = np.zeros(axes)
@@ -43,7 +45,7 @@ class PlantByHand:
 
     @property
     def told(self) -> NDArray[np.int64]:
-        return self.commanded
+        return self.commanded + self.late
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         self.time_ns = until_ns

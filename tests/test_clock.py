@@ -520,6 +520,28 @@ def test_a_switch_far_into_a_long_motion_is_heard_at_its_tick(build: Build) -> N
     assert twin.machine_position_mm[0] == pytest.approx(-0.5 * STEP_MM)
 
 
+def test_where_nothing_is_due_nobody_is_called_and_counters_are_right_when_asked_for(build: Build) -> None:
+    """Looks at a motion of 1 kHz in between: 10.5 ms after its start ten steps have been made."""
+    controller = Scripted()
+    controller.at(0, lambda: controller.start(steps(1000, 0, 0, 0)))
+    twin = build(controller)
+    twin.run(0.0)
+    calls = len(controller.calls)
+    for _ in range(21):
+        twin.run(0.0005)
+        assert twin.position_mm.shape == (3,)
+    assert len(controller.calls) == calls
+    assert twin.position_mm[0] == pytest.approx(10 * STEP_MM)
+    assert twin.counts.tolist() == [10, 0, 0, 0]
+    assert controller.calls[-1] == Call("advance", 10_500_000)
+    twin.run(0.0005)
+    twin.write(b"x")
+    assert [(call.what, call.t_ns) for call in controller.calls[-3:]][:2] == [
+        ("advance", 11_000_000),
+        ("receive", 11_000_000),
+    ]
+
+
 # ---- edges ---------------------------------------------------------------------------------------------------------
 
 

@@ -117,6 +117,24 @@ def test_a_counter_that_is_set_moves_the_zero(direction: int) -> None:
 
 
 @pytest.mark.parametrize("direction", [1, -1])
+def test_a_pulse_that_is_counted_and_not_given_yet_moves_nothing(direction: int) -> None:
+    """Drives know whole sub-steps, the controller each nanosecond: in between they differ by a pulse, also when a
+    counter is set."""
+    axes = Axes(direction, 1, 1, 1)
+    axes.move(0, 3200)
+    axes.controller.counts = (3201, 0, 0, 0)
+    axes.plant.late[0] = direction
+    assert axes.mm == [10.0, 0.0, 0.0]
+    axes.set(0, 0)
+    assert axes.mm == pytest.approx([-1 / 320, 0.0, 0.0]), "the last pulse has not been made"
+    axes.plant.late[0] = 0
+    axes.plant.commanded[0] += direction
+    axes.turn(0, direction)
+    assert axes.mm == [0.0, 0.0, 0.0]
+    assert axes.position.encoder[0] == 0
+
+
+@pytest.mark.parametrize("direction", [1, -1])
 def test_zero_is_where_the_carriage_stands_in_balance(direction: int) -> None:
     """Bent by 0.01 mm and a load angle of 3 steps at the moment the counter is set: zero is where it would be without
     either, and both show."""

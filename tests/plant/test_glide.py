@@ -105,3 +105,26 @@ def test_with_a_fixture_that_the_tool_may_meet_every_step_is_mujocos(tmp_path: P
 
 def test_with_a_fixture_that_turns_every_step_is_mujocos(tmp_path: Path) -> None:
     assert np.isnan(fixed(tmp_path, HINGED)._joints_law["low_m"]).all()
+
+
+SLIDES = """<mujoco><option timestep="0.0005"><flag eulerdamp="disable"/></option><worldbody><body>
+<joint name="a" type="slide" axis="1 0 0" frictionloss="30" range="-1 1"/><geom size="0.1" contype="0" conaffinity="0"/>
+<body><joint name="b" type="slide" axis="{axis}" frictionloss="30" range="-1 1" damping="{damping}"/>
+<geom size="0.1" contype="0" conaffinity="0"/></body></body></worldbody>{more}</mujoco>"""
+"""Two slides, one on the other."""
+
+
+@pytest.mark.parametrize(
+    ("axis", "damping", "more", "written_out"),
+    [
+        ("0 1 0", 5, "", True),
+        ("0.6 0.8 0", 5, "", False),
+        ("0 1 0", 5, '<equality><joint joint1="a" joint2="b"/></equality>', False),
+        ("0 1 0", 5, '<option integrator="implicit"/>', False),
+        ("0 1 0", 5, '<option viscosity="100"/>', False),
+    ],
+    ids=["square", "friction coupled by masses", "equality", "another integrator", "fluid"],
+)
+def test_what_is_not_of_this_kind_is_mujocos(axis: str, damping: float, more: str, written_out: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(SLIDES.format(axis=axis, damping=damping, more=more))
+    assert np.isfinite(gliding(model)[0]["low_m"]).all() == written_out

@@ -3,8 +3,9 @@
 Goal: whoever owns the clock asks for the ticks up to a time, says how many of them were made, and shows the motion
 that the controller shows, whenever that may have changed.
 
-    made            made + len(window)       motion.last
-     |-- to be made --|- - - not expanded - - -|
+            made         expanded               motion.last
+    - made --|- to be made --|- - - not expanded - - -|
+             at              len(window)
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class Stream:
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int8)
         self._motion: Motion | None = None
         self._made = 0
+        self._at = 0
         self._t_ns, self._delta = self._none
 
     @property
@@ -54,6 +56,7 @@ class Stream:
         if motion is before:
             return False
         self._motion = motion
+        self._at = 0
         self._t_ns, self._delta = self._none
         if before is not None and motion is not None and motion.continues(before):
             self._record.replace_last(motion)
@@ -70,18 +73,19 @@ class Stream:
 
         `more_after(n)` tells whether there are others.
         """
-        motion = self._motion
-        if not len(self._t_ns) and motion is not None and self._made < motion.last:
+        motion, at = self._motion, self._at
+        if at == len(self._t_ns) and motion is not None and self._made < motion.last:
             self._t_ns, self._delta = motion.window(self._made, min(self._made + CHUNK, motion.last))
-        count = int(self._t_ns.searchsorted(t_ns, side="right"))
-        return self._t_ns[:count], self._delta[:count]
+            self._at = at = 0
+        end = max(at, int(self._t_ns.searchsorted(t_ns, side="right")))
+        return self._t_ns[at:end], self._delta[at:end]
 
     def more_after(self, count: int) -> bool:
         """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
         motion = self._motion
-        return count == len(self._t_ns) and motion is not None and self._made + count < motion.last
+        return self._at + count == len(self._t_ns) and motion is not None and self._made + count < motion.last
 
     def make(self, count: int) -> None:
         """The next `count` ticks have been made."""
         self._made += count
-        self._t_ns, self._delta = self._t_ns[count:], self._delta[count:]
+        self._at += count
