@@ -200,7 +200,7 @@ def run_adaptive(rig: Rig, rate: float, hold: float, load: float) -> tuple[float
         events = []
         for p in range(2):
             if state[p] == 1:
-                events.append(lambda _, y, p=p, top=abs(ref[p]): y[p] * sign[p] - top)
+                events.append(lambda _, y, p=p, ref=ref: y[p] * sign[p] - abs(ref[p]))
             elif state[p] == 2:
                 events.append(lambda _, y, p=p: abs(y[p]) - 0.99e-3)
         for event in events:

@@ -76,7 +76,7 @@ def test_a_rising_load_stalls_the_motor_where_it_stalls_on_a_switched_bridge() -
 
 
 def test_the_supply_factor_stands_for_what_a_chopper_leaves_unused() -> None:
-    """Where the supply limits, an ideal source at the whole supply has more than the bridge; at low speed it has not."""
+    """Where the supply limits, an ideal source at the whole supply has more than the bridge; at low speed not."""
     name = "23HS32-4004S"
     slow, fast = (
         pull_out_torque(MOTORS[name], stage(name, supply, supply_factor=1.0), rpm) / pull_out(rig(name, supply), rpm)
