@@ -146,6 +146,23 @@ def test_the_prediction_needs_no_motion(motor: Motor, stage: Stage, rpm: float) 
     assert pull_out_prediction(motor, stage, rpm) == pytest.approx(pull_out_torque(motor, stage, rpm), rel=0.06)
 
 
+OTHER_SIZES = {
+    "NEMA 14, 14HS13-0804S": (from_datasheet(0.18, 0.8, 6.8, 10e-3, 13e-7), 24.0),
+    "NEMA 24, 24HS39-4204S": (from_datasheet(4.0, 4.2, 0.75, 3.2e-3, 900e-7), 48.0),
+    "NEMA 34, 34HS59-6004S": (from_datasheet(12.0, 6.0, 0.8, 7.3e-3, 4000e-7), 72.0),
+}
+"""Catalogue figures (holding torque, current, R, L, inertia), rounded; a tenth to five times the torque."""
+
+
+@pytest.mark.parametrize("name", OTHER_SIZES)
+def test_motors_of_other_sizes_hold_nine_tenths_of_the_prediction_at_every_speed(name: str) -> None:
+    """Nothing was chosen on them. From 60 to 1500 rev/min, against a brake, on a drive that damps: none drops out."""
+    motor, supply_v = OTHER_SIZES[name]
+    stage = Stage(supply_v=supply_v, current_a=motor.rated_current_a, microsteps=10, damping_gain=2.0)
+    for rpm in range(60, 1501, 120):
+        assert pull_out_torque(motor, stage, rpm) > 0.9 * pull_out_prediction(motor, stage, rpm), rpm
+
+
 @pytest.mark.parametrize("rpm", [30, 210, 390, 600, 900, 1200, 1500])
 @pytest.mark.parametrize("supply_v", [24, 36, 48])
 def test_the_prediction_is_the_best_of_a_search_over_the_current_vector(supply_v: float, rpm: float) -> None:

@@ -153,6 +153,18 @@ def test_the_cabinet_is_inherited_and_has_a_default(tmp_path):
         load_machine(heir)
 
 
+def test_electronic_damping_is_off_unless_a_machine_file_sets_it(tmp_path):
+    setting = 'grade = "setting", source = "digital drive"'
+    (tmp_path / "machine.toml").write_text(
+        'based_on = "4030"\n[axes.x.stage]\n'
+        f'damping_gain = {{ value = 2.0, unit = "1", {setting} }}\n'
+        f'damping_corner = {{ value = 250.0, unit = "Hz", {setting} }}\n'
+    )
+    x, y, _ = load_machine(tmp_path).axes
+    assert (x.stage.damping_gain, x.stage.damping_corner_hz) == (2.0, 250.0)
+    assert y.stage.damping_gain == 0.0
+
+
 UNITS = {
     "resistance_ohm": "ohm",
     "inductance_h": "H",

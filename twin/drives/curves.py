@@ -115,9 +115,10 @@ def pull_out_torque(
     start_omega = min(omega, START_RPM * 2.0 * math.pi / 60.0)
     peak_nm = math.sqrt(2.0) * motor.torque_constant_nm_per_a * stage.current_a
 
-    # Accelerate with at most a twentieth of the peak torque, hold for at least twenty turns of the electrical angle.
+    # Accelerate with at most 1.5 % of the peak torque, little even beside what is left at speed; hold for at least
+    # twenty turns of the electrical angle.
     total_inertia = motor.rotor_inertia_kgm2 + inertia
-    accelerate_s = max(0.3, 30.0 * total_inertia * (omega - start_omega) / peak_nm)
+    accelerate_s = max(0.3, 100.0 * total_inertia * (omega - start_omega) / peak_nm)
     hold_s = max(0.4, 20.0 * 2.0 * math.pi / (omega * motor.pole_pairs))
     t = dt_s * np.arange(round((accelerate_s + hold_s) / dt_s) + 1)
     ramp = np.minimum(t / accelerate_s, 1.0)  # the speed rises as 3 q^2 - 2 q^3 of it
