@@ -12,7 +12,7 @@ fast enough for 10^7 axis sub-steps a second, with true sticking and without eve
 
 (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
 
-i_ref is the wave of the stage at the commanded angle. A stage with electronic damping turns the current vector further
+i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). A stage with electronic damping turns the current vector further
 by what the load angle swings about its low pass, as a digital microstep drive does that watches its motor (D9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
@@ -85,6 +85,8 @@ AXIS_PARAMETERS = np.dtype(
         ("microstep_rad", "f8"),  # electrical angle of one microstep
         ("phase_offset_rad", "f8"),  # electrical angle at counter 0: pi/4 in full step (both phases on), else 0
         ("stepped", "f8"),  # 1: corners of full and half step, 0: sine
+        ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
+        ("current_offset", "f8"),  # of phase B, over the current
         ("current_a", "f8"),  # peak phase current at current fraction 1
         ("drive_v", "f8"),  # largest voltage that drives a current
         ("return_v", "f8"),  # largest voltage against which a current flows back into the supply
@@ -157,6 +159,8 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["microstep_rad"] = 2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps)
     p["phase_offset_rad"] = math.pi / 4.0 if stage.microsteps == 1 else 0.0
     p["stepped"] = float(stage.stepped)
+    p["step_error_rad"] = stage.step_error * 0.5 * math.pi
+    p["current_offset"] = stage.current_offset
     p["current_a"] = stage.current_a
     p["drive_v"] = stage.drive_v
     p["return_v"] = stage.supply_v
@@ -202,6 +206,16 @@ def _corner(angle_rad):
     """
     wrapped = angle_rad - 2.0 * math.pi * math.floor(angle_rad / (2.0 * math.pi) + 0.5)
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
+
+
+@njit(error_model="numpy")
+def _spoil(p, s, command):
+    """Turn and shift the wanted currents by the errors of the stage at a command."""
+    turn, _ = sine_and_cosine(command * p.microstep_rad)
+    sine, cosine = sine_and_cosine(p.step_error_rad * turn)
+    shape_a = s.shape_a * cosine - s.shape_b * sine
+    s.shape_b = s.shape_b * cosine + s.shape_a * sine + p.current_offset
+    s.shape_a = shape_a
 
 
 @njit(error_model="numpy")
@@ -263,6 +277,8 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
         phi += p.damping_gain * swing
         s.shape_a = math.cos(phi)
         s.shape_b = math.sin(phi)
+        if p.step_error_rad != 0.0 or p.current_offset != 0.0:
+            _spoil(p, s, command)
     elif command != s.command:
         phi = command * p.microstep_rad + p.phase_offset_rad
         s.command = command
@@ -271,6 +287,8 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
             s.shape_b = _corner(phi - 0.5 * math.pi)
         else:
             s.shape_b, s.shape_a = sine_and_cosine(phi)
+        if p.step_error_rad != 0.0 or p.current_offset != 0.0:
+            _spoil(p, s, command)
     emf_v = p.torque_constant_nm_per_a * omega
     wanted_a = p.current_a * current_fraction
     current_a = _phase(p, s.current_a_a, wanted_a * s.shape_a, -emf_v * sine) if phases & PHASE_A else 0.0

@@ -44,12 +44,13 @@ from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import glide as gliding
-from isel_twin.plant import lead, teeth
+from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
 from isel_twin.plant.glide import glide
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
 from isel_twin.plant.teeth import bite
+from isel_twin.plant.thread import feel
 
 AXES = 3
 """Axes with mechanics."""
@@ -75,6 +76,7 @@ PLANT = np.dtype(
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
+        ("uneven", "i8"),  # 1: a screw is not everywhere the same
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
     ],
     align=True,
@@ -85,6 +87,12 @@ AXIS = np.dtype(
     [
         ("dof", "i8"),  # place of the axis joint in qpos and qvel
         ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
+        ("start_m", "f8"),  # the same, which `zero_m` was at the start: of an uneven screw (thread.py)
+        ("travel_m_per_rad", "f8"),  # mean travel of such a screw
+        ("cyclic_m", "f8"),  # amplitude of its error that repeats every turn
+        ("soft_m_per_n", "f8"),  # compliance of its bearing and nut
+        ("free_m", "f8"),  # its free length at joint position 0
+        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
         ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
         ("x_m", "f8"),  # joint position inside the window
         ("v_m_s", "f8"),
@@ -193,6 +201,7 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 def _leave_window(
     plant,
     axes,
+    drives,
     states,
     joints,
     mobility,
@@ -251,6 +260,8 @@ def _leave_window(
             before[j] = qpos[j]
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
+    if plant.uneven:
+        feel(axes, drives, states)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
@@ -386,6 +397,7 @@ def advance(
             _leave_window(
                 plant,
                 axes,
+                drives,
                 states,
                 joints,
                 mobility,
@@ -428,4 +440,5 @@ dynamics.drop_stale_code(
     lead.__file__,
     margins.__file__,
     teeth.__file__,
+    thread.__file__,
 )

@@ -1,0 +1,37 @@
+"""An uneven screw: travel, zero and stiffness of its nut where it now stands.
+
+Goal: sub-steps know a screw that is everywhere the same; once a window they are told the one that it is here. With
+place x_0 of the nut at rotor angle 0, mean travel r and amplitude a of the error that repeats every turn, the nut is at
+
+    n(th) = x_0 + r th + a (sin u - sin(x_0/r))          u = th + x_0/r: the same place has the same error
+
+and the sub-steps are given its tangent at th_0, so that nut and shaft do the same work on one another:
+
+    r_here = r + a cos u         x_0,here = n(th_0) - r_here th_0
+
+At the end of a window of h the tangent is off by a (w h)^2 / 2: 1 nm with 5 um at 6 turns a second and 0.5 ms. Stiffness
+is that of bearing and nut and of the free length of the screw (isel_twin.drives.screw). A nut under force that goes to
+where the screw is softer keeps its stretch for a window, not its force: some 1e-5 of what is stored in it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from isel_twin.compiling import njit
+
+
+@njit(nogil=True, error_model="numpy")
+def feel(axes, drives, states):
+    """Tell the drives what their screws are like where their nuts stand. axes [3] AXIS, drives and states as there."""
+    for i in range(axes.shape[0]):
+        axis, drive, theta_rad = axes[i], drives[i], states[i].theta_rad
+        place_m = axis.start_m + axis.travel_m_per_rad * theta_rad
+        if axis.cyclic_m != 0.0:
+            turn_rad = axis.start_m / axis.travel_m_per_rad
+            nut_m = place_m + axis.cyclic_m * (math.sin(theta_rad + turn_rad) - math.sin(turn_rad))
+            drive.travel_m_per_rad = axis.travel_m_per_rad + axis.cyclic_m * math.cos(theta_rad + turn_rad)
+            axis.zero_m = nut_m - drive.travel_m_per_rad * theta_rad
+        if axis.rod_n < math.inf:
+            free_m = max(0.0, place_m + axis.free_m)
+            drive.stiffness_n_per_m = 1.0 / (axis.soft_m_per_n + free_m / axis.rod_n)
