@@ -157,11 +157,17 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
 
 
 def _open_lock(lock: str) -> tuple[int | None, bool]:
-    """The file, new or found. Another user's can only be read."""
-    for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
-        with suppress(OSError):
-            return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
-    return None, False
+    """The file, new or found; None if it can be neither made nor opened. Another user's can only be read."""
+    while True:
+        made: type[OSError] | None = None
+        for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
+            try:
+                return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
+            except OSError as error:
+                made, last = made or type(error), type(error)
+        came_and_went = (made, last) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
+        if not came_and_went:  # else its owner has let go of it in between
+            return None, False
 
 
 def _unlock(pid: int, handle: int | None, lock: str) -> None:

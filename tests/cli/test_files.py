@@ -266,6 +266,15 @@ def test_many_who_want_one_thing_get_it_one_after_the_other(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def test_a_lock_file_that_leads_nowhere_is_no_lock(tmp_path):
+    """A dangling link can be neither made nor opened: the claim holds within this process."""
+    (tmp_path / ".thing.lock").symlink_to(tmp_path / "nowhere" / "nothing")
+    claim = Claim(tmp_path / "thing")
+    with pytest.raises(OSError, match="in use"):
+        Claim(tmp_path / "thing")
+    claim.release()
+
+
 def test_what_a_killed_owner_has_begun_to_write_is_removed(tmp_path):
     path = tmp_path / "flash"
     path.write_bytes(b"image")
