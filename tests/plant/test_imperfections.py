@@ -37,10 +37,10 @@ ROD_N = 206e9 * math.sqrt(0.85) * math.pi / 4.0 * 0.016**2
 ANYTHING = {f"axes.all.{key}": value for key, value in zip(KEYS.values(), (9.0, 7.0, 50.0, 40.0), strict=True)}
 
 
-def quiet(folder: Path, flags: Mapping[str, Any], x_mm: float = 100.0) -> Bench:
+def quiet(folder: Path, flags: Mapping[str, Any], x_mm: float = 100.0, viscous: float = 0.1) -> Bench:
     """The 4030 with nothing but the imperfections that are named."""
     overrides = {"imperfections": "ideal", **{f"axes.all.{key}": value for key, value in FREE.items()}}
-    overrides |= {"axes.all.shaft_viscous": 0.1, "axes.all.damping": 2e4}
+    overrides |= {"axes.all.shaft_viscous": viscous, "axes.all.damping": 2e4}
     machine = with_overrides(load_machine(without_detent(folder, "4030")), {**overrides, **flags})
     bench = Bench(MujocoPlant(machine, (), np.array([x_mm, 100.0, 30.0])))
     bench.plant.set_power(stages=True, brake_released=True, lowering=False)
@@ -49,16 +49,17 @@ def quiet(folder: Path, flags: Mapping[str, Any], x_mm: float = 100.0) -> Bench:
 
 
 def walk(bench: Bench, steps: int, stride: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Go along X and stand every `stride` steps: float64 [n], rotor and position beyond the first stop, in steps and um;
-    less what the command says."""
+    """Go along X and stand every `stride` steps: float64 [n] twice, rotor in steps and position in um, less the way
+    commanded."""
+    step_um = 1e3 * bench.plant.machine.axes[0].step_mm
     rotor, position = [], []
     for k in range(steps // stride + 1):
         if k:
-            bench.feed(20_000_000, ramp_ns(stride, 500.0), ticks(stride, 1))
+            t_ns = ramp_ns(stride, 500.0)
+            bench.feed(int(t_ns[-1]), t_ns, ticks(stride, 1))
             bench.wait(60)
-        nominal = k * stride
-        rotor.append(bench.plant.rotor[0] - nominal)
-        position.append(1e3 * bench.plant.position_mm[0] - STEP_UM * 1600 / bench.plant.machine.axes[0].steps_per_rev * nominal)
+        rotor.append(bench.plant.rotor[0] - k * stride)
+        position.append(1e3 * bench.plant.position_mm[0] - step_um * k * stride)
     return np.array(rotor), np.array(position)
 
 
@@ -79,9 +80,7 @@ def test_an_offset_of_one_phase_turns_the_vector_once_in_four_full_steps(tmp_pat
     flags = {"imperfections.current_offset": True, "axes.all.stage.current_offset": 2.0}
     rotor, position = walk(quiet(tmp_path, flags), 64, 1)
     phi = 2.0 * math.pi * np.arange(len(rotor)) / 32.0
-    error = np.arctan2(np.sin(phi) + 0.02, np.cos(phi)) - np.unwrap(np.arctan2(np.sin(phi), np.cos(phi)))
     expected = (np.unwrap(np.arctan2(np.sin(phi) + 0.02, np.cos(phi))) - phi) * 32.0 / (2.0 * math.pi)
-    assert np.ptp(error[:16]) > 0.0
     assert rotor == pytest.approx(expected, abs=4e-3)
     assert np.ptp(rotor) == pytest.approx(2.0 * math.asin(0.02) * 32.0 / (2.0 * math.pi), rel=0.03)
     assert position - position[0] == pytest.approx(STEP_UM * (expected - expected[0]), abs=0.02)
@@ -118,7 +117,7 @@ def test_a_screw_is_the_softer_the_farther_the_nut_is_from_its_bearing(tmp_path:
 
 def test_stiffness_follows_the_carriage(tmp_path: Path) -> None:
     """It is not that of where the carriage stood at power-on."""
-    bench = quiet(tmp_path, {"imperfections.free_length": True}, 20.0)
+    bench = quiet(tmp_path, {"imperfections.free_length": True}, 20.0, viscous=0.01)
     bench.move((320 * 60, 0, 0), 10_000.0)
     bench.wait(300)
     place_m = 1e-3 * bench.plant.position_mm[0]
@@ -131,8 +130,9 @@ def test_a_warm_screw_is_longer(tmp_path: Path) -> None:
     """1 K on 300 mm of steel: 3.45 um."""
     ends = []
     for warming_k in (0.0, 1.0):
-        bench = quiet(tmp_path, {"imperfections.growth": True, "axes.all.screw_warming": warming_k}, 50.0)
-        bench.move((320 * 300, 0, 0), 20_000.0)
+        flags = {"imperfections.growth": True, "axes.all.screw_warming": warming_k}
+        bench = quiet(tmp_path, flags, 50.0, viscous=0.01)
+        bench.move((320 * 300, 0, 0), 10_000.0)
         bench.wait(300)
         ends.append(1e3 * bench.plant.position_mm[0])
     assert ends[0] == pytest.approx(350_000.0, abs=0.05)
@@ -303,8 +303,8 @@ def test_a_free_length_that_does_not_fit_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_stiffest_place_limits_the_time_step(bench: Callable[..., Bench]) -> None:
-    """110 N/um in the middle of X are more than 200 near the bearing."""
-    stiff = {"imperfections": "ideal", "axes.x.stiffness": 90.0}
+    """95 N/um in the middle of X are 190 near the bearing, on 12 kg more than 0.5 ms take."""
+    stiff = {"imperfections": "ideal", "axes.x.stiffness": 95.0}
     bench(stiff)
     with pytest.raises(MachineError, match=r"too long for axes\.x\.stiffness"):
         bench({**stiff, "imperfections.free_length": True})

@@ -12,8 +12,9 @@ fast enough for 10^7 axis sub-steps a second, with true sticking and without eve
 
 (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
 
-i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). A stage with electronic damping turns the current vector further
-by what the load angle swings about its low pass, as a digital microstep drive does that watches its motor (D9):
+i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). A stage with
+electronic damping turns the current vector further by what the load angle swings about its low pass, as a digital
+microstep drive does that watches its motor (D9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
 
@@ -85,6 +86,7 @@ AXIS_PARAMETERS = np.dtype(
         ("microstep_rad", "f8"),  # electrical angle of one microstep
         ("phase_offset_rad", "f8"),  # electrical angle at counter 0: pi/4 in full step (both phases on), else 0
         ("stepped", "f8"),  # 1: corners of full and half step, 0: sine
+        ("plain", "f8"),  # 1: sine without errors of the stage
         ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
         ("current_offset", "f8"),  # of phase B, over the current
         ("current_a", "f8"),  # peak phase current at current fraction 1
@@ -159,6 +161,7 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["microstep_rad"] = 2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps)
     p["phase_offset_rad"] = math.pi / 4.0 if stage.microsteps == 1 else 0.0
     p["stepped"] = float(stage.stepped)
+    p["plain"] = float(not (stage.stepped or stage.step_error or stage.current_offset))
     p["step_error_rad"] = stage.step_error * 0.5 * math.pi
     p["current_offset"] = stage.current_offset
     p["current_a"] = stage.current_a
@@ -209,13 +212,19 @@ def _corner(angle_rad):
 
 
 @njit(error_model="numpy")
-def _spoil(p, s, command):
-    """Turn and shift the wanted currents by the errors of the stage at a command."""
-    turn, _ = sine_and_cosine(command * p.microstep_rad)
-    sine, cosine = sine_and_cosine(p.step_error_rad * turn)
-    shape_a = s.shape_a * cosine - s.shape_b * sine
-    s.shape_b = s.shape_b * cosine + s.shape_a * sine + p.current_offset
+def _shape(p, s, phi):
+    """Wanted currents of any stage at an electrical angle, turned and shifted by its errors."""
+    if p.stepped != 0.0:
+        shape_a, shape_b = _corner(phi), _corner(phi - 0.5 * math.pi)
+        turn = math.sin(phi - p.phase_offset_rad)
+    else:
+        shape_b, shape_a = sine_and_cosine(phi)
+        turn = shape_b
+    if p.step_error_rad != 0.0:
+        sine, cosine = sine_and_cosine(p.step_error_rad * turn)
+        shape_a, shape_b = shape_a * cosine - shape_b * sine, shape_b * cosine + shape_a * sine
     s.shape_a = shape_a
+    s.shape_b = shape_b + p.current_offset
 
 
 @njit(error_model="numpy")
@@ -275,20 +284,18 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
             swing = 0.0
         s.command = command
         phi += p.damping_gain * swing
-        s.shape_a = math.cos(phi)
-        s.shape_b = math.sin(phi)
-        if p.step_error_rad != 0.0 or p.current_offset != 0.0:
-            _spoil(p, s, command)
+        if p.plain != 0.0:
+            s.shape_a = math.cos(phi)
+            s.shape_b = math.sin(phi)
+        else:
+            _shape(p, s, phi)
     elif command != s.command:
         phi = command * p.microstep_rad + p.phase_offset_rad
         s.command = command
-        if p.stepped != 0.0:
-            s.shape_a = _corner(phi)
-            s.shape_b = _corner(phi - 0.5 * math.pi)
-        else:
+        if p.plain != 0.0:
             s.shape_b, s.shape_a = sine_and_cosine(phi)
-        if p.step_error_rad != 0.0 or p.current_offset != 0.0:
-            _spoil(p, s, command)
+        else:
+            _shape(p, s, phi)
     emf_v = p.torque_constant_nm_per_a * omega
     wanted_a = p.current_a * current_fraction
     current_a = _phase(p, s.current_a_a, wanted_a * s.shape_a, -emf_v * sine) if phases & PHASE_A else 0.0

@@ -9,8 +9,8 @@ What a screw of steel adds to the rotor's inertia is that of a plain rod of its 
 
     J = fill * pi/32 rho d^4 l + coupling
 
-It gives along its free length, from the nut to the fixed bearing at the motor's end, like a rod of that diameter less the
-thread. What is left is the bearing and the nut. All of it together is the stiffness stated, in the middle of the travel:
+It gives along its free length, from the nut to the fixed bearing at the motor's end, like a rod of that diameter less
+the thread; bearing and nut give the rest. All of it together is the stiffness stated, in the middle of the travel:
 
     1/k(x) = 1/k_bearing+nut + (x + l_0)/(E A)         x: place of the nut, l_0: free length where x = 0
     E A = E sqrt(fill) pi/4 d^2                        (fill goes with d^4, the section with d^2)

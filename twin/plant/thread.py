@@ -9,9 +9,9 @@ and the sub-steps are given its tangent at th_0, so that nut and shaft do the sa
 
     r_here = r + a cos u         x_0,here = n(th_0) - r_here th_0
 
-At the end of a window of h the tangent is off by a (w h)^2 / 2: 1 nm with 5 um at 6 turns a second and 0.5 ms. Stiffness
-is that of bearing and nut and of the free length of the screw (isel_twin.drives.screw). A nut under force that goes to
-where the screw is softer keeps its stretch for a window, not its force: some 1e-5 of what is stored in it.
+At the end of a window of h the tangent is off by a (w h)^2 / 2: 1 nm with 5 um at 6 turns a second and 0.5 ms. The
+stiffness is that of bearing and nut and of the free length of the screw (isel_twin.drives.screw). From one window to
+the next a nut keeps its stretch, not its force: at 60 mm/s that is 2e-5 of what is stored in it.
 """
 
 from __future__ import annotations
