@@ -86,9 +86,6 @@ AXIS_PARAMETERS = np.dtype(
         ("microstep_rad", "f8"),  # electrical angle of one microstep
         ("phase_offset_rad", "f8"),  # electrical angle at counter 0: pi/4 in full step (both phases on), else 0
         ("stepped", "f8"),  # 1: corners of full and half step, 0: sine
-        ("plain", "f8"),  # 1: sine without errors of the stage
-        ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
-        ("current_offset", "f8"),  # of phase B, over the current
         ("current_a", "f8"),  # peak phase current at current fraction 1
         ("drive_v", "f8"),  # largest voltage that drives a current
         ("return_v", "f8"),  # largest voltage against which a current flows back into the supply
@@ -115,6 +112,9 @@ AXIS_PARAMETERS = np.dtype(
         ("damping_n_s_per_m", "f8"),  # c
         ("forward_loss", "f8"),  # friction torque over |F| r when the screw drives: 1 / efficiency - 1
         ("backward_loss", "f8"),  # the same when the nut drives: 1 - backdrive_efficiency
+        ("plain", "f8"),  # 1: sine without errors of the stage
+        ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
+        ("current_offset", "f8"),  # of phase B, over the current
     ],
     align=True,
 )

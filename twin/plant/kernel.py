@@ -76,8 +76,8 @@ PLANT = np.dtype(
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
-        ("uneven", "i8"),  # 1: a screw is not everywhere the same
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
+        ("uneven", "i8"),  # 1: a screw is not everywhere the same
     ],
     align=True,
 )
@@ -87,12 +87,6 @@ AXIS = np.dtype(
     [
         ("dof", "i8"),  # place of the axis joint in qpos and qvel
         ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
-        ("start_m", "f8"),  # the same, which `zero_m` was at the start: of an uneven screw (thread.py)
-        ("travel_m_per_rad", "f8"),  # mean travel of such a screw
-        ("cyclic_m", "f8"),  # amplitude of its error that repeats every turn
-        ("soft_m_per_n", "f8"),  # compliance of its bearing and nut
-        ("free_m", "f8"),  # its free length at joint position 0
-        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
         ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
         ("x_m", "f8"),  # joint position inside the window
         ("v_m_s", "f8"),
@@ -117,6 +111,12 @@ AXIS = np.dtype(
         ("command", "f8"),  # time mean of the command in this sub-step
         ("free_low_m", "f8"),  # between these no position switch of the axis changes
         ("free_high_m", "f8"),
+        ("start_m", "f8"),  # the same, which `zero_m` was at the start: of an uneven screw (thread.py)
+        ("travel_m_per_rad", "f8"),  # mean travel of such a screw
+        ("cyclic_m", "f8"),  # amplitude of its error that repeats every turn
+        ("soft_m_per_n", "f8"),  # compliance of its bearing and nut
+        ("free_m", "f8"),  # its free length at joint position 0
+        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
     ],
     align=True,
 )
