@@ -111,12 +111,6 @@ AXIS = np.dtype(
         ("command", "f8"),  # time mean of the command in this sub-step
         ("free_low_m", "f8"),  # between these no position switch of the axis changes
         ("free_high_m", "f8"),
-        ("start_m", "f8"),  # the same, which `zero_m` was at the start: of an uneven screw (thread.py)
-        ("travel_m_per_rad", "f8"),  # mean travel of such a screw
-        ("cyclic_m", "f8"),  # amplitude of its error that repeats every turn
-        ("soft_m_per_n", "f8"),  # compliance of its bearing and nut
-        ("free_m", "f8"),  # its free length at joint position 0
-        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
     ],
     align=True,
 )
@@ -202,6 +196,7 @@ def _leave_window(
     plant,
     axes,
     drives,
+    screws,
     states,
     joints,
     mobility,
@@ -261,7 +256,7 @@ def _leave_window(
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
     if plant.uneven:
-        feel(axes, drives, states)
+        feel(screws, axes, drives, states)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
@@ -305,15 +300,15 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates, cuts,
-    cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns,
+    plants, axes, drives, screws, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates,
+    cuts, cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns,
     lead_ns,
 ):  # fmt: skip
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
 
-    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
+    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, screws [3] SCREW, states [3] AXIS_STATE, thresholds [k]
+    THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
     mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT, cut_nuts [2, 3] and
     cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at joints, q... [nv] views of
     MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where the joints are at until_ns;
@@ -398,6 +393,7 @@ def advance(
                 plant,
                 axes,
                 drives,
+                screws,
                 states,
                 joints,
                 mobility,

@@ -30,7 +30,7 @@ from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
-from isel_twin.plant.thread import feel
+from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
@@ -113,7 +113,7 @@ class MujocoPlant:
         self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
-        uneven = self._lay_screws()
+        self._screws, uneven = self._lay_screws()
         self._check_steps()
 
         self._thresholds = np.concatenate([np.zeros(0, kernel.THRESHOLD), *map(_threshold, thresholds)])
@@ -160,8 +160,8 @@ class MujocoPlant:
         """float64 [nv], joint positions now, within a sub-step along their velocities."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
-            self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, self._cuts,
+            self._plant, self._axes, self._drives, self._screws, self._states, self._thresholds, self._commanded,
+            self._leads, self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, self._cuts,
             self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
             data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
@@ -411,19 +411,20 @@ class MujocoPlant:
     def _set_phases(self) -> None:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
 
-    def _lay_screws(self) -> bool:
-        """Tell the loop of screws that are not the same everywhere; whether there is one."""
+    def _lay_screws(self) -> tuple[NDArray[np.void], bool]:
+        """[3] SCREW, the drives told of them; whether one is not the same everywhere."""
         screws = [axis.screw for axis in self.machine.axes]
-        self._axes["start_m"] = self._axes["zero_m"]
-        self._axes["travel_m_per_rad"] = self._drives["travel_m_per_rad"]
-        self._axes["cyclic_m"] = [screw.cyclic_error_m for screw in screws]
-        self._axes["soft_m_per_n"] = [screw.bearing_m_per_n for screw in screws]
-        self._axes["free_m"] = [screw.free_length_m for screw in screws]
-        self._axes["rod_n"] = [screw.rod_n for screw in screws]
+        laid = np.zeros(kernel.AXES, SCREW)
+        laid["start_m"] = self._axes["zero_m"]
+        laid["travel_m_per_rad"] = self._drives["travel_m_per_rad"]
+        laid["cyclic_m"] = [screw.cyclic_error_m for screw in screws]
+        laid["soft_m_per_n"] = [screw.bearing_m_per_n for screw in screws]
+        laid["free_m"] = [screw.free_length_m for screw in screws]
+        laid["rod_n"] = [screw.rod_n for screw in screws]
         uneven = any(screw.cyclic_error_m or screw.rod_n < math.inf for screw in screws)
         if uneven:
-            feel(self._axes, self._drives, self._states)
-        return uneven
+            feel(laid, self._axes, self._drives, self._states)
+        return laid, uneven
 
     def _check_steps(self) -> None:
         """Refuse a MuJoCo step in which the machine would swing too far on its springs."""

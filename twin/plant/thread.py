@@ -18,20 +18,36 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from isel_twin.compiling import njit
+
+SCREW = np.dtype(
+    [
+        ("start_m", "f8"),  # x_0
+        ("travel_m_per_rad", "f8"),  # r
+        ("cyclic_m", "f8"),  # a
+        ("soft_m_per_n", "f8"),  # compliance of bearing and nut
+        ("free_m", "f8"),  # free length at joint position 0
+        ("rod_n", "f8"),  # E A, inf: as stiff everywhere
+    ],
+    align=True,
+)
+"""A screw, uneven or not."""
 
 
 @njit(nogil=True, error_model="numpy")
-def feel(axes, drives, states):
-    """Tell the drives what their screws are like where their nuts stand. axes [3] AXIS, drives and states as there."""
-    for i in range(axes.shape[0]):
-        axis, drive, theta_rad = axes[i], drives[i], states[i].theta_rad
-        place_m = axis.start_m + axis.travel_m_per_rad * theta_rad
-        if axis.cyclic_m != 0.0:
-            turn_rad = axis.start_m / axis.travel_m_per_rad
-            nut_m = place_m + axis.cyclic_m * (math.sin(theta_rad + turn_rad) - math.sin(turn_rad))
-            drive.travel_m_per_rad = axis.travel_m_per_rad + axis.cyclic_m * math.cos(theta_rad + turn_rad)
-            axis.zero_m = nut_m - drive.travel_m_per_rad * theta_rad
-        if axis.rod_n < math.inf:
-            free_m = max(0.0, place_m + axis.free_m)
-            drive.stiffness_n_per_m = 1.0 / (axis.soft_m_per_n + free_m / axis.rod_n)
+def feel(screws, axes, drives, states):
+    """Tell the drives what their screws are like where their nuts stand: [3] each of SCREW, AXIS, AXIS_PARAMETERS and
+    AXIS_STATE."""
+    for i in range(screws.shape[0]):
+        screw, drive, theta_rad = screws[i], drives[i], states[i].theta_rad
+        place_m = screw.start_m + screw.travel_m_per_rad * theta_rad
+        if screw.cyclic_m != 0.0:
+            turn_rad = screw.start_m / screw.travel_m_per_rad
+            nut_m = place_m + screw.cyclic_m * (math.sin(theta_rad + turn_rad) - math.sin(turn_rad))
+            drive.travel_m_per_rad = screw.travel_m_per_rad + screw.cyclic_m * math.cos(theta_rad + turn_rad)
+            axes[i].zero_m = nut_m - drive.travel_m_per_rad * theta_rad
+        if screw.rod_n < math.inf:
+            free_m = max(0.0, place_m + screw.free_m)
+            drive.stiffness_n_per_m = 1.0 / (screw.soft_m_per_n + free_m / screw.rod_n)
