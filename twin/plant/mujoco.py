@@ -161,8 +161,8 @@ class MujocoPlant:
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
             self._plant, self._axes, self._drives, self._screws, self._states, self._thresholds, self._commanded,
-            self._leads, self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, self._cuts,
-            self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
+            self._leads, self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before,
+            self._cuts, self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
             data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
