@@ -115,3 +115,17 @@ def test_samples_of_led_set_points_lie_on_a_curve(build: Build, plant: str, peri
     position, _ = sampled(twin, period_ns, 0.39)
     assert np.ptp(position, axis=0).min() > 2000.0
     assert farthest_um(position) < OFF_UM
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_after_an_axis_was_turned_round_the_first_look_may_come_in_motion(plant: str) -> None:
+    """`@0ID1` with nobody looking, and a reference run: position and counter go together."""
+    twin = Twin(plant=plant, start_mm=(100.0, 50.0, 30.0))
+    for line in ("@07", "@0R7", "@0A3200,5000,0,900,0,900,0,900", "@07", "@0ID1"):
+        assert twin.query(line) == "0"
+    before_mm = twin.machine_position_mm[0]
+    twin.write(b"@0R1\r")
+    twin.run(0.2037)
+    seen_mm, count = twin.position_mm[0], twin.counts[0]
+    assert abs(twin.machine_position_mm[0] - before_mm) > 1.0
+    assert seen_mm == pytest.approx(count * twin.step_mm[0], abs=0.05)

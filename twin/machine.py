@@ -69,11 +69,28 @@ LEVELS: Mapping[str, frozenset[str]] = {
 }
 """Imperfection levels: the sources of imperfection that are on."""
 
-CABINETS: Final = ("safety-relay",)
-"""Kinds of control cabinet that a machine can have; the first one is that of a file that names none.
+CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
+    "safety-relay": (
+        "estop_1",
+        "estop_2",
+        "overtemperature",
+        "start",
+        "stop",
+        "probe",
+        "spindle",
+        "power_ok",
+        "hood_automatic",
+        "hood_setup",
+        "key",
+        *(f"user_{bit}" for bit in range(8)),
+    )
+}
+"""Kinds of control cabinet that a machine can have, and the contacts that each works (isel_twin.wiring.cabinet).
 
 safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
 """
+DEFAULT_CABINET: Final = "safety-relay"
+"""That of a file that names none."""
 
 _STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)
 """Full steps of the motor times the stage's microsteps."""
@@ -263,7 +280,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
     """
     file = _find(name_or_path)
     tree = _read_file(file)
-    tree.setdefault("cabinet", CABINETS[0])
+    tree.setdefault("cabinet", DEFAULT_CABINET)
     return _build(tree, file)
 
 
@@ -338,7 +355,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
     "name": (),
     "description": (),
     "kinematics": ("table", "portal", "traverse"),
-    "cabinet": CABINETS,
+    "cabinet": tuple(CABINETS),
     "model": (),
     "fixture": (),
 }
@@ -494,9 +511,7 @@ def _check(machine: Machine, place: Place) -> None:
 
 def _check_signals(machine: Machine, place: Place) -> None:
     """A signal is worked by the cabinet; one that it does not know would never change."""
-    from isel_twin.wiring.cabinet import CABINETS as KINDS
-
-    known([c.name for c in machine.contacts if c.kind == "signal"], KINDS[machine.cabinet]().signals, place)
+    known([c.name for c in machine.contacts if c.kind == "signal"], CABINETS[machine.cabinet], place)
 
 
 def _model_travels_mm(file: Path) -> dict[str, float]:

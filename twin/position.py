@@ -63,7 +63,7 @@ class Position:
 
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
-        self._follow_direction()
+        self.follow_direction()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
         slip = round((told - rotor) / self._period[axis]) * self._period[axis]
         self._forgotten[axis] += abs(slip - self._slip[axis])
@@ -71,6 +71,14 @@ class Position:
         self._encoder_zero[axis] = value - sense * told
         if axis < len(self._zero_mm):
             self._zero_mm[axis] = self._zeros()[axis]
+
+    def follow_direction(self) -> None:
+        """The other way round, another place is where the counter is 0. To be called before a motion begins: directions
+        change at rest only, and then counters and drives agree."""
+        if self._controller.direction != self._turned:
+            self._turned = tuple(self._controller.direction)
+            self._sense, self._mirrored = self._senses()
+            self._zero_mm = self._zeros()
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -80,7 +88,7 @@ class Position:
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in zero and direction of the counters."""
-        self._follow_direction()
+        self.follow_direction()
         beyond_mm: NDArray[np.float64] = self._plant.position_mm - self._zero_mm
         return self._sense * beyond_mm if self._mirrored else beyond_mm
 
@@ -126,13 +134,6 @@ class Position:
     def fault(self) -> tuple[bool, ...]:
         """See Drives.fault."""
         return tuple(self._plant.fault.tolist())
-
-    def _follow_direction(self) -> None:
-        """The other way round, another place is where the counter is 0. Directions change at rest only."""
-        if self._controller.direction != self._turned:
-            self._turned = tuple(self._controller.direction)
-            self._sense, self._mirrored = self._senses()
-            self._zero_mm = self._zeros()
 
     def _senses(self) -> tuple[NDArray[np.int64], bool]:
         """int64 [3], direction of each carriage, and whether one is turned round."""

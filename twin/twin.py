@@ -472,6 +472,7 @@ class Twin:
         if self._stream.follow(self._controller.run, self.time_ns):
             direction = self._controller.direction  # it changes between motions only
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
+            self._position.follow_direction()
             self._wiring.motion(self._stream.moving)
         outputs_changed = False
         for event in events:

@@ -41,7 +41,7 @@ MORE_OVERRIDES: tuple[dict[str, Any], ...] = (
     {"axes.all.travel": 60.0, "axes.all.power_on_low": 2.0, "axes.all.power_on_high": 50.0},
     {"axes.all.motor": "57HS56-2804", "axes.all.stage.current": 2.8},
     {"axes.all.motor": "23HS22-2804S", "axes.all.stage.current": 2.8},
-    {"axes.all.stage.supply": 30.0, "axes.all.stage.idle_current": 0.2, "axes.all.stage.idle_delay": 0.0},
+    {"axes.all.stage.supply": 30.0, "axes.all.stage.idle_current": 0.2, "axes.all.stage.idle_delay": 5.0},
     {"axes.all.stage.thermal_time_constant": 2.0},
     {"axes.all.steps_per_rev": 12_800},
     {"axes.all.lead": 10.0, "payload.mass": 3.0},
@@ -192,6 +192,8 @@ def _options(draw: Draw, seed: int, controller: str, physics: bool, *, calm: boo
     if physics or chance(draw, 0.8):
         options["start_mm"] = tuple(round(float(x), 3) for x in draw.uniform(*POWER_ON_MM, 3))
     overrides = pick(draw, OVERRIDES[2:4] if calm else OVERRIDES + MORE_OVERRIDES)
+    if controller == "ismif":  # its search is so many half steps long, not so many fine ones
+        overrides = {key: value for key, value in overrides.items() if key != "axes.all.steps_per_rev" or value < 800}
     if overrides:
         options["overrides"] = overrides
     return options

@@ -26,9 +26,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from isel_twin import machine
 from isel_twin.controller import UnknownNameError
 
-USER_INPUTS = tuple(f"user_{bit}" for bit in range(8))
+SIGNALS = machine.CABINETS["safety-relay"]
+"""Contacts of the cabinet, as machine files name them."""
+
+USER_INPUTS = tuple(name for name in SIGNALS if name.startswith("user_"))
 
 ELEMENTS: Mapping[str, tuple[str, ...]] = {
     "hood": ("closed", "open", "forced"),
@@ -42,22 +46,6 @@ ELEMENTS: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(USER_INPUTS, ("low", "high")),
 }
 """Elements that can be operated from outside and their states; the first one is the state at power-on."""
-
-SIGNALS = (
-    "estop_1",
-    "estop_2",
-    "overtemperature",
-    "start",
-    "stop",
-    "probe",
-    "spindle",
-    "power_ok",
-    "hood_automatic",
-    "hood_setup",
-    "key",
-    *USER_INPUTS,
-)
-"""Contacts of the cabinet, as machine files name them."""
 
 
 class Cabinet(Protocol):

@@ -1,0 +1,101 @@
+"""The stage of the twin, a current source that the supply limits, beside a switched bridge with the whole supply.
+
+The reference (bridge.py) has a 20 kHz chopper with a peak-current comparator and the usual decay: slow while the
+current is to rise, mixed while it is to fall. It has no supply factor. What it says of the twin's is in decision D1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from drives.bridge import AUTO, MIXED, SLOW, Rig, pull_out, run, run_adaptive
+
+from isel_twin.drives import MOTORS, Screw, Stage, pull_out_torque
+from isel_twin.drives.curves import follow, mean_command
+from isel_twin.drives.dynamics import axis_parameters, axis_states
+
+IRON = 1650 * 3.2e-3 ** (2 / 3) * 0.65 ** (1 / 3)
+NEMA23 = Rig(0.65, 3.2e-3, 2.4 / (math.sqrt(2) * 4.0), 2 * 530e-7, 0.06, IRON, 72.0, supply=48.0, current=4.2)
+NEMA17 = Rig(
+    1.4, 3.0e-3, 0.52 / (math.sqrt(2) * 2.0), 2 * 82e-7, 0.12 * 0.52 / (math.sqrt(2) * 2.0) / math.sqrt(1.4),
+    1650 * 3.0e-3 ** (2 / 3) * 1.4 ** (1 / 3), 72.0, supply=24.0, current=2.0,
+)  # fmt: skip
+
+
+def rig(motor: str, supply: float, decay: int = AUTO) -> Rig:
+    base = NEMA23 if motor == "23HS32-4004S" else NEMA17
+    return Rig(**{**vars(base), "supply": supply, "decay": decay})
+
+
+def stage(motor: str, supply: float, **settings: float) -> Stage:
+    current = 4.2 if motor == "23HS32-4004S" else 2.0
+    return Stage(**{"supply_v": supply, "current_a": current, "microsteps": 10, **settings})
+
+
+@pytest.mark.parametrize(
+    ("motor", "supply", "rpm"),
+    [
+        ("23HS32-4004S", 36.0, 90),
+        ("23HS32-4004S", 36.0, 390),
+        ("23HS32-4004S", 48.0, 210),
+        ("23HS32-4004S", 48.0, 510),
+        ("23HS32-4004S", 48.0, 600),
+        ("17HS19-2004S", 24.0, 600),
+    ],
+)
+def test_pull_out_is_that_of_a_switched_bridge(motor: str, supply: float, rpm: float) -> None:
+    expected = pull_out(rig(motor, supply), rpm)
+    assert pull_out_torque(MOTORS[motor], stage(motor, supply), rpm) == pytest.approx(expected, rel=0.05)
+
+
+def test_a_rising_load_stalls_the_motor_where_it_stalls_on_a_switched_bridge() -> None:
+    """48 V, 300 rev/min: a load that rises to 2.5 Nm within half a second."""
+    rpm, top_nm, rise_s = 300.0, 2.5, 0.5
+    rate = rpm / 60 * 2000
+    stalled_s = run(NEMA23.array(), 2000.0, rate, 0.3, 0.6, top_nm, rise_s, 10)[0] - 0.3
+
+    dt = 25e-6
+    t = dt * np.arange(round(0.9 / dt) + 1)
+    q = np.minimum(t / 0.3, 1.0)
+    phase = 2000.0 * t + (rate - 2000.0) * (0.3 * q**3 * (1 - q / 2) + np.maximum(t - 0.3, 0.0))
+    q = np.clip((t[1:] - 0.3) / rise_s, 0, 1)
+    screw = Screw(inertia_kgm2=530e-7)
+    states = axis_states(1)
+    states["omega_rad_s"] = 2 * math.pi
+    parameters = axis_parameters(MOTORS["23HS32-4004S"], stage("23HS32-4004S", 48.0), screw, dt)
+    steps = follow(parameters, states, mean_command(phase), top_nm * q * q * (3 - 2 * q), 40.0)
+
+    def load(seconds: float) -> float:
+        q = seconds / rise_s
+        return top_nm * q * q * (3 - 2 * q)
+
+    assert 0.1 < stalled_s < 0.5
+    assert load(steps * dt - 0.3) == pytest.approx(load(stalled_s), rel=0.05)
+
+
+def test_the_supply_factor_stands_for_what_a_chopper_leaves_unused() -> None:
+    """Where the supply limits, an ideal source at the whole supply has more than the bridge; at low speed not."""
+    name = "23HS32-4004S"
+    slow, fast = (
+        pull_out_torque(MOTORS[name], stage(name, supply, supply_factor=1.0), rpm) / pull_out(rig(name, supply), rpm)
+        for supply, rpm in ((48.0, 210), (36.0, 510))
+    )
+    assert slow == pytest.approx(1.0, abs=0.03)
+    assert fast > 1.1
+
+
+@pytest.mark.parametrize("decay", [SLOW, MIXED, AUTO])
+def test_the_fast_solver_of_the_reference_is_right(decay: int) -> None:
+    """20 ms at 300 rev/min against 0.3 Nm: Runge-Kutta at 1 and 5 us beside DOP853 from switching to switching.
+
+    The fast one sees a current reach its reference up to a step too late: 1 us is 15 mA, 5 us are 75 mA of 4.2 A.
+    """
+    reference = rig("23HS32-4004S", 48.0, decay)
+    rate = 300 / 60 * 2000
+    angle, torque = run_adaptive(reference, rate, 0.02, 0.3)
+    for steps, tolerance in ((50, 0.02), (10, 0.05)):
+        _, fast_angle, fast_torque = run(reference.array(), rate, rate, 1e-9, 0.02, 0.3, 0.0, steps)
+        assert fast_torque == pytest.approx(torque, rel=tolerance)
+        assert fast_angle == pytest.approx(angle, abs=tolerance * 2 * math.pi / 50)
