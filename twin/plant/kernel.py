@@ -307,13 +307,13 @@ def advance(
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
 
-    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, screws [3] SCREW, states [3] AXIS_STATE, thresholds [k]
-    THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv]
-    JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT, cut_nuts [2, 3]
-    and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at joints, q... [nv] views
-    of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where the joints are at until_ns;
-    t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
-    lead_ns that of the others.
+    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, screws [3] SCREW, states [3] AXIS_STATE, thresholds
+    [k] THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints
+    [nv] JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT,
+    cut_nuts [2, 3] and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at
+    joints, q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
+    the joints are at until_ns; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n]
+    leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
