@@ -34,14 +34,19 @@ RADIUS_M = 5e-3 / (2.0 * math.pi)
 STEP_UM = 3.125
 ROD_N = 206e9 * math.sqrt(0.85) * math.pi / 4.0 * 0.016**2
 """E A of the screws: the thread takes 1 - sqrt(0.85) of the section."""
+TEST = 'grade = "setting", source = "test"'
 ANYTHING = {f"axes.all.{key}": value for key, value in zip(KEYS.values(), (9.0, 7.0, 50.0, 40.0), strict=True)}
 
 
-def quiet(folder: Path, flags: Mapping[str, Any], x_mm: float = 100.0, viscous: float = 0.1) -> Bench:
+def quiet(
+    folder: Path, flags: Mapping[str, Any], x_mm: float = 100.0, viscous: float = 0.1, damping: float = 0.0
+) -> Bench:
     """The 4030 with nothing but the imperfections that are named."""
     overrides = {"imperfections": "ideal", **{f"axes.all.{key}": value for key, value in FREE.items()}}
     overrides |= {"axes.all.shaft_viscous": viscous, "axes.all.damping": 2e4}
-    machine = with_overrides(load_machine(without_detent(folder, "4030")), {**overrides, **flags})
+    with (without_detent(folder, "4030") / "machine.toml").open("a") as file:
+        file.write(f'[axes.all.stage]\ndamping_gain = {{ value = {damping}, unit = "1", {TEST} }}\n')
+    machine = with_overrides(load_machine(folder), {**overrides, **flags})
     bench = Bench(MujocoPlant(machine, (), np.array([x_mm, 100.0, 30.0])))
     bench.plant.set_power(stages=True, brake_released=True, lowering=False)
     bench.wait(50)
@@ -74,6 +79,16 @@ def test_steps_err_by_their_accuracy_once_in_four_full_steps(tmp_path: Path, mic
     expected = 0.05 * np.sin(2.0 * math.pi * np.arange(len(rotor)) / (4 * microsteps))
     assert rotor / microsteps == pytest.approx(expected, abs=5e-4)
     assert position - position[0] == pytest.approx(25.0 * expected, abs=0.03)
+
+
+def test_a_stage_that_damps_errs_alike(tmp_path: Path) -> None:
+    flags = {"imperfections.step_accuracy": True, "imperfections.current_offset": True}
+    plain, _ = walk(quiet(tmp_path, flags), 32, 1)
+    bench = quiet(tmp_path, flags, damping=2.0)
+    assert bench.plant.machine.axes[0].stage.damping_gain == 2.0
+    damped, _ = walk(bench, 32, 1)
+    assert np.ptp(plain) > 0.8
+    assert damped == pytest.approx(plain, abs=2e-3)
 
 
 def test_an_offset_of_one_phase_turns_the_vector_once_in_four_full_steps(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ class Stage:
     """Temperature of the air in the cabinet."""
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     """Where the over-temperature contact opens (estimate)."""
-    damping_gain: float = number("1", 0.0, 5.0, optional=True, default=0.0)
+    damping_gain: float = number("1", 0.0, 5.0, key="damping_gain", optional=True, default=0.0)
     """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     """Corner of the low pass that tells the mean load angle from its swing."""
