@@ -109,13 +109,14 @@ def test_it_does_not_depend_on_how_time_is_cut(bench):
 
 
 def test_available_torque_is_that_of_the_current_at_rest_and_of_the_supply_beyond_the_knee():
-    """Km I at standstill; far above the knee 4/pi V Km / (we L), less what the back-EMF takes (Acarnley)."""
+    """Km I at standstill. Far above the knee V Km / (we L), V between the supply as a sine and as a square wave, whose
+    fundamental is 4/pi of it (Acarnley); what the back-EMF takes is small there."""
     stage = Twin(plant="kinematic").machine.axes[0].stage
     table = available_torque(MOTOR, stage)
     assert table[0] == pytest.approx(PEAK_NM, rel=0.01)
     omega = 100.0
     electrical = MOTOR.pole_pairs * omega
     mean_v = 0.5 * (stage.drive_v + stage.supply_v)
-    inductive = 4.0 / math.pi * mean_v * MOTOR.torque_constant_nm_per_a / (electrical * MOTOR.inductance_h)
-    assert table[50] == pytest.approx(inductive, rel=0.1)
+    sine_nm = mean_v * MOTOR.torque_constant_nm_per_a / (electrical * MOTOR.inductance_h)
+    assert 0.97 * sine_nm < table[50] < 4.0 / math.pi * sine_nm
     assert (np.diff(table[table > 0.0]) <= 1e-9).all()

@@ -4,7 +4,7 @@ Goal: one number for each axis that is 1 while nothing is asked of the motor and
 just works can be told from one that works. Two things end a motor's grip; the margin is the lesser of what is left:
 
     torque       1 - |T| / T_max(w)   T: torque of the currents, mean over the window; T_max: the closed form of the
-                                      pull-out torque at this speed, by current and by voltage, before iron loss
+                                      pull-out torque at this speed by current and voltage, before iron loss
     load angle   1 - |lag| / 2        lag: command minus rotor in full steps, to the nearest place where the motor would
                                       hold as well (they are four full steps apart); at two it holds no longer
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
-from isel_twin.drives.curves import pull_out_envelope
+from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
@@ -38,7 +38,7 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     It begins at the torque of the current vector where that stands, without what single steps cost it.
     """
     omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
-    net = np.array([pull_out_envelope(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
+    net = np.array([pull_out_prediction(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
     iron = np.array([motor.iron_torque_nm(w) for w in omega])
     return np.where(net > 0.0, net + iron, 0.0)
 
