@@ -62,6 +62,10 @@ LEVELS: Mapping[str, frozenset[str]] = {
     "ideal": frozenset(),
     "static": frozenset({"lead_error", "squareness", "backlash"}),
     "dynamic": frozenset({"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}),
+    "real": frozenset(
+        {"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}
+        | {"step_accuracy", "current_offset", "cyclic_error", "free_length", "growth"}
+    ),
 }
 """Imperfection levels: the sources of imperfection that are on."""
 
@@ -189,6 +193,13 @@ class Imperfections:
     structure: bool = flag()
     repeatability: bool = flag()
     bounce: bool = flag()
+    step_accuracy: bool = flag(default=False)
+    current_offset: bool = flag(default=False)
+    cyclic_error: bool = flag(default=False)
+    free_length: bool = flag(default=False)
+    """The screw is the softer the farther the nut is from the fixed bearing; off: everywhere as in the middle."""
+    growth: bool = flag(default=False)
+    """Of the screw by its warming."""
 
 
 @dataclass(frozen=True)
@@ -277,7 +288,7 @@ def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     """The machine with some of its numbers changed, for experiments.
 
     Keys are those of `describe`, values are in the file's unit: {"axes.x.backlash": 0.0, "axes.all.lead": 4.0}.
-    The key "imperfections" takes a level: "ideal", "static" or "dynamic".
+    The key "imperfections" takes a level: "ideal", "static", "dynamic" or "real".
     Raises MachineError for an unknown key or a value out of range.
     """
     tree = copy.deepcopy(dict(machine.tree))
@@ -430,24 +441,44 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
         screw["lead_error"] = 0.0
     if not on.backlash:
         screw["backlash_mm"] = 0.0
+    if not on.cyclic_error:
+        screw["cyclic_error_m"] = 0.0
+    if not on.growth:
+        screw["warming_k"] = 0.0
     rod = Rod(**read(Rod, content, place))
     own = read(Axis, content, place)
     if own["travel_mm"] > rod.length_mm:
         raise place.at("travel").wrong(
             f"{own['travel_mm']:g} mm; allowed: up to the length of the screw, screw_length = {rod.length_mm:g} mm"
         )
+    if rod.free_length_mm + own["travel_mm"] > rod.length_mm:
+        raise place.at("free_length").wrong(
+            f"{rod.free_length_mm:g} mm; allowed: up to what the screw is longer than the travel, "
+            f"{rod.length_mm - own['travel_mm']:g} mm"
+        )
+    if on.free_length:
+        free_mm = 0.5 * (rod.length_mm - own["travel_mm"]) if math.isnan(rod.free_length_mm) else rod.free_length_mm
+        screw |= {"rod_n": rod.rod_n, "free_length_m": 1e-3 * free_mm, "middle_m": 0.5e-3 * own["travel_mm"]}
     stribeck_mm_s = quantity(content["stribeck_speed"], _STRIBECK_MM_S, place.at("stribeck_speed"))
-    return Axis(
-        name=name,
-        motor=motor,
-        stage=section(Stage, content["stage"], place.at("stage"), microsteps=microsteps),
-        screw=Screw(
-            inertia_kgm2=rod.inertia_kgm2,
-            stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
-            **screw,
-        ),
-        **own,
-    )
+    stage = section(Stage, content["stage"], place.at("stage"), microsteps=microsteps)
+    try:
+        return Axis(
+            name=name,
+            motor=motor,
+            stage=dataclasses.replace(
+                stage,
+                step_error=stage.step_error if on.step_accuracy else 0.0,
+                current_offset=stage.current_offset if on.current_offset else 0.0,
+            ),
+            screw=Screw(
+                inertia_kgm2=rod.inertia_kgm2,
+                stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
+                **screw,
+            ),
+            **own,
+        )
+    except ValueError as error:
+        raise place.wrong(str(error)) from None
 
 
 def _check(machine: Machine, place: Place) -> None:

@@ -100,7 +100,7 @@ def test_imperfection_levels():
     machine = load_machine("4030")
     for level, on in LEVELS.items():
         flags = with_overrides(machine, {"imperfections": level}).imperfections
-        assert {name for name in LEVELS["dynamic"] if getattr(flags, name)} == set(on)
+        assert {name for name in LEVELS["real"] if getattr(flags, name)} == set(on)
     ideal = with_overrides(machine, {"imperfections": "ideal", "imperfections.backlash": True})
     assert ideal.imperfections.backlash
     assert {(s.repeatability_mm, s.bounce_ms) for s in ideal.switches} == {(0.0, 0.0)}
@@ -316,7 +316,7 @@ def test_unknown_machines_and_circles_are_named(tmp_path):
         ({"axes.x.backlsh": 0}, r"unknown key; did you mean 'axes\.x\.backlash'"),
         ({"axes.x": 0}, r"axes\.x: is a section"),
         ({"axes.x.backlash": 2}, r"axes\.x\.backlash: 2; allowed: 0 \.\. 1 mm"),
-        ({"imperfections": "some"}, "unknown level 'some'; allowed: ideal, static, dynamic"),
+        ({"imperfections": "some"}, "unknown level 'some'; allowed: ideal, static, dynamic, real$"),
     ],
 )
 def test_a_wrong_override_is_named(overrides, message):

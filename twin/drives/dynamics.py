@@ -12,8 +12,9 @@ fast enough for 10^7 axis sub-steps a second, with true sticking and without eve
 
 (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
 
-i_ref is the wave of the stage at the commanded angle. A stage with electronic damping turns the current vector further
-by what the load angle swings about its low pass, as a digital microstep drive does that watches its motor (D9):
+i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). A stage with
+electronic damping turns the current vector further by what the load angle swings about its low pass, as a digital
+microstep drive does that watches its motor (D9):
 
     lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
 
@@ -111,6 +112,9 @@ AXIS_PARAMETERS = np.dtype(
         ("damping_n_s_per_m", "f8"),  # c
         ("forward_loss", "f8"),  # friction torque over |F| r when the screw drives: 1 / efficiency - 1
         ("backward_loss", "f8"),  # the same when the nut drives: 1 - backdrive_efficiency
+        ("plain", "f8"),  # 1: sine without errors of the stage
+        ("step_error_rad", "f8"),  # largest electrical angle by which the current vector is turned
+        ("current_offset", "f8"),  # of phase B, over the current
     ],
     align=True,
 )
@@ -157,6 +161,9 @@ def axis_parameters(motor: Motor, stage: Stage, screw: Screw, dt_s: float) -> ND
     p["microstep_rad"] = 2.0 * math.pi * motor.pole_pairs / (motor.full_steps_per_rev * stage.microsteps)
     p["phase_offset_rad"] = math.pi / 4.0 if stage.microsteps == 1 else 0.0
     p["stepped"] = float(stage.stepped)
+    p["plain"] = float(not (stage.stepped or stage.step_error or stage.current_offset))
+    p["step_error_rad"] = stage.step_error * 0.5 * math.pi
+    p["current_offset"] = stage.current_offset
     p["current_a"] = stage.current_a
     p["drive_v"] = stage.drive_v
     p["return_v"] = stage.supply_v
@@ -202,6 +209,22 @@ def _corner(angle_rad):
     """
     wrapped = angle_rad - 2.0 * math.pi * math.floor(angle_rad / (2.0 * math.pi) + 0.5)
     return min(1.0, max(-1.0, 2.0 - abs(wrapped) * (4.0 / math.pi)))
+
+
+@njit(error_model="numpy")
+def _shape(p, s, phi):
+    """Wanted currents of any stage at an electrical angle, turned and shifted by its errors."""
+    if p.stepped != 0.0:
+        shape_a, shape_b = _corner(phi), _corner(phi - 0.5 * math.pi)
+        turn = math.sin(phi - p.phase_offset_rad)
+    else:
+        shape_b, shape_a = sine_and_cosine(phi)
+        turn = shape_b
+    if p.step_error_rad != 0.0:
+        sine, cosine = sine_and_cosine(p.step_error_rad * turn)
+        shape_a, shape_b = shape_a * cosine - shape_b * sine, shape_b * cosine + shape_a * sine
+    s.shape_a = shape_a
+    s.shape_b = shape_b + p.current_offset
 
 
 @njit(error_model="numpy")
@@ -261,16 +284,18 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
             swing = 0.0
         s.command = command
         phi += p.damping_gain * swing
-        s.shape_a = math.cos(phi)
-        s.shape_b = math.sin(phi)
+        if p.plain != 0.0:
+            s.shape_a = math.cos(phi)
+            s.shape_b = math.sin(phi)
+        else:
+            _shape(p, s, phi)
     elif command != s.command:
         phi = command * p.microstep_rad + p.phase_offset_rad
         s.command = command
-        if p.stepped != 0.0:
-            s.shape_a = _corner(phi)
-            s.shape_b = _corner(phi - 0.5 * math.pi)
-        else:
+        if p.plain != 0.0:
             s.shape_b, s.shape_a = sine_and_cosine(phi)
+        else:
+            _shape(p, s, phi)
     emf_v = p.torque_constant_nm_per_a * omega
     wanted_a = p.current_a * current_fraction
     current_a = _phase(p, s.current_a_a, wanted_a * s.shape_a, -emf_v * sine) if phases & PHASE_A else 0.0

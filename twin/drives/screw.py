@@ -8,6 +8,14 @@ screw by a spring and damper with a dead zone, the backlash. Losses in the nut a
 What a screw of steel adds to the rotor's inertia is that of a plain rod of its nominal diameter, less the thread:
 
     J = fill * pi/32 rho d^4 l + coupling
+
+It gives along its free length, from the nut to the fixed bearing at the motor's end, like a rod of that diameter less
+the thread; bearing and nut give the rest. All of it together is the stiffness stated, in the middle of the travel:
+
+    1/k(x) = 1/k_bearing+nut + (x + l_0)/(E A)         x: place of the nut, l_0: free length where x = 0
+    E A = E sqrt(fill) pi/4 d^2                        (fill goes with d^4, the section with d^2)
+
+A thread wobbles once a turn: nut at  r th + a sin(x / r). A warm one is longer, in proportion to its warming.
 """
 
 from __future__ import annotations
@@ -18,6 +26,8 @@ from dataclasses import dataclass
 from isel_twin.parameters import check, number
 
 STEEL_KG_M3 = 7850.0
+STEEL_GROWTH_PER_K = 11.5e-6
+"""Thermal expansion."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,10 @@ class Screw:
     """Travel a revolution."""
     lead_error: float = number("%", -1.0, 1.0, key="lead_error", scale=1e-2, default=0.0)
     """Relative error of the lead: +0.00046 is a carriage that goes 0.46 mm too far in 1 m."""
+    warming_k: float = number("K", -50.0, 100.0, key="screw_warming", optional=True, default=0.0)
+    """How much warmer the screw is than when its lead was measured; the frame with its switches keeps its length."""
+    cyclic_error_m: float = number("um", 0.0, 200.0, key="cyclic_error", scale=1e-6, optional=True, default=0.0)
+    """Amplitude of the error of the lead that repeats every revolution."""
     efficiency: float = number("1", 0.2, 1.0, key="efficiency", default=0.9)
     """Work at the nut over work at the shaft when the screw drives."""
     backdrive_efficiency: float = number("1", -100.0, 1.0, default=math.nan)
@@ -48,7 +62,14 @@ class Screw:
     backlash_mm: float = number("mm", 0.0, 1.0, key="backlash", default=0.0)
     """Free travel of the nut."""
     stiffness_n_per_m: float = number("N/um", 1.0, 200.0, key="stiffness", scale=1e6, default=0.0)
-    """Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut."""
+    """Axial stiffness between screw and nut: screw, fixed bearing and nut in series; 0: no nut. Where the screw gives
+    along its length (`rod_n`), that in the middle of the travel."""
+    rod_n: float = number("N", 1e5, math.inf, default=math.inf)
+    """E A of the screw, inf: the stiffness is the same everywhere."""
+    free_length_m: float = number("m", 0.0, 10.0, default=0.0)
+    """l_0: from the fixed bearing to the nut where x = 0."""
+    middle_m: float = number("m", 0.0, 10.0, default=0.0)
+    """Where the stiffness is the stated one."""
     damping_n_s_per_m: float = number("N s/m", 0.0, 20_000.0, key="damping", default=0.0)
     """Axial damping beside it."""
 
@@ -56,11 +77,28 @@ class Screw:
         check(self)
         if math.isnan(self.backdrive_efficiency):
             object.__setattr__(self, "backdrive_efficiency", 2.0 - 1.0 / self.efficiency)
+        if self.stiffness_n_per_m * (self.free_length_m + self.middle_m) >= self.rod_n:
+            raise ValueError(
+                f"screw: a stiffness of {self.stiffness_n_per_m / 1e6:g} N/um is more than the screw alone has; "
+                f"allowed: below {self.rod_n / (self.free_length_m + self.middle_m) / 1e6:.4g} N/um"
+            )
 
     @property
     def travel_m_per_rad(self) -> float:
-        """Travel of the nut a radian, lead error included."""
-        return self.lead_mm * 1e-3 * (1.0 + self.lead_error) / (2.0 * math.pi)
+        """Travel of the nut a radian, lead error and growth included."""
+        error = self.lead_error + STEEL_GROWTH_PER_K * self.warming_k
+        return self.lead_mm * 1e-3 * (1.0 + error) / (2.0 * math.pi)
+
+    @property
+    def bearing_m_per_n(self) -> float:
+        """Compliance of fixed bearing and nut, what is left of the stated one without the screw's own."""
+        return 1.0 / self.stiffness_n_per_m - (self.free_length_m + self.middle_m) / self.rod_n
+
+    def stiffness_at(self, position_m: float) -> float:
+        """k(x), N/m; the nut never gets into the bearing."""
+        if self.rod_n == math.inf:
+            return self.stiffness_n_per_m
+        return 1.0 / (self.bearing_m_per_n + max(0.0, position_m + self.free_length_m) / self.rod_n)
 
 
 @dataclass(frozen=True)
@@ -73,6 +111,10 @@ class Rod:
     fill: float = number("1", 0.3, 1.0, key="screw_fill")
     """Inertia of the threaded rod over that of a plain one of the nominal diameter."""
     coupling_inertia_kgm2: float = number("kg m2", 0.0, 1e-2, key="coupling_inertia")
+    modulus_n_per_m2: float = number("GPa", 10.0, 1000.0, key="screw_modulus", scale=1e9, optional=True, default=206e9)
+    """Young's modulus."""
+    free_length_mm: float = number("mm", 0.0, 10_000.0, key="free_length", optional=True, default=math.nan)
+    """From the fixed bearing to the nut at position 0; nan: half of what the screw is longer than the travel."""
 
     def __post_init__(self) -> None:
         check(self)
@@ -82,3 +124,8 @@ class Rod:
         """Of rod and coupling about their axis."""
         plain_kgm2 = math.pi / 32.0 * STEEL_KG_M3 * (1e-3 * self.diameter_mm) ** 4 * 1e-3 * self.length_mm
         return self.fill * plain_kgm2 + self.coupling_inertia_kgm2
+
+    @property
+    def rod_n(self) -> float:
+        """E A: force that would double its length."""
+        return self.modulus_n_per_m2 * math.sqrt(self.fill) * math.pi / 4.0 * (1e-3 * self.diameter_mm) ** 2

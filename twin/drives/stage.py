@@ -8,6 +8,11 @@ step the two waves have the corners of a switch instead:
 so the torque at standstill is Km I in microstep, alternately Km I and sqrt(2) Km I in half step, and sqrt(2) Km I in
 full step. What it can do ends at the supply: supply_factor * supply_v can drive a current, and a current that the stage
 wants to get rid of flows back against supply_v.
+
+Two errors that repeat every electrical period, four full steps, and do not add up (a full step is pi/2 electrical):
+
+    step accuracy e     the vector is turned by  e pi/2 sin(phi - phi_0)        phi_0: phi at counter 0
+    offset o            I o more in phase B: the vector is turned by  o cos(phi)  to first order
 """
 
 from __future__ import annotations
@@ -49,6 +54,11 @@ class Stage:
     """Electronic damping: advance of the current vector over the swing of the load angle; 0: none. Microstep only."""
     damping_corner_hz: float = number("Hz", 10.0, 2000.0, key="damping_corner", optional=True, default=300.0)
     """Corner of the low pass that tells the mean load angle from its swing."""
+
+    step_error: float = number("%", 0.0, 50.0, key="step_accuracy", scale=1e-2, optional=True, default=0.0)
+    """Largest error of the angle at which motor and stage hold, over a full step."""
+    current_offset: float = number("%", -50.0, 50.0, key="current_offset", scale=1e-2, optional=True, default=0.0)
+    """Offset of the current of phase B, over the peak current that is set at that time."""
 
     def __post_init__(self) -> None:
         check(self)

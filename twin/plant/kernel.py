@@ -44,12 +44,13 @@ from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import glide as gliding
-from isel_twin.plant import lead, teeth
+from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
 from isel_twin.plant.glide import glide
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
 from isel_twin.plant.teeth import bite
+from isel_twin.plant.thread import feel
 
 AXES = 3
 """Axes with mechanics."""
@@ -76,6 +77,7 @@ PLANT = np.dtype(
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
+        ("uneven", "i8"),  # 1: a screw is not everywhere the same
     ],
     align=True,
 )
@@ -193,6 +195,8 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 def _leave_window(
     plant,
     axes,
+    drives,
+    screws,
     states,
     joints,
     mobility,
@@ -251,6 +255,8 @@ def _leave_window(
             before[j] = qpos[j]
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
+    if plant.uneven:
+        feel(screws, axes, drives, states)
     enter_window(axes, qpos, qvel, qacc, qacc_smooth)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
@@ -294,20 +300,20 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 @njit(nogil=True, error_model="numpy")
 def advance(
-    plants, axes, drives, states, thresholds, commanded, leads, available, joints, mobility, push, springs, rates, cuts,
-    cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta, early_lead_ns,
-    lead_ns,
+    plants, axes, drives, screws, states, thresholds, commanded, leads, available, joints, mobility, push, springs,
+    rates, cuts, cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta,
+    early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
 
-    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE, thresholds [k] THRESHOLD,
-    commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints [nv] JOINT and
-    mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT, cut_nuts [2, 3] and
-    cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at joints, q... [nv] views of
-    MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where the joints are at until_ns;
-    t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the first ticks,
-    lead_ns that of the others.
+    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, screws [3] SCREW, states [3] AXIS_STATE, thresholds
+    [k] THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints
+    [nv] JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT,
+    cut_nuts [2, 3] and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at
+    joints, q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
+    the joints are at until_ns; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n]
+    leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
@@ -386,6 +392,8 @@ def advance(
             _leave_window(
                 plant,
                 axes,
+                drives,
+                screws,
                 states,
                 joints,
                 mobility,
@@ -428,4 +436,5 @@ dynamics.drop_stale_code(
     lead.__file__,
     margins.__file__,
     teeth.__file__,
+    thread.__file__,
 )

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
+from isel_twin.plant.thread import SCREW, feel
 
 REST_TIME_S = 0.025
 """Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
@@ -111,6 +113,7 @@ class MujocoPlant:
         self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
+        self._screws, uneven = self._lay_screws()
         self._check_steps()
 
         self._thresholds = np.concatenate([np.zeros(0, kernel.THRESHOLD), *map(_threshold, thresholds)])
@@ -141,6 +144,7 @@ class MujocoPlant:
         self._plant["model"] = model._address
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
+        self._plant["uneven"] = uneven
         self._plant["watched"] = (self._thresholds["quantity"] != kernel.POSITION).any()
         self._words = self._plant.view(np.int64)
         """The same as whole numbers, by place."""
@@ -156,9 +160,9 @@ class MujocoPlant:
         """float64 [nv], joint positions now, within a sub-step along their velocities."""
         kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
         self._state = (
-            self._plant, self._axes, self._drives, self._states, self._thresholds, self._commanded, self._leads,
-            self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before, self._cuts,
-            self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
+            self._plant, self._axes, self._drives, self._screws, self._states, self._thresholds, self._commanded,
+            self._leads, self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before,
+            self._cuts, self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
             data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
@@ -407,10 +411,25 @@ class MujocoPlant:
     def _set_phases(self) -> None:
         self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
 
+    def _lay_screws(self) -> tuple[NDArray[np.void], bool]:
+        """[3] SCREW, the drives told of them; whether one is not the same everywhere."""
+        screws = [axis.screw for axis in self.machine.axes]
+        laid = np.zeros(kernel.AXES, SCREW)
+        laid["start_m"] = self._axes["zero_m"]
+        laid["travel_m_per_rad"] = self._drives["travel_m_per_rad"]
+        laid["cyclic_m"] = [screw.cyclic_error_m for screw in screws]
+        laid["soft_m_per_n"] = [screw.bearing_m_per_n for screw in screws]
+        laid["free_m"] = [screw.free_length_m for screw in screws]
+        laid["rod_n"] = [screw.rod_n for screw in screws]
+        uneven = any(screw.cyclic_error_m or screw.rod_n < math.inf for screw in screws)
+        if uneven:
+            feel(laid, self._axes, self._drives, self._states)
+        return laid, uneven
+
     def _check_steps(self) -> None:
         """Refuse a MuJoCo step in which the machine would swing too far on its springs."""
         machine, stiffness = self.machine, self.model.jnt_stiffness[self.model.dof_jntid]
-        stiffness[self._dof] = [axis.screw.stiffness_n_per_m for axis in machine.axes]
+        stiffness[self._dof] = [_stiffest_n_per_m(axis) for axis in machine.axes]
         step_s = machine.timing.mujoco_step_ns * 1e-9
         highest_rad_s, strain = _highest(self._inertia, stiffness)
         if step_s * highest_rad_s <= LARGEST_STEP_RATIO:
@@ -441,10 +460,18 @@ def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tu
     return math.sqrt(max(squares[-1], 0.0)), stiffness * (half.T @ shapes[:, -1]) ** 2
 
 
+def _stiffest_n_per_m(axis: Axis) -> float:
+    """Stiffness of the screw where its nut is nearest to the fixed bearing."""
+    return axis.screw.stiffness_at(-1e-3 * axis.stop_margin_mm)
+
+
 def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
-    """One record of AXIS_PARAMETERS, shape [1]. Raises MachineError."""
+    """One record of AXIS_PARAMETERS, shape [1], with the screw where it is stiffest. Raises MachineError."""
+    stiffest = replace(
+        axis.screw, stiffness_n_per_m=_stiffest_n_per_m(axis), rod_n=math.inf, free_length_m=0.0, middle_m=0.0
+    )
     try:
-        return axis_parameters(axis.motor, axis.stage, axis.screw, substep_s)
+        return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
 
