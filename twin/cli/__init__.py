@@ -2,6 +2,7 @@
 
     serve        a twin behind a serial port that host programs connect to
     run          a file of commands in virtual time
+    decode       bytes of a line explained
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -22,7 +23,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, decode, describe, machines, motor, run, serve
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -38,6 +39,7 @@ app = App(
 for command in (
     serve.serve,
     run.run,
+    decode.decode,
     machines.machines,
     controllers.controllers,
     describe.describe,
