@@ -117,7 +117,9 @@ class Operator:
         (key,) = actions
         where, value = place.at(key), content[key]
         if key in ("step", "speed", "wait"):
-            act = {"step": self._step, "speed": self._speed, "wait": self._wait}[key]
+            acts: dict[str, Callable[[Any, Place], Answer | Pending]]
+            acts = {"step": self._step, "speed": self._speed, "wait": self._wait}
+            act = acts[key]
             return self._done(request, lambda: act(value, where))
         if value is not True:
             raise where.wrong(f"{_shown(value)}; allowed: true")

@@ -3,10 +3,10 @@
     {"set": {"estop": "pressed"}}      --->
                                        <---      {"ok": {"time_s": 12.5, "time_ns": 12500000000, "inputs": {...}}}
     {"set": {"estop": "half"}}         --->
-                                       <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
+                                       <---      {"error": "request: input 'estop' cannot be 'half'; ..."}
 
-What can be asked is in control.py. Any number of clients up to CLIENTS; each has one request at a time in work, and what
-it sends meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
+What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
+meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
 has gone waits for nothing any more. None of them can hold up the server: reading, writing and the requests done in one
 round of its loop are bounded.
 
@@ -58,7 +58,7 @@ def parse_request(line: bytes) -> dict[str, Any]:
         content = json.loads(line.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_table)
     except (ValueError, RecursionError) as error:
         why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise ControlError(f"request: no JSON: {why}; allowed: one object a line, {{\"state\": true}}") from None
+        raise ControlError(f'request: no JSON: {why}; allowed: one object a line, {{"state": true}}') from None
     if not isinstance(content, dict):
         raise ControlError('request: no object; allowed: one object a line, {"state": true}')
     return content
@@ -156,6 +156,9 @@ class ControlPort:
         self.operator.look()
         for client in list(self._clients):
             self._serve(client)
+        if self.operator.look():  # what has just been done is what somebody waits for
+            for client in list(self._clients):
+                self._answer_pending(client)
 
     def close(self) -> None:
         """See Guest. May be called again, and before there is a server."""

@@ -268,7 +268,7 @@ class Pacer:
         return min(due_s, LONGEST_S) if twin.idle else min(max(due_s, SHORTEST_S), TICK_NS / 1e9)
 
     def until_s(self, time_ns: int) -> float:
-        """Wall seconds until virtual time reaches time_ns; 0 if that is past, or at speed `max`; inf if paused before it."""
+        """Wall seconds until virtual time reaches time_ns; 0 if past, or at speed `max`; inf if paused before it."""
         if self._hold_ns is not None:
             return 0.0 if time_ns <= self._hold_ns else math.inf
         if self.speed is None:

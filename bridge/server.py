@@ -295,9 +295,10 @@ class Server:
             gc.unfreeze()
             if self._wire is not None:
                 self._wire.close()
-            for part in (*self._guests, *self.endpoints):
+            closes = [part.close for part in self._guests] + [part.close for part in self.endpoints]
+            for close in closes:
                 with suppress(OSError):  # the others must be let go of, too
-                    part.close()
+                    close()
             self._watched.close()
             self._wake_in.close()
             self._wake_out.close()
@@ -340,8 +341,9 @@ class Server:
         waits = [self.pacer.wait_s(self.twin), *(guest.wait_s() for guest in self._guests)]
         if (backlog := self._backlog_s()) > 0:
             waits.append(backlog)
-        if self.pacer.speed is not None and self._piece and (complete_ns := self._piece.complete_ns(self.twin.serial_format.byte_ns)) is not None:
-            waits.append(self.pacer.until_s(complete_ns))
+        if self.pacer.speed is not None and self._piece:
+            complete_ns = self._piece.complete_ns(self.twin.serial_format.byte_ns)
+            waits.append(None if complete_ns is None else self.pacer.until_s(complete_ns))
         known = [wait for wait in waits if wait is not None and wait < math.inf]
         return min(known) if known else None
 

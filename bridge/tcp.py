@@ -79,7 +79,7 @@ def parse_address(text: str) -> tuple[str, int]:
 
 
 def listen(address: str) -> tuple[socket.socket, str]:
-    """A listening socket that never blocks, and its address. Raises ValueError for a bad one, OSError if it is taken."""
+    """A listening socket that never blocks, and its address. Raises ValueError for a bad one, OSError if taken."""
     host, port = parse_address(address)
     try:
         family, *_, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]

@@ -1,6 +1,7 @@
 """The command `isel-twin`.
 
     serve        a twin behind a serial port that host programs connect to
+    ctl          operate a machine that is served
     run          a file of commands in virtual time
     decode       bytes of a line explained
     machines, describe, controllers, motor      what there is, and its numbers
@@ -23,7 +24,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, decode, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -38,6 +39,7 @@ app = App(
 )
 for command in (
     serve.serve,
+    ctl.ctl,
     run.run,
     decode.decode,
     machines.machines,
