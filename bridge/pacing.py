@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-__all__ = ["Clocked", "Pacer", "parse_speed"]
+__all__ = ["Clocked", "Onlooker", "Pacer", "parse_speed"]
 
 TICK_NS = 5_000_000
 """Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
@@ -72,6 +72,16 @@ class Clocked(Protocol):
     def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None: ...
 
 
+class Onlooker(Protocol):
+    """Somebody who waits for something to happen to the twin, and must not miss it however fast time runs."""
+
+    def look_ns(self) -> int | None:
+        """Virtual time at which to look again at the latest; None: only when something has happened."""
+
+    def look(self) -> bool:
+        """Look at the twin; True: stop computing, there is something to be told."""
+
+
 def parse_speed(text: str) -> float | None:
     """`1`, `0.5`, `20`: times real time; `max` -> None: as fast as possible. Raises ValueError."""
     if text == "max":
@@ -96,7 +106,10 @@ class Pacer:
         """The speed is not kept at present."""
         self.reached = 0.0
         """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
+        self.onlooker: Onlooker | None = None
         self._clock = clock
+        self._hold_ns: int | None = None
+        """Virtual time that must not be passed, while paused."""
         self._slices_ns = {False: TICK_NS, True: TICK_NS}
         self._late = False
         self._anchor(virtual_ns)
@@ -108,8 +121,48 @@ class Pacer:
         self._wall_0 = self._clock()
         self._virtual_0 = virtual_ns
 
+    @property
+    def wall_s(self) -> float:
+        """Wall time, from no particular instant."""
+        return self._clock() / 1e9
+
+    @property
+    def paused(self) -> bool:
+        """Virtual time stands still, but for steps."""
+        return self._hold_ns is not None
+
+    @property
+    def hold_ns(self) -> int | None:
+        """Virtual time at which it stands still, or will when the steps are made; None unless paused."""
+        return self._hold_ns
+
+    def pause(self, virtual_ns: int) -> None:
+        """Let virtual time stand still at virtual_ns, the present; if it does already, no step is finished."""
+        self._hold_ns = virtual_ns
+
+    def step(self, step_ns: int) -> int:
+        """Let step_ns of virtual time pass while paused, as fast as possible; return when it will be over.
+
+        Raises ValueError unless paused.
+        """
+        if self._hold_ns is None:
+            raise ValueError("virtual time is not paused")
+        self._hold_ns += step_ns
+        return self._hold_ns
+
+    def go_on(self, speed: float | None, virtual_ns: int, paused: bool = False) -> None:
+        """From now, virtual_ns, keep this speed; or, if still paused, when time goes on."""
+        self.speed = speed
+        if not paused:
+            self._hold_ns = None
+        self._anchor(virtual_ns)
+        self._even = self._fell = self._slipped = self._wall_0, virtual_ns
+        self.behind = self._late = False
+
     def present_ns(self) -> int | None:
         """Virtual time that belongs to the present; None at speed `max`."""
+        if self._hold_ns is not None:
+            return self._hold_ns
         if self.speed is None:
             return None
         return self._virtual_0 + int((self._clock() - self._wall_0) * self.speed)
@@ -127,6 +180,8 @@ class Pacer:
             return
         began = self._clock()
         self._compute(twin, present, lambda: twin.reply_waiting and self._clock() - began >= REPLY_NS)
+        if self._hold_ns is not None:
+            return
         if present - twin.time_ns > SLIP_NS * (self.speed or 1.0):
             self._slip(twin)
         self._judge(twin, present)
@@ -137,10 +192,10 @@ class Pacer:
         A twin that does not get there soon, or is known not to, slips: what the host has sent must not wait for it.
         """
         present = self.present_ns()
-        if present is None:
+        if present is None or self.paused:
             return
         began = self._clock()
-        while twin.time_ns < present:
+        while not self.paused and twin.time_ns < present:
             if self._clock() - began > (0 if self.behind else PATIENCE_NS):
                 self._slip(twin)
                 return
@@ -151,8 +206,12 @@ class Pacer:
         """Advance at most to until_ns, for about a tick of wall time, in slices whose length adapts to that."""
         end = self._clock() + TICK_NS
 
+        onlooker, told = self.onlooker, False
+
         def over() -> bool:
-            return stop() or self._clock() >= end
+            nonlocal told
+            told = told or (onlooker is not None and onlooker.look())
+            return told or stop() or self._clock() >= end
 
         while twin.time_ns < until_ns and not over():
             began, start_ns, event = self._clock(), twin.time_ns, twin.next_event_ns
@@ -161,6 +220,8 @@ class Pacer:
             aim_ns = min(until_ns, start_ns + slice_ns)
             if event is not None and not near:
                 aim_ns = min(aim_ns, event)
+            if onlooker is not None and (look_ns := onlooker.look_ns()) is not None:
+                aim_ns = min(aim_ns, max(look_ns, start_ns))
             twin.run_until(aim_ns, over)
             took_ns = self._clock() - began
             if took_ns > TICK_NS:
@@ -196,6 +257,8 @@ class Pacer:
 
     def wait_s(self, twin: Clocked) -> float | None:
         """Wall seconds until the twin must be advanced again, if the host keeps still; None: not before it speaks."""
+        if self._hold_ns is not None:
+            return 0.0 if twin.time_ns < self._hold_ns else None
         if self.speed is None:
             return None if twin.idle or twin.next_event_ns is None else 0.0
         if self._late:
@@ -205,7 +268,9 @@ class Pacer:
         return min(due_s, LONGEST_S) if twin.idle else min(max(due_s, SHORTEST_S), TICK_NS / 1e9)
 
     def until_s(self, time_ns: int) -> float:
-        """Wall seconds until virtual time reaches time_ns; 0 if that is past, or at speed `max`."""
+        """Wall seconds until virtual time reaches time_ns; 0 if past, or at speed `max`; inf if paused before it."""
+        if self._hold_ns is not None:
+            return 0.0 if time_ns <= self._hold_ns else math.inf
         if self.speed is None:
             return 0.0
         wall_ns = self._wall_0 + (time_ns - self._virtual_0) / self.speed

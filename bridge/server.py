@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import math
 import selectors
 import signal
 import socket
@@ -28,7 +29,7 @@ from typing import Any, NamedTuple, Protocol
 from isel_twin.bridge.pacing import Clocked, Pacer
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Endpoint", "Outbox", "SerialTwin", "Server", "Watch", "WireTap", "on_signals"]
+__all__ = ["Endpoint", "Guest", "Outbox", "SerialTwin", "Server", "Watch", "WireTap", "on_signals"]
 
 log = logging.getLogger("isel_twin")
 
@@ -68,8 +69,30 @@ class WireTap(Protocol):
     def look(self, time_ns: int) -> None:
         """Time has passed."""
 
+    def act(self, time_ns: int, text: str) -> None:
+        """Somebody beside the host has done something to the machine or to its time."""
+
     def close(self) -> None:
         """That was all."""
+
+
+class Guest(Protocol):
+    """Somebody at the server who is no host: looked after in every round of the loop. See control_port.py."""
+
+    def attach(self, server: Server) -> None:
+        """The server whose guest this is."""
+
+    def watches(self) -> Iterable[Watch]:
+        """Files to wait for now."""
+
+    def wait_s(self) -> float | None:
+        """Wall seconds until `look` must be called, whatever happens; None: not by itself."""
+
+    def look(self) -> None:
+        """Something may have happened. Never blocks."""
+
+    def close(self) -> None:
+        """The server ends: say so, let go of everything."""
 
 
 class Watch(NamedTuple):
@@ -221,7 +244,12 @@ class Server:
     """Serves one twin on some endpoints until `stop` is called. See the module."""
 
     def __init__(
-        self, twin: SerialTwin, pacer: Pacer, endpoints: Sequence[Endpoint], wire: WireTap | None = None
+        self,
+        twin: SerialTwin,
+        pacer: Pacer,
+        endpoints: Sequence[Endpoint],
+        wire: WireTap | None = None,
+        guests: Sequence[Guest] = (),
     ) -> None:
         """wire: follows the traffic in both directions, in virtual time."""
         self.twin = twin
@@ -238,8 +266,13 @@ class Server:
         self._wake_in.setblocking(False)
         self._wake_out.setblocking(False)
         self._wake_watch = Watch(self._wake_out, selectors.EVENT_READ, self._awake)
+        self._guests = tuple(guests)
+        self._unheard = 0
+        """Bytes of hosts taken while virtual time stands still."""
         for endpoint in self.endpoints:
             endpoint.attach(self)
+        for guest in self._guests:
+            guest.attach(self)
 
     def stop(self) -> None:
         """End `run` soon. May be called from a signal handler or another thread."""
@@ -262,9 +295,10 @@ class Server:
             gc.unfreeze()
             if self._wire is not None:
                 self._wire.close()
-            for endpoint in self.endpoints:
+            closes = [part.close for part in self._guests] + [part.close for part in self.endpoints]
+            for close in closes:
                 with suppress(OSError):  # the others must be let go of, too
-                    endpoint.close()
+                    close()
             self._watched.close()
             self._wake_in.close()
             self._wake_out.close()
@@ -273,6 +307,8 @@ class Server:
         self.pacer.advance(self.twin)
         self._say_pace()
         self._reply()
+        for guest in self._guests:
+            guest.look()
         if self._wire is not None:
             self._wire.look(self.twin.time_ns)
         self._watched.wait(self._watches(), self._sleep_s())
@@ -294,21 +330,21 @@ class Server:
 
     def _watches(self) -> list[Watch]:
         watches = [self._wake_watch]
-        listening = self._backlog_s() <= 0 and not self._replies_pile_up()
+        listening = self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
         for endpoint in self.endpoints:
             watches += endpoint.watches(listening)
+        for guest in self._guests:
+            watches += guest.watches()
         return watches
 
     def _sleep_s(self) -> float | None:
-        wait = self.pacer.wait_s(self.twin)
-        if self.pacer.speed is None:
-            return wait
-        waits = [wait]
+        waits = [self.pacer.wait_s(self.twin), *(guest.wait_s() for guest in self._guests)]
         if (backlog := self._backlog_s()) > 0:
             waits.append(backlog)
-        if self._piece and (complete_ns := self._piece.complete_ns(self.twin.serial_format.byte_ns)) is not None:
-            waits.append(self.pacer.until_s(complete_ns))
-        known = [wait for wait in waits if wait is not None]
+        if self.pacer.speed is not None and self._piece:
+            complete_ns = self._piece.complete_ns(self.twin.serial_format.byte_ns)
+            waits.append(None if complete_ns is None else self.pacer.until_s(complete_ns))
+        known = [wait for wait in waits if wait is not None and wait < math.inf]
         return min(known) if known else None
 
     def _backlog_s(self) -> float:
@@ -321,6 +357,12 @@ class Server:
     def _replies_pile_up(self) -> bool:
         """Whether the line to the host is so far behind that no more questions should be asked."""
         return self.twin.replies_due > LINE_BYTES
+
+    def _filled_up(self) -> bool:
+        """Whether virtual time stands still, and hosts have said as much meanwhile as a line can hold."""
+        if not self.pacer.paused:
+            self._unheard = 0
+        return self._unheard > LINE_BYTES
 
     def _awake(self) -> None:
         with suppress(BlockingIOError):
@@ -368,11 +410,29 @@ class Server:
         if self._wire is not None:
             self._wire.carry(self.twin.time_ns, data, sent=True)
         self.twin.write(data)
+        self._unheard += len(data)
         if self.pacer.speed is None:
             self._reply()  # it may have been answered already
             return
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
+
+    # called by guests
+
+    def present(self) -> None:
+        """Bring the twin to the present, because somebody wants to do something to it or to its time."""
+        self.pacer.catch_up(self.twin, self._reply)
+
+    def act(self, text: str) -> None:
+        """Have it written down what is done, where the traffic is."""
+        if self._wire is not None:
+            self._wire.act(self.twin.time_ns, text)
+
+    def go_on(self, speed: float | None, paused: bool = False) -> None:
+        """Keep another speed from now on, or, if still paused, when time goes on."""
+        self.pacer.go_on(speed, self.twin.time_ns, paused)
+        self._behind = False
+        self._line_free_ns = min(self._line_free_ns, self.twin.time_ns) if speed is None else self._line_free_ns
 
     def claim(self, endpoint: Endpoint) -> bool:
         """A network client of this endpoint asks for the line; True if it may have it.

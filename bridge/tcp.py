@@ -29,7 +29,7 @@ from typing import Protocol
 
 from isel_twin.bridge.server import Outbox, Server, Watch
 
-__all__ = ["Codec", "ProtocolError", "RawCodec", "TcpEndpoint", "parse_address"]
+__all__ = ["Codec", "ProtocolError", "RawCodec", "TcpEndpoint", "listen", "parse_address"]
 
 log = logging.getLogger("isel_twin")
 
@@ -76,6 +76,20 @@ def parse_address(text: str) -> tuple[str, int]:
     if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65_536):
         raise ValueError(f"address {text!r} is not HOST:PORT with a port from 0 to 65535")
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
+
+
+def listen(address: str) -> tuple[socket.socket, str]:
+    """A listening socket that never blocks, and its address. Raises ValueError for a bad one, OSError if taken."""
+    host, port = parse_address(address)
+    try:
+        family, *_, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listener = socket.create_server(where[:2], family=family)
+    except OSError as error:
+        reason = (error.strerror or str(error)).split(" (")[0]
+        raise OSError(error.errno, f"{reason}; choose another address, or port 0 for a free one", address) from None
+    listener.setblocking(False)
+    host, port = listener.getsockname()[:2]
+    return listener, f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _spare() -> int | None:
@@ -134,17 +148,8 @@ class TcpEndpoint:
         self._codec = codec
         self._client: _Client | None = None
         self._refused: deque[socket.socket] = deque()
-        host, port = parse_address(address)
-        try:
-            family, *_, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            self._listener = socket.create_server(where[:2], family=family)
-        except OSError as error:
-            reason = (error.strerror or str(error)).split(" (")[0]
-            raise OSError(error.errno, f"{reason}; choose another address, or port 0 for a free one", address) from None
-        self._listener.setblocking(False)
+        self._listener, self.address = listen(address)
         self._spare: int | None = _spare()
-        host, port = self._listener.getsockname()[:2]
-        self.address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
     @property
     def busy(self) -> bool:

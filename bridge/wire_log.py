@@ -2,6 +2,7 @@
 
     isel-twin:    12.345678 s  host  @07                       set the axes, initialise: X Y Z
     isel-twin:    12.346720 s  twin  0                         reply: done
+    isel-twin:    12.400000 s  ctl   {"set": {"estop": "pressed"}}
 
 Times are virtual, those at which a message was complete. What the bytes mean is said by the controller's language
 (`isel_twin.language.Language`, whose `messages` keeps a message that has only begun). Without one they are shown in
@@ -76,6 +77,11 @@ class WireLog:
         """Time has passed."""
         if self._begun and time_ns - self._time_ns > SILENCE_NS:
             self._print_begun()
+
+    def act(self, time_ns: int, text: str) -> None:
+        """Somebody has done something through the control port."""
+        self._print_begun()
+        log.info("%s", f"{time_ns / SECOND_NS:12.6f} s  ctl   {text}", extra={"each": True})
 
     def close(self) -> None:
         """Print what has been begun and not ended."""

@@ -47,7 +47,7 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import PLACES, Cut, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.wiring import SerialLine, Wiring, check_input, load_scenario, thresholds
+from isel_twin.wiring import ScenarioEvent, SerialLine, Wiring, check_input, load_scenario, thresholds
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -341,6 +341,30 @@ class Twin:
         return self._wiring.events_without_effect
 
     @property
+    def faults(self) -> Mapping[str, str | float]:
+        """What is wrong on purpose: faults of contacts by name, motor phases lost (`phase_lost.x`), `noise`."""
+        return self._wiring.faults
+
+    @property
+    def settable(self) -> Mapping[str, tuple[str, ...]]:
+        """Everything `set_input` takes, and the states each can be given."""
+        return self._wiring.settable
+
+    @property
+    def physics(self) -> bool:
+        """Whether the plant has physics: forces move something, and a motor can lose a phase."""
+        return self._plant.physics
+
+    @property
+    def line_speed(self) -> bool:
+        """Whether bytes take their time on the line. May be changed; bytes on their way keep their times."""
+        return self._line.timed
+
+    @line_speed.setter
+    def line_speed(self, timed: bool) -> None:
+        self._line.timed = timed
+
+    @property
     def levels(self) -> Mapping[str, bool]:
         """Electrical level (True: high) of every wired input terminal of the controller."""
         return dict(self._levels)
@@ -359,6 +383,11 @@ class Twin:
         self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)
+
+    def carry_out(self, event: ScenarioEvent) -> None:
+        """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
+        self._wiring.carry_out(event)
+        self._settle()
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.

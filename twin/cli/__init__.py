@@ -1,7 +1,9 @@
 """The command `isel-twin`.
 
     serve        a twin behind a serial port that host programs connect to
+    ctl          operate a machine that is served
     run          a file of commands in virtual time
+    decode       bytes of a line explained
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -22,7 +24,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -37,7 +39,9 @@ app = App(
 )
 for command in (
     serve.serve,
+    ctl.ctl,
     run.run,
+    decode.decode,
     machines.machines,
     controllers.controllers,
     describe.describe,

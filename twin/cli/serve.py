@@ -23,6 +23,7 @@ from isel_twin.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from isel_twin.bridge.control_port import ControlPort
     from isel_twin.bridge.server import Endpoint
 
 KEPT_MOTIONS = 1000
@@ -40,6 +41,12 @@ def serve(
     ] = None,
     tcp: Annotated[str | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one.")] = None,
     rfc2217: Annotated[str | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings).")] = None,
+    control: Annotated[
+        str | None, Parameter(help="HOST:PORT for clients that operate the machine, see `ctl`; port 0: a free one.")
+    ] = None,
+    control_token: Annotated[
+        str | None, Parameter(help="What they have to know; beyond the loopback interface one is made up.")
+    ] = None,
     panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
     flash: FlashPath = None,
@@ -73,6 +80,8 @@ def serve(
     from isel_twin.warm import warm_up
 
     check_seconds("interval", interval, 1e-9)
+    if control_token is not None and (control is None or not control_token):
+        raise CallError("control-token: goes with --control HOST:PORT, and is not empty", option=True)
     with call_errors():
         factor = parse_speed(speed)
     if record is not None:
@@ -87,17 +96,34 @@ def serve(
             stack.enter_context(log_to(stderr, count=log != "wire"))
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
+        port = _control_port(control, control_token, stack)
         twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
         warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
         wire = WireLog(create_language(controller)) if log == "wire" else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire)
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests=() if port is None else (port,))
         stack.enter_context(on_signals(server.stop))
         where = {endpoint.kind: endpoint.address for endpoint in endpoints}
         if pty:
             where = {**where, "pty": pty, "device": where["pty"]}
+        if port is not None:
+            where["control"] = port.address
+            if port.token is not None and control_token is None:
+                where["control_token"] = port.token
         print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
         return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+
+
+def _control_port(address: str | None, token: str | None, stack: ExitStack) -> ControlPort | None:
+    """Listen for clients that operate the machine."""
+    if address is None:
+        return None
+    from isel_twin.bridge.control_port import ControlPort
+
+    with call_errors():
+        port = ControlPort(address, token)
+    stack.callback(port.close)
+    return port
 
 
 def _file_number(stream: TextIO) -> int | None:

@@ -12,11 +12,12 @@ from __future__ import annotations
 from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent, check_input, load_scenario
+from isel_twin.wiring.scenario import EVENT_KEYS, ScenarioError, ScenarioEvent, check_input, event_now, load_scenario
 from isel_twin.wiring.wiring import Wiring, thresholds
 
 __all__ = [
     "CABINETS",
+    "EVENT_KEYS",
     "FAULTS",
     "Cabinet",
     "Contacts",
@@ -26,6 +27,7 @@ __all__ = [
     "SerialLine",
     "Wiring",
     "check_input",
+    "event_now",
     "load_scenario",
     "thresholds",
 ]

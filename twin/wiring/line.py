@@ -52,7 +52,8 @@ class SerialLine:
     """Both directions of the line. All methods take the present time and never look ahead of it."""
 
     def __init__(self, timed: bool, random: np.random.Generator) -> None:
-        self._timed = timed
+        self.timed = timed
+        """Bytes sent from now on take their time."""
         self._random = random
         self.noise = 0.0
         """Chance of one flipped bit in each byte."""
@@ -61,11 +62,11 @@ class SerialLine:
 
     def from_host(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The host sends bytes at t_ns."""
-        self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self._timed else 0)
+        self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
-        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self._timed else 0)
+        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
 
     def at_controller(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the controller by t_ns."""

@@ -52,8 +52,9 @@ from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, r
 from isel_twin.plant import PLACES, Cut
 from isel_twin.units import SECOND_NS
 
-_KEYS = ("at", "set", "force_n", "phase_lost", "noise", "cut", "place")
-_ACTS = tuple(key for key in _KEYS if key not in ("at", "place"))
+EVENT_KEYS = ("set", "force_n", "phase_lost", "noise", "cut", "place")
+"""What an event says beside its time."""
+_ACTS = tuple(key for key in EVENT_KEYS if key != "place")
 _PHASES = ("a", "b", "ab", "")
 _AT_S = Limits("s", 0.0, 1e9)
 _FORCE_N = Limits("N", -1e5, 1e5)
@@ -104,23 +105,30 @@ def load_scenario(path: str | Path, settable: Mapping[str, tuple[str, ...]]) -> 
 
 
 def _event(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
-    known(content, _KEYS, place)
+    known(content, ("at", *EVENT_KEYS), place)
     if "at" not in content:
         raise place.at("at").wrong(f"missing; allowed: {_AT_S}")
     at_s = plain(content["at"], _AT_S, place.at("at"))
+    what = {key: value for key, value in content.items() if key != "at"}
+    return dataclasses.replace(event_now(what, place, settable), at_ns=round(at_s * SECOND_NS))
+
+
+def event_now(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
+    """An event without its time, EVENT_KEYS, for whoever lets it happen at once. Raises the error of `place`."""
+    known(content, EVENT_KEYS, place)
     if not any(key in content for key in _ACTS):
         raise place.wrong(f"nothing happens; say what: {', '.join(_ACTS)}")
     if "place" in content and "force_n" not in content:
         raise place.at("place").wrong("no force acts there; allowed: beside force_n")
     inputs = table(content.get("set", {}), place.at("set"))
     for name, state in inputs.items():
-        check_input(name, state, settable, str(place))
+        check_input(name, state, settable, str(place), place.error)
     forces = {axis: plain(value, _FORCE_N, where) for axis, value, where in _of_axes(content, "force_n", place)}
     phases = {axis: text(value, where, _PHASES) for axis, value, where in _of_axes(content, "phase_lost", place)}
     noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
     where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
     cut = _cut(content["cut"], place.at("cut")) if "cut" in content else ""
-    return ScenarioEvent(round(at_s * SECOND_NS), inputs, forces, phases, noise, where, cut)
+    return ScenarioEvent(0, inputs, forces, phases, noise, where, cut)
 
 
 def _cut(content: Any, place: Place) -> Cut | str:
@@ -144,10 +152,12 @@ def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[
         yield CARRIAGES.index(name), value, place.at(name)
 
 
-def check_input(name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str) -> None:
-    """Raise ScenarioError unless `name` is something that can be set to `state`."""
+def check_input(
+    name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str, error: type[FileError] = ScenarioError
+) -> None:
+    """Raise `error` unless `name` is something that can be set to `state`."""
     states = settable.get(name, ())
     if not states:
-        raise ScenarioError(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
+        raise error(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
     if state not in states:
-        raise ScenarioError(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")
+        raise error(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")

@@ -78,6 +78,7 @@ class Wiring:
         self._scenario: deque[ScenarioEvent] = deque()
         self.events_without_effect = 0
         """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        self._phases_lost: dict[str, str] = {}
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
@@ -110,7 +111,7 @@ class Wiring:
             self._settle_cabinet()
             return True
         if self._scenario and self._scenario[0].at_ns <= t_ns:
-            self._carry_out(self._scenario.popleft())
+            self.carry_out(self._scenario.popleft())
             return True
         return False
 
@@ -132,6 +133,21 @@ class Wiring:
         """
         check_input(name, state, self.settable, "wiring")
         self._operate_all({name: state})
+
+    def carry_out(self, event: ScenarioEvent) -> None:
+        """Let an event happen now, whatever its time; all of it has been checked."""
+        self.events_without_effect += event.physical and not self._plant.physics
+        if event.inputs:
+            self._operate_all(event.inputs)
+        for axis, force_n in event.force_n.items():
+            self._plant.apply_force(axis, force_n, event.place)
+        if event.cut:
+            self._plant.set_cut(event.cut if isinstance(event.cut, Cut) else None)
+        for axis, phases in event.phase_lost.items():
+            self._plant.set_phase_lost(axis, phases)
+            self._phases_lost[CARRIAGES[axis]] = phases
+        if event.noise is not None:
+            self._line.noise = event.noise
 
     def schedule(self, events: Sequence[ScenarioEvent]) -> None:
         """Let these events happen, each at its time; they are sorted by it."""
@@ -181,6 +197,14 @@ class Wiring:
         return states
 
     @property
+    def faults(self) -> Mapping[str, str | float]:
+        """What is wrong now: faults of contacts by name, motor phases lost (`phase_lost.x`), `noise` on the line."""
+        of_contacts = {name: self._contacts.fault(name) for name in self._contacts.names}
+        found: dict[str, str | float] = {name: fault for name, fault in of_contacts.items() if fault != "ok"}
+        found |= {f"phase_lost.{axis}": phases for axis, phases in self._phases_lost.items() if phases}
+        return found | ({"noise": self._line.noise} if self._line.noise else {})
+
+    @property
     def outputs(self) -> Mapping[str, int]:
         """Outputs of the controller, and the relays of the cabinet that they act on."""
         return {**self._outputs, **self._cabinet.relays}
@@ -204,19 +228,6 @@ class Wiring:
         switch = self._switches[number]
         scatter_mm = self._trips.normal(0.0, switch.repeatability_mm)
         self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
-
-    def _carry_out(self, event: ScenarioEvent) -> None:
-        self.events_without_effect += event.physical and not self._plant.physics
-        if event.inputs:
-            self._operate_all(event.inputs)
-        for axis, force_n in event.force_n.items():
-            self._plant.apply_force(axis, force_n, event.place)
-        if event.cut:
-            self._plant.set_cut(event.cut if isinstance(event.cut, Cut) else None)
-        for axis, phases in event.phase_lost.items():
-            self._plant.set_phase_lost(axis, phases)
-        if event.noise is not None:
-            self._line.noise = event.noise
 
     def _operate_all(self, changes: Mapping[str, str]) -> None:
         """Elements and contacts change together; all of it has been checked."""

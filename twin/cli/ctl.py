@@ -1,0 +1,156 @@
+"""`isel-twin ctl`: operate a machine that `isel-twin serve --control` serves.
+
+    isel-twin ctl 127.0.0.1:4002 set estop=pressed
+
+Exit codes: 0 done; 1 what was waited for did not come in time; 2 a call that cannot be carried out, with one line that
+says why. What the server answers is printed as a line of JSON.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError
+
+if TYPE_CHECKING:
+    import socket
+
+Command = Literal[
+    "set", "fault", "force", "phase", "noise", "pause", "resume", "step", "speed", "state", "settable", "wait", "stop"
+]
+
+CONNECT_S = 10.0
+"""Wall time in which the server must take the connection, and answer what needs no waiting."""
+
+_PAIRS = ("set", "fault", "force", "phase")
+"""Commands that take NAME=VALUE, as many as there are."""
+_ALONE = ("pause", "resume", "state", "settable", "stop")
+
+
+def ctl(
+    address: Annotated[str, Parameter(help="HOST:PORT, what serve prints as control.")],
+    command: Annotated[Command, Parameter(help="What to do.")],
+    *what: Annotated[str, Parameter(help="See above.", allow_leading_hyphen=True)],
+    place: Annotated[
+        Literal["tool", "table"] | None, Parameter(help="Of a force; without it, what the axis moves.")
+    ] = None,
+    token: Annotated[str | None, Parameter(help="What the server wants to be told.", env_var="ISEL_TWIN_TOKEN")] = None,
+) -> int:
+    """Operate a served machine: press, break, push, pause, look, wait.
+
+    set estop=pressed hood=open; fault limit_x2=broken (ok: whole again); phase x=a (x= restores it); noise 0.01;
+    force x=50 --place tool (newton; 0 lets go); pause; resume; step 0.001 (seconds, while paused); speed 2 or max;
+    state; settable; wait output=spindle is=1, input=estop is=pressed, level=p1.0 is=0, position=x above=120, idle,
+    time=12.5, each with timeout_s=, wall_s= and pause; stop.
+    """
+    if place is not None and command != "force":
+        raise CallError("place: goes with force", option=True)
+    request = _request(command, what, place)
+    import json
+
+    answer = _converse(address, request, token)
+    if "error" in answer:
+        text = str(answer["error"]).removeprefix("request: ")
+        if not answer.get("timeout"):
+            raise CallError(text)
+        import sys
+
+        print(f"isel-twin: {text}", file=sys.stderr)
+        return 1
+    print(json.dumps(answer["ok"]))
+    return 0
+
+
+def _request(command: Command, what: Sequence[str], place: str | None) -> dict[str, Any]:
+    """The request for a command. Raises CallError."""
+    if command in _ALONE:
+        if what:
+            raise CallError(f"{command}: takes nothing, not {what[0]!r}")
+        return {command: True}
+    if command in _PAIRS:
+        values = dict(_pair(command, item) for item in what)
+        if not values:
+            raise CallError(f"{command}: needs NAME=VALUE, one or more")
+        if command == "force":
+            force = {"force_n": {axis: _value(text) for axis, text in values.items()}}
+            return force if place is None else {**force, "place": place}
+        return {"phase_lost" if command == "phase" else "set": values}
+    if command == "wait":
+        if not what:
+            raise CallError("wait: needs what to wait for, for example idle or output=spindle is=1")
+        pairs = [_pair(command, item) if "=" in item else (item, "true") for item in what]
+        return {"wait": {key: _value(text) for key, text in pairs}}
+    if len(what) != 1:
+        raise CallError(f"{command}: needs one value")
+    return {command: _value(what[0])}
+
+
+def _pair(command: str, item: str) -> tuple[str, str]:
+    name, equals, value = item.partition("=")
+    if not (name and equals):
+        raise CallError(f"{command}: {item!r} is not NAME=VALUE")
+    return name, value
+
+
+def _value(text: str) -> float | bool | str:
+    """A number or a switch where it can be one; nan and inf are none, and refused by name."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        number = float(text)
+    except ValueError:
+        return text
+    if not math.isfinite(number):
+        return text
+    return int(number) if number.is_integer() else number
+
+
+def _converse(address: str, request: dict[str, Any], token: str | None) -> dict[str, Any]:
+    """Ask and get the answer. Raises CallError if nobody is there, or goes away."""
+    import json
+    import socket
+
+    host, _, port = address.rpartition(":")
+    if not (port.isascii() and port.isdigit() and int(port) < 65_536):
+        raise CallError(f"address {address!r} is not HOST:PORT, what serve prints as control")
+    host = host.removeprefix("[").removesuffix("]") or "127.0.0.1"
+    try:
+        with socket.create_connection((host, int(port)), timeout=CONNECT_S) as connection:
+            connection.settimeout(None if {"wait", "step"} & request.keys() else CONNECT_S)
+            asked = ([{"token": token}] if token is not None else []) + [request]
+            answers = _answers(connection, b"".join(json.dumps(one).encode() + b"\n" for one in asked), len(asked))
+    except TimeoutError:
+        raise CallError(f"{address}: does not answer") from None
+    except OSError as error:
+        raise CallError(f"{address}: {error.strerror or error}; is there a serve --control?") from None
+    try:
+        for line in answers:
+            answer = json.loads(line)
+            if not isinstance(answer, dict) or not {"ok", "error"} & answer.keys():
+                raise ValueError
+            if "error" in answer:
+                return answer
+        return answer
+    except ValueError:
+        raise CallError(f"{address}: is no control port; it answers {line[:40]!r}") from None
+
+
+def _answers(connection: socket.socket, data: bytes, count: int) -> list[bytes]:
+    """Lines that come for what is sent: `count`, or fewer if the other side closes. Raises OSError if none comes."""
+    connection.sendall(data)
+    received = b""
+    while received.count(b"\n") < count:
+        try:
+            piece = connection.recv(65_536)
+        except ConnectionError:
+            piece = b""
+        if not piece:
+            break
+        received += piece
+    if b"\n" not in received:
+        raise OSError("closes the connection without an answer")
+    return received.split(b"\n")[:-1][:count]

@@ -1,0 +1,140 @@
+"""`isel-twin decode`: what bytes on the line mean."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli.options import STANDARD_INPUT, STREAMS, ControllerName
+
+if TYPE_CHECKING:
+    from isel_twin.decode import Piece, Row
+    from isel_twin.language import Language
+
+CHUNK_BYTES = 1 << 16
+"""Read at once, so that a file of any size takes the same memory."""
+
+MARKED_BYTES = 1 << 26
+"""Largest file of marked lines: 64 MiB."""
+
+_FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
+"""What looks like the name of a file rather than like a command."""
+
+
+def decode(
+    source: Annotated[str, Parameter(help='File of bytes, or text as it is typed; "-" is standard input.')],
+    *,
+    controller: ControllerName = "imc-s8",
+    sent: Annotated[bool, Parameter(help="The host has sent it. The default.")] = False,
+    received: Annotated[bool, Parameter(help="The controller has sent it.")] = False,
+    marked: Annotated[bool, Parameter(help="Lines of text: > sent by the host, < received; <13> is a byte.")] = False,
+    text: Annotated[bool, Parameter(help="The argument is text, whether there is such a file or not.")] = False,
+    json: Annotated[bool, Parameter(help="One JSON object a message.")] = False,
+) -> int:
+    """Explain the bytes of a line: one row for each message, and nothing of them left out.
+
+    A file is read as bytes of one direction. Text is taken as in a job file: a command is sent with its end, <253> is a
+    byte. What the bytes mean is known for every controller that has a language.
+    """
+    if sent + received + marked > 1:
+        raise CallError("--sent, --received, --marked: only one of them can be so")
+    from isel_twin.decode import explain
+    from isel_twin.language import create_language
+
+    with call_errors():
+        language = create_language(controller)
+    if language is None:
+        raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
+    with call_errors(source):
+        pieces = _pieces(source, text, marked, not received, language, controller)
+        first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
+    if not json:
+        print(f"{'no':>6} {'offset':>8}  dir   {'text':<32}  explanation")
+    for row in explain(chain([first] if first else [], pieces), language):
+        print(_json(row) if json else _line(row), flush=source == STANDARD_INPUT)
+    return 0
+
+
+def _pieces(
+    source: str, is_text: bool, marked: bool, sent: bool, language: Language, controller: str
+) -> Iterator[Piece]:
+    """Bytes to explain. Raises CallError."""
+    from isel_twin import decode
+
+    path = Path(source)
+    if not is_text and (source == STANDARD_INPUT or _exists(path)):
+        if path.is_dir():
+            raise CallError(f"{source}: is a folder, not a file")
+        chunks = _chunks(path)
+        if not marked:
+            return (decode.Piece(chunk, sent) for chunk in chunks)
+        return _of_marked(STREAMS.get(source, source), chunks, language, controller)
+    if not is_text and _FILE_NAME.fullmatch(source):
+        raise CallError(f"{source}: there is no such file; if it is text that goes over the line, add --text")
+    if marked:
+        return _of_marked("text", [source.encode("utf-8", "surrogateescape")], language, controller)
+    return iter(decode.typed(source, sent, language, controller))
+
+
+def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> Iterator[Piece]:
+    """Pieces of both directions. Raises CallError."""
+    from isel_twin.decode import DecodeError, marked
+    from isel_twin.job import JobError, decode_job
+
+    data = bytearray()
+    for chunk in chunks:
+        data += chunk
+        if len(data) > MARKED_BYTES:
+            raise CallError(f"{name}: is longer than {MARKED_BYTES >> 20} MiB; explain it in parts")
+    try:
+        return iter(list(marked(decode_job(bytes(data)), language, controller)))
+    except (DecodeError, JobError) as error:
+        raise CallError(f"{name}: {error}") from None
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is such a file; text may be too long for a name, or have a byte 0 in it."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _chunks(path: Path) -> Iterator[bytes]:
+    """What is in a file, or what comes from standard input as soon as it comes."""
+    if str(path) == STANDARD_INPUT:
+        yield from iter(lambda: sys.stdin.buffer.read1(CHUNK_BYTES), b"")  # type: ignore[union-attr]
+        return
+    with path.open("rb") as file:
+        yield from iter(lambda: file.read(CHUNK_BYTES), b"")
+
+
+def _direction(row: Row) -> str:
+    return "host" if row.sent else "twin"
+
+
+def _line(row: Row) -> str:
+    return f"{row.number:>6} {row.offset:>8}  {_direction(row)}  {row.text:<32}  {row.explanation}".rstrip()
+
+
+def _json(row: Row) -> str:
+    from json import dumps
+
+    return dumps(
+        {
+            "number": row.number,
+            "offset": row.offset,
+            "sent": row.sent,
+            "hex": row.data.hex(),
+            "text": row.text,
+            "explanation": row.explanation,
+            "complete": row.complete,
+        }
+    )
