@@ -50,6 +50,7 @@ ROUND = 8
 """Requests of a client dealt with in one round of the server's loop."""
 
 ERROR_CHARACTERS = 600
+"""Longest error, whatever it quotes."""
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
