@@ -175,10 +175,8 @@ class Operator:
             raise ControlError("request: step: virtual time does not stand still; allowed: after pause")
         end_ns = self._pacer.step(step_ns)
 
-        def unless_resumed() -> bool:
-            return self._twin.time_ns >= end_ns
-
-        return self._add(Pending(_Condition(unless_resumed, lambda: end_ns), None, math.inf, "step"))
+        made = _Condition(lambda: self._twin.time_ns >= end_ns, lambda: end_ns)
+        return self._add(Pending(made, None, math.inf, "step"))
 
     def stop(self) -> Answer:
         """Let the server end, as a signal does."""

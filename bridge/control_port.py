@@ -30,7 +30,7 @@ from typing import Any, NoReturn
 
 from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.server import Outbox, Server, Watch
-from isel_twin.bridge.tcp import listen, parse_address
+from isel_twin.bridge.tcp import Spare, lacks_files, listen, parse_address
 from isel_twin.twin import Twin
 
 __all__ = ["LINE_BYTES", "ControlPort", "parse_request"]
@@ -50,6 +50,7 @@ ROUND = 8
 """Requests of a client dealt with in one round of the server's loop."""
 
 ERROR_CHARACTERS = 600
+"""Longest error, whatever it quotes."""
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
@@ -100,6 +101,11 @@ class _Client:
         """Whether its next request can be dealt with."""
         return self.pending is None and self.has_line and len(self.outbox) <= UNREAD_BYTES
 
+    @property
+    def overlong(self) -> bool:
+        """Whether its next request is longer than any may be."""
+        return self.pending is None and len(self.buffer) > LINE_BYTES and not self.has_line
+
     def lines(self) -> Iterator[bytes]:
         """Requests to be dealt with in this round."""
         for _ in range(ROUND):
@@ -122,6 +128,7 @@ class ControlPort:
         self._listener, self.address = listen(address)
         local = ipaddress.ip_address(parse_address(self.address)[0].partition("%")[0]).is_loopback
         self.token = token or (None if local else secrets.token_urlsafe(16))
+        self._spare = Spare()
         self._clients: list[_Client] = []
         self._operator: Operator | None = None
 
@@ -149,7 +156,7 @@ class ControlPort:
 
     def wait_s(self) -> float | None:
         """See Guest."""
-        return 0.0 if any(client.ready for client in self._clients) else self.operator.wait_s
+        return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
 
     def look(self) -> None:
         """Answer who has waited, and deal with requests that have come."""
@@ -168,12 +175,15 @@ class ControlPort:
             self._answer_pending(client)
             self._drop(client)
         self._listener.close()
+        self._spare.close()
 
     def _accept(self) -> None:
         try:
             connection, _ = self._listener.accept()
-        except OSError:
-            return
+        except OSError as error:
+            if lacks_files(error):
+                self._spare.turn_away(self._listener, self.kind)
+            return  # else it has gone already
         connection.setblocking(False)
         with suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -202,11 +212,6 @@ class ControlPort:
                 self._drop(client)
                 return
         client.buffer += data
-        if len(client.buffer) > LINE_BYTES and not client.has_line:
-            client.buffer.clear()
-            if not client.skipping:
-                self._put(client, {"error": f"request: longer than {LINE_BYTES} bytes; allowed: one object a line"})
-            client.skipping = True
 
     def _serve(self, client: _Client) -> None:
         self._answer_pending(client)
@@ -214,6 +219,11 @@ class ControlPort:
             self._put(client, self._ask(client, line))
             if client not in self._clients:
                 return
+        if client.overlong:
+            client.buffer.clear()
+            if not client.skipping:
+                self._put(client, {"error": f"request: longer than {LINE_BYTES} bytes; allowed: one object a line"})
+            client.skipping = True
         if client.leaving and not client.outbox and not client.ready and client.pending is None:
             self._drop(client)
 

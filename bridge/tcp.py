@@ -29,7 +29,7 @@ from typing import Protocol
 
 from isel_twin.bridge.server import Outbox, Server, Watch
 
-__all__ = ["Codec", "ProtocolError", "RawCodec", "TcpEndpoint", "listen", "parse_address"]
+__all__ = ["Codec", "ProtocolError", "RawCodec", "Spare", "TcpEndpoint", "lacks_files", "listen", "parse_address"]
 
 log = logging.getLogger("isel_twin")
 
@@ -92,11 +92,38 @@ def listen(address: str) -> tuple[socket.socket, str]:
     return listener, f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _spare() -> int | None:
-    """A file that can be closed to have one free; None if there is none."""
-    with suppress(OSError):
-        return os.open(os.devnull, os.O_RDONLY)
-    return None
+class Spare:
+    """A file kept free for the moment in which there is none left for another connection.
+
+    Else the listening socket would stay ready, and the server busy with it, until a file becomes free.
+    """
+
+    def __init__(self) -> None:
+        self.file: int | None = None
+        self._open()
+
+    def _open(self) -> None:
+        with suppress(OSError):
+            self.file = os.open(os.devnull, os.O_RDONLY)
+
+    def turn_away(self, listener: socket.socket, kind: str) -> None:
+        """Let go of whoever waits at the listening socket."""
+        log.warning("%s: too many open files; a client was turned away", kind)
+        self.close()
+        with suppress(OSError):
+            listener.accept()[0].close()
+        self._open()
+
+    def close(self) -> None:
+        """Keep none any more."""
+        if self.file is not None:
+            os.close(self.file)
+            self.file = None
+
+
+def lacks_files(error: OSError) -> bool:
+    """Whether there is no file left for another connection."""
+    return error.errno in (errno.EMFILE, errno.ENFILE)
 
 
 def _hung_up(connection: socket.socket) -> bool:
@@ -149,7 +176,7 @@ class TcpEndpoint:
         self._client: _Client | None = None
         self._refused: deque[socket.socket] = deque()
         self._listener, self.address = listen(address)
-        self._spare: int | None = _spare()
+        self._spare = Spare()
 
     @property
     def busy(self) -> bool:
@@ -172,8 +199,8 @@ class TcpEndpoint:
         try:
             connection, peer = self._listener.accept()
         except OSError as error:
-            if error.errno in (errno.EMFILE, errno.ENFILE):
-                self._turn_away()
+            if lacks_files(error):
+                self._spare.turn_away(self._listener, self.kind)
             return  # else it has gone already
         connection.setblocking(False)
         if not self._server.claim(self):
@@ -187,18 +214,6 @@ class TcpEndpoint:
             connection.close()  # it has gone already
         else:
             log.info("%s: client %s:%s connected", self.kind, *peer[:2])
-
-    def _turn_away(self) -> None:
-        """No file is left for another connection: use the one that is kept for this to let go of who waits.
-
-        Else the listening socket would stay ready, and the server busy with it, until a file becomes free.
-        """
-        log.warning("%s: too many open files; a client was turned away", self.kind)
-        if self._spare is not None:
-            os.close(self._spare)
-            with suppress(OSError):
-                self._listener.accept()[0].close()
-        self._spare = _spare()
 
     def _refuse(self, connection: socket.socket) -> None:
         """Say why, and close once the client has: closing at once could make its kernel throw our words away."""
@@ -267,6 +282,4 @@ class TcpEndpoint:
         self._disconnect("the server stops")
         for connection in (self._listener, *self._refused):
             connection.close()
-        if self._spare is not None:
-            os.close(self._spare)
-            self._spare = None
+        self._spare.close()

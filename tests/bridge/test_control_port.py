@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.control_port import CLIENTS, LINE_BYTES, ControlPort
+from isel_twin.bridge.control_port import CLIENTS, LINE_BYTES, UNREAD_BYTES, ControlPort
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.server import Server
 from isel_twin.bridge.tcp import TcpEndpoint, parse_address
@@ -165,6 +165,38 @@ def test_a_line_too_long_is_refused_and_the_next_one_heard(bench):
     assert client.answer()["ok"]["inputs"]["estop"] == "released"
 
 
+def test_a_line_too_long_behind_a_wait_is_refused_in_its_turn(bench):
+    here = bench()
+    client, other = here.connect(), here.connect()
+    long = b'{"set": {"estop": "' + b"x" * (2 * LINE_BYTES) + b'"}}\n'
+    sender = threading.Thread(
+        target=client.send, args=(b'{"wait": {"input": "hood", "is": "open"}}\n' + long + b'{"state": true}\n',)
+    )
+    sender.start()
+    time.sleep(0.1)
+    other.ok(set={"hood": "open"})
+    assert "ok" in client.answer()
+    assert "longer than" in client.answer()["error"]
+    assert client.answer()["ok"]["inputs"]["hood"] == "open"
+    sender.join(REPLY_S)
+
+
+def test_a_server_that_stands_still_hears_a_signal(serve):
+    served = serve("--control", LOOPBACK, speed="1")
+    assert ctl(served, "pause").returncode == 0
+    assert served.stop(signal.SIGTERM) == 0
+
+
+@pytest.mark.parametrize("speed", [None, 1.0])
+def test_a_host_that_floods_a_paused_twin_is_made_to_wait(bench, speed):
+    here = bench(speed=speed)
+    here.connect().ok(pause=True)
+    where = parse_address(here.line.address)
+    with socket.create_connection(where, timeout=0.3) as host, pytest.raises(TimeoutError):
+        host.sendall(b"@0P\r" * 10_000_000)
+    assert here.server._unheard < 3 * 4096 + 4096
+
+
 def test_a_browser_is_sent_away(bench):
     """A page can make a browser send a form to the loopback interface; its body must not be taken for a request."""
     here = bench()
@@ -179,14 +211,16 @@ def test_a_client_that_does_not_read_holds_nobody_up(bench):
     here = bench()
     deaf, other = here.connect(), here.connect()
     deaf.socket.setblocking(False)
-    with contextlib.suppress(BlockingIOError):
-        for _ in range(10_000):
+    until = time.monotonic() + REPLY_S
+    while not any(len(one.outbox) > UNREAD_BYTES for one in here.port._clients):
+        assert time.monotonic() < until
+        with contextlib.suppress(BlockingIOError):
             deaf.socket.send(b'{"state": true}\n' * 100)
     began = time.monotonic()
     assert other.ok(set={"hood": "open"})
     assert time.monotonic() - began < 5.0
-    (client,) = (one for one in here.port._clients if one.outbox)
-    assert len(client.buffer) <= 2 * LINE_BYTES
+    assert all(len(one.buffer) <= 2 * LINE_BYTES for one in here.port._clients)
+    assert all(len(one.outbox) <= 2 * UNREAD_BYTES for one in here.port._clients)
 
 
 def test_a_client_that_goes_while_it_waits_is_forgotten(bench):
@@ -282,7 +316,9 @@ def test_emergency_stop_in_motion_by_ctl(serve):
         port.write(b"@0A64000,3000,0,30,0,30,0,30\r")
         moving = ctl(served, "wait", "position=x", "above=2", "pause")
         assert moving.returncode == 0, moving.stderr
-        assert json.loads(ctl(served, "state").stdout)["outputs"]["moving"] == 1
+        caught = json.loads(ctl(served, "state").stdout)
+        assert caught["outputs"]["moving"] == 1
+        assert 2.0 < caught["position_mm"][0] < 199.0
         pressed = ctl(served, "set", "estop=pressed")
         assert json.loads(pressed.stdout)["inputs"] == {"estop": "pressed"}
         assert json.loads(ctl(served, "resume").stdout)
@@ -291,7 +327,7 @@ def test_emergency_stop_in_motion_by_ctl(serve):
         assert state["outputs"]["moving"] == 0
         assert state["outputs"]["lamp_fault"] == 1
         assert state["outputs"]["power"] == 0
-        assert 2.0 < state["position_mm"][0] < 4.0
+        assert state["position_mm"][0] == pytest.approx(caught["position_mm"][0], abs=0.1), "ends at once"
         before = state["counts"]
         assert ctl(served, "step", "0.1").returncode == 2
         assert json.loads(ctl(served, "state").stdout)["counts"] == before

@@ -121,7 +121,7 @@ def test_a_server_without_a_free_file_turns_clients_away_and_sleeps(serving, mon
 
     def full(listener: socket.socket):
         """As long as the spare file is open there is none to be had."""
-        if endpoint._spare is not None and not released:
+        if endpoint._spare.file is not None and not released:
             failed.append(1)
             raise OSError(errno.EMFILE, "Too many open files")
         return accept(listener)
@@ -130,7 +130,7 @@ def test_a_server_without_a_free_file_turns_clients_away_and_sleeps(serving, mon
     close = os.close
 
     def closing(file: int) -> None:
-        if file == endpoint._spare:
+        if file == endpoint._spare.file:
             released.append(file)
         close(file)
 

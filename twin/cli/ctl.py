@@ -115,7 +115,7 @@ def _converse(address: str, request: dict[str, Any], token: str | None) -> dict[
     import socket
 
     host, _, port = address.rpartition(":")
-    if not (port.isascii() and port.isdigit() and int(port) < 65_536):
+    if not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65_536):
         raise CallError(f"address {address!r} is not HOST:PORT, what serve prints as control")
     host = host.removeprefix("[").removesuffix("]") or "127.0.0.1"
     try:
