@@ -57,7 +57,7 @@ def test_step_counts_that_differ_by_the_resonance_make_a_drive_swing() -> None:
 
 
 def test_the_beat_is_worst_at_the_resonance_of_rotor_and_screw() -> None:
-    """Nothing fitted: f0 from the data sheet and the screw. Within 5 %, since the nut carries the table on its spring."""
+    """Nothing fitted: f0 from data sheet and screw. Within 5 %, since the nut carries the table on its spring."""
     counts = range(23_200, 23_601, 40)
     worst = max(counts, key=swing)
     assert beat_hz(worst) == pytest.approx(natural_hz(), rel=0.05)
