@@ -5,6 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import multiprocessing
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -18,6 +24,7 @@ from isel_twin.cli import main
 from isel_twin.job import parse_job
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine, with_overrides
+from isel_twin.warm import warm_up
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "4030"
@@ -31,6 +38,7 @@ NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,20500,0,900,0,900,0,30\n"
 @pytest.fixture
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with a machine `m36`."""
+    warm_up("mujoco")  # says nothing of it, as the first of all jobs does
     (tmp_path / "m36").mkdir()
     (tmp_path / "m36" / "machine.toml").write_text(AT_36_V)
     monkeypatch.chdir(tmp_path)
@@ -160,6 +168,28 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     assert trial["time_ns"] / 1e9 == pytest.approx(times_s[0], abs=4.0)  # and some seconds for storing
     assert times_s[0] > 2.0 * times_s[1]
     assert file.read_bytes() == stored
+
+
+# Ctrl-C ---
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals to a group of processes")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(tmp_path: Path, jobs: str) -> None:
+    """A terminal sends it to all processes of the command; so many repetitions would take minutes."""
+    (tmp_path / "job.txt").write_text("@07\n@0R7\n")
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
+        assert command.stdout is not None
+        assert any(line.startswith("all well") for line in command.stdout)
+        time.sleep(0.5)  # amid a repetition, or in the start of the processes
+        os.killpg(command.pid, signal.SIGINT)
+        out, err = command.communicate(timeout=60)
+    assert command.returncode == 130
+    assert "Traceback" not in err
+    assert re.search(r"job.txt: interrupted after \d+ of 1000 repetitions", err)
+    assert out.startswith("robust: ") or "after 0 of" in err
 
 
 # Refusals ---

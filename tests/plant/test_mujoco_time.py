@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import threading
 
 import numpy as np
@@ -130,3 +132,10 @@ def test_at_rest_only_when_the_current_has_been_lowered():
     assert plant.at_rest
     plant.set_power(stages=True, brake_released=True, lowering=False)
     assert not plant.at_rest
+
+
+@pytest.mark.parametrize("make", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_plant_is_neither_copied_nor_pickled(bench, make):
+    """Its kernel knows MuJoCo's memory by address, which a copy would share, and another process does not have."""
+    with pytest.raises(TypeError, match="a plant cannot be copied or pickled"):
+        make(bench().plant)

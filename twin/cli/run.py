@@ -132,7 +132,9 @@ def run(
                     seen.append(trial)
                     if stopped:
                         break
-            interrupted = bool(stopped)
+            interrupted = bool(stopped) and len(seen) < robust
+            if interrupted:
+                outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
             sound = show.robust(verdict, seen)
     if interrupted:
         return 128 + stopped[0]
@@ -168,9 +170,20 @@ def _repetitions(
 
             executor = ProcessPoolExecutor(min(jobs, number), mp_context=multiprocessing.get_context("spawn"))
             stack.callback(executor.shutdown, cancel_futures=True)
-        return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
+        with _without_ctrl_c():
+            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
 
     return make
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Processes begun in the meantime never heed Ctrl-C: a terminal sends it to all, and the first decides what ends."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
