@@ -257,6 +257,15 @@ def test_errors_of_many_moments_at_once(shape: tuple[int, ...], axes: int) -> No
             assert error[(*where, carriage)] == pytest.approx(expected, abs=1e-12)
 
 
+def test_an_axis_that_is_turned_shows_its_motion_the_other_way_at_the_first_look() -> None:
+    """10 mm gone, 3200 steps; the other way round this place is still 3200, and a millimetre back is 11."""
+    axes = Axes(1, 1, 1, 1)
+    axes.move(0, 3200)
+    axes.controller.direction = (-1, 1, 1, 1)
+    axes.move(0, 320)
+    assert axes.mm == [11.0, 0.0, 0.0]
+
+
 # ---- what a controller is told of its drives -----------------------------------------------------------------------
 
 
