@@ -54,7 +54,7 @@ SETTINGS: tuple[dict[str, int | bool], ...] = (
     {"debounce_ms": 20, "settle_ms": 1, "relay_ms": 30},
     {"cycle_ms": 7, "erase_ms": 100},
     {"extra_values": True, "relative_unreferenced": True},
-    {"start_stop_hz": 800, "acceleration_hz_per_ms": 1000, "step_out_hz": 50},
+    {"start_stop_hz": 400, "acceleration_hz_per_ms": 150, "step_out_hz": 50},
 )
 """What a machine file may say of the controllers of the iMC family."""
 SWITCHES = tuple(f"limit_{axis}{end}" for axis in CARRIAGES for end in (1, 2))
