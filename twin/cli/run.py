@@ -178,7 +178,7 @@ def _repetitions(
 
 @contextmanager
 def _without_ctrl_c() -> Iterator[None]:
-    """Processes begun in the meantime never heed Ctrl-C: a terminal sends it to all, and the first decides what ends."""
+    """Processes begun meanwhile never heed Ctrl-C: a terminal sends it to all, and the first decides what ends."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
