@@ -217,3 +217,20 @@ def test_a_machine_at_the_limit_of_a_number_is_refused_with_key_and_range() -> N
     call = TwinCall(overrides={"axes.all.stage.supply": 200.0})
     with pytest.raises(CallError, match=r"axes\.[xyz]\.stage\.supply: 20\d.*; allowed: 5 \.\. 200 V"):
         robust.check(call, 20)
+
+
+def test_the_last_repetition_is_checked_as_the_others_are() -> None:
+    """196 V is refused from 2 % more on: at the first repetition that draws as much, and not before."""
+    call = TwinCall(overrides={"axes.all.stage.supply": 196.0})
+    machine = load_machine("4030")
+    drawn = (robust.perturbation(machine, 0, number)[1]["supply"] for number in range(1, 1000))
+    first = next(number for number, factor in enumerate(drawn, 1) if factor > 200.0 / 196.0)
+    robust.check(call, first - 1)
+    with pytest.raises(CallError, match=r"allowed: 5 [.][.] 200 V"):
+        robust.check(call, first)
+
+
+def test_a_repetition_that_is_not_over_in_time_has_lines_not_sent() -> None:
+    lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    verdict = next(robust.trials(TwinCall(), lines, 1, timeout_s=1.0)).verdict
+    assert (verdict.ok, verdict.unsent) == (False, 1)  # a reference run takes longer
