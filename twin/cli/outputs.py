@@ -75,8 +75,8 @@ class JobOutput(Protocol):
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """So is the job; `call`: what else belongs to its summary."""
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
-        """And so are its repetitions; return whether all ended as the job did."""
+    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
+        """And so are its repetitions, fewer than wanted if somebody stopped them; return whether all ended alike."""
 
 
 class JsonOutput:
@@ -95,7 +95,7 @@ class JsonOutput:
 
         print(json.dumps({"summary": True, **verdict.summary(), **call}), flush=True)
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
+    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """A line a repetition and one for all."""
         import json
 
@@ -106,7 +106,7 @@ class JsonOutput:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
             print(json.dumps({**told, **trial.verdict.summary()}), flush=True)
-        robust = verdict.ok and not other
+        robust = verdict.ok and not other and len(trials) == wanted
         print(json.dumps({"robust": robust, "trials": len(trials), "other": len(other)}), flush=True)
         return not other
 
@@ -191,14 +191,15 @@ class TableOutput:
             style="bold green" if verdict.ok else "bold red",
         )
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial]) -> bool:
+    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
         from isel_twin.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         runs = f"{len(trials)} repetitions with small perturbations"
         if not other and verdict.ok:
-            self._print(f"robust: {runs} ended alike", style="bold green")
+            stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
+            self._print(f"{'unclear' if stopped else 'robust'}: {runs} ended alike{stopped}", style="bold green")
         elif not other:
             self._print(f"no matter of luck: {runs} went wrong alike", style="bold red")
         else:

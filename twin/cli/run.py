@@ -135,7 +135,7 @@ def run(
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
                 outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
-            sound = show.robust(verdict, seen)
+            sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
     return 0 if verdict.ok and sound else 1
