@@ -22,6 +22,7 @@ import math
 import selectors
 import signal
 import socket
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple, Protocol
@@ -178,6 +179,23 @@ def on_signals(action: Callable[[], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def _woken_by_signals(wake: socket.socket) -> Iterator[None]:
+    """While the block lasts each signal writes a byte to `wake`.
+
+    Python runs handlers in the main thread between two instructions. A signal that another thread gets, or that comes
+    just before the main thread falls asleep, does not end that sleep by itself.
+    """
+    if threading.current_thread() is not threading.main_thread():  # signals are none of its business
+        yield
+        return
+    before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+
+
 class _Piece:
     """Replies of a paced line, gathered until it falls silent."""
 
@@ -288,8 +306,9 @@ class Server:
         """Serve until `stop`; then let go of the endpoints, also if something in it raises."""
         gc.freeze()  # or every now and then the collector looks at all there is, which takes tens of milliseconds
         try:
-            while not self._stopped:
-                self._step()
+            with _woken_by_signals(self._wake_in):
+                while not self._stopped:
+                    self._step()
             self._hand_on()
         finally:
             gc.unfreeze()

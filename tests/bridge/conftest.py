@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import select
+import signal
 import subprocess
 import sys
 import threading
@@ -48,6 +49,14 @@ class Served:
         """Send a signal; return the exit code."""
         self.process.send_signal(number)
         return self.process.wait(STOP_S)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def a_hang_up_is_heard() -> Iterator[None]:
+    """Also if these tests were started by `nohup`, which would have the servers ignore it as they should."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture

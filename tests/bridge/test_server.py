@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,28 @@ def test_signals_are_asked_for_and_given_back():
             os.kill(os.getpid(), number)
     assert heard == [1, 1, 1]
     assert signal.getsignal(signal.SIGHUP) is before
+
+
+def test_a_signal_that_another_thread_gets_wakes_the_server():
+    """Nor is one lost that comes just before it falls asleep: without this it slept until a host said something."""
+    server = Server(Twin(plant="kinematic"), Pacer(None), [])
+    stopped_by: list[str] = []
+
+    def stop(by: str) -> None:
+        stopped_by.append(by)
+        server.stop()
+
+    def hit() -> None:
+        signal.pthread_kill(threading.get_ident(), signal.SIGTERM)
+
+    late, soon = threading.Timer(20.0, stop, ["nobody else"]), threading.Timer(0.3, hit)
+    with on_signals(lambda: stop("signal")):
+        late.start()
+        soon.start()
+        server.run()
+        late.cancel()
+        soon.join()
+    assert stopped_by == ["signal"]
 
 
 def test_a_hang_up_that_is_ignored_stays_so():
