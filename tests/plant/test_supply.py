@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from isel_twin.machine import MachineError, load_machine, with_overrides
-from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 
-from .conftest import MS, NONE, ramp_ns, ticks
+from .conftest import MS, ramp_ns, ticks
 
 ON = {"supply.enabled": True}
 VOLTS, OHM, FARAD = 48.0, 0.3, 0.01
@@ -100,7 +99,7 @@ def test_the_energy_of_a_move_adds_up(bench):
 
 RATE_HZ = 16000.0
 """Of the pulses before the stop: 10 rev/s."""
-STOP_S = 0.010
+STOP_S = 0.016
 
 
 def stop_from_speed(bench, overrides):
@@ -121,3 +120,105 @@ def stop_from_speed(bench, overrides):
         b.feed(MS // 2, now, ticks(len(now), 1, 1, 1))
         volts.append(b.plant.supply_v)
     return b, np.array(volts), energy_j - b.plant.energy_j
+
+
+LIVELY = {"axes.all.stage.current": 3.0, "supply.source_resistance": 0.05, "axes.all.coupling_inertia": 1e-4}
+"""Much to brake, little current to heat, and a voltage near U0 before the stop."""
+STOP_LOSS_W = 3.0 * (PHASE_OHM * 3.0**2 + 2.0)
+
+
+@pytest.mark.parametrize("microfarad", [5000.0, 10000.0])
+def test_a_joint_stop_raises_it_by_what_the_losses_leave(bench, microfarad):
+    """Above U0 the source is blocked: C/2 (U^2 - U0^2) is at most the energy set free, and at least half of what is
+    left after windings and stages; friction and iron take the rest."""
+    b, volts, freed_j = stop_from_speed(bench, {**LIVELY, "supply.capacitance": microfarad})
+    assert abs(b.lost[:3]).max() < 8.0
+    raised_j = 0.5e-6 * microfarad * (volts.max() ** 2 - VOLTS**2)
+    assert 0.5 * (freed_j - STOP_LOSS_W * STOP_S) < raised_j < freed_j
+    assert volts[-1] < volts.max()
+
+
+def test_the_chopper_holds_it(bench):
+    b, volts, freed_j = stop_from_speed(bench, {**LIVELY, "supply.chopper_voltage": 48.2})
+    assert volts.max() == pytest.approx(48.2)
+    assert 0.0 < b.plant._supply["dumped_j"][0] < freed_j
+
+
+def test_a_chopper_that_is_too_weak_does_not(bench):
+    """1000 ohm take 2.3 W at 48 V, 0.04 J in the stop."""
+    b, volts, _ = stop_from_speed(
+        bench, {**LIVELY, "supply.chopper_voltage": 48.2, "supply.chopper_resistance": 1000.0}
+    )
+    assert volts.max() > 48.7
+    assert b.plant._supply["dumped_j"][0] < volts.max() ** 2 / 1000.0 * 0.045
+
+
+WEAK = {**ON, "supply.source_resistance": 3.0, "supply.undervoltage": 42.0, "supply.release": 43.0}
+"""Holds three motors at rest at 44.5 V, and cannot move them."""
+
+
+def weak_move(b, piece_ns):
+    """Three axes through 10 mm, cut into pieces: was under-voltage told?"""
+    t_ns = ramp_ns(3200, 16000.0, 500.0, 200.0)
+    told = False
+    for start_ns in range(0, int(t_ns[-1]) + 200 * MS, piece_ns):
+        now = t_ns[(t_ns > start_ns) & (t_ns <= start_ns + piece_ns)] - start_ns
+        b.feed(piece_ns, now, ticks(len(now), 1, 1, 1))
+        told = told or bool(b.plant.fault[:3].all() and not b.plant.powered[:3].any())
+        assert (b.plant.fault[:3] != b.plant.powered[:3]).all()
+    return told
+
+
+def test_under_voltage_drops_the_stages_and_steps_are_lost(bench):
+    b = bench(WEAK, lowering=False)
+    assert weak_move(b, MS)
+    b.wait(500)
+    assert abs(b.lost[:3]).max() > 16.0
+    assert not b.plant.fault.any()
+    fine = bench({**WEAK, "supply.undervoltage": 5.0, "supply.source_resistance": OHM}, lowering=False)
+    assert not weak_move(fine, MS)
+    assert abs(fine.lost[:3]).max() < 4.0
+
+
+def test_how_time_is_cut_does_not_matter(bench):
+    ends = []
+    for piece_ns in (MS, 7 * MS, 333_333):
+        b = bench(WEAK)
+        weak_move(b, piece_ns)
+        b.wait((2000 * MS - b.now_ns) / MS)
+        assert b.plant.at_rest
+        ends.append((b.plant.supply_v, *b.plant.position_mm, *b.plant.rotor))
+    assert ends[0] == ends[1] == ends[2]
+
+
+@pytest.mark.parametrize("wait_ms", [600.0, 600.1, 600.33])
+def test_woken_amid_a_window_the_voltage_does_not_move(bench, wait_ms):
+    b = bench(ON, lowering=False)
+    b.wait(wait_ms)
+    assert b.plant.at_rest
+    steady_v = b.plant.supply_v
+    b.plant.apply_force(0, 1e-6)
+    b.wait(20)
+    assert b.plant.supply_v == pytest.approx(steady_v, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ({"axes.x.stage.supply": 36.0}, "36 and 48 V; allowed: the same supply on all axes"),
+        ({"supply.release": 50.0}, "allowed: release below the stages' 48 V"),
+        ({"supply.chopper_voltage": 47.0}, "chopper_voltage above"),
+        ({"supply.capacitance": 1000.0}, "allowed: from 37"),
+        ({"supply.undervoltage": 30.0}, "release must not lie below undervoltage"),
+    ],
+)
+def test_a_supply_that_does_not_fit_is_refused_in_a_line(overrides, words):
+    with pytest.raises(MachineError, match=words) as caught:
+        with_overrides(load_machine("4030"), {**ON, **overrides})
+    assert "supply" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_kinematic_plant_has_none():
+    plant = KinematicPlant(with_overrides(load_machine("4030"), ON), (), np.array([100.0, 100.0, 30.0]))
+    assert math.isnan(plant.supply_v)

@@ -325,8 +325,8 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 @njit(nogil=True, error_model="numpy")
 def advance(
     plants, axes, drives, screws, states, thresholds, commanded, leads, available, joints, mobility, push, springs,
-    rates, cuts, cut_nuts, cut_joints, supplies, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta,
-    early_lead_ns, lead_ns,
+    rates, cuts, cut_nuts, cut_joints, supplies, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns,
+    t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
@@ -335,7 +335,8 @@ def advance(
     [k] THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints
     [nv] JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT,
     cut_nuts [2, 3] and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at
-    joints, supplies [1] SUPPLY, q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
+    joints, supplies [1] SUPPLY,
+    q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
     the joints are at until_ns; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n]
     leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
