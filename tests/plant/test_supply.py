@@ -153,8 +153,8 @@ def test_a_chopper_that_is_too_weak_does_not(bench):
     assert b.plant._supply["dumped_j"][0] < volts.max() ** 2 / 1000.0 * 0.045
 
 
-WEAK = {**ON, "supply.source_resistance": 3.0, "supply.undervoltage": 42.0, "supply.release": 43.0}
-"""Holds three motors at rest at 44.5 V, and cannot move them."""
+WEAK = {**ON, "supply.source_resistance": 8.0, "supply.undervoltage": 34.0, "supply.release": 35.0}
+"""Gives at most U0^2 / 4 R = 72 W: enough to hold three motors (51 W), not to move them."""
 
 
 def weak_move(b, piece_ns):
