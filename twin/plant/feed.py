@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
+from isel_twin.drives.dynamics import OPEN
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.supply import Supply
 
@@ -58,11 +59,19 @@ def supply_state(supply: Supply | None, stages: Sequence[Stage], window_s: float
 
 
 @njit(error_model="numpy")
-def feed(supply, magnetic_j, own_w):
-    """Bring the voltage to the end of a window in which the stages took `energy_j`.
+def feed(supply, axes, drives, states):
+    """Bring the voltage to the end of a window in which the stages took `energy_j`, and tell the drives of it.
 
-    magnetic_j: energy in the inductances now; own_w: what the stages use for themselves.
+    axes [3] AXIS of the kernel, drives [3] AXIS_PARAMETERS, states [3] AXIS_STATE. A stage without enough voltage is
+    off.
     """
+    magnetic_j = 0.0
+    own_w = 0.0
+    for i in range(axes.shape[0]):
+        a_a, b_a = states[i].current_a_a, states[i].current_b_a
+        magnetic_j += 0.5 * axes[i].inductance_h * (a_a * a_a + b_a * b_a)
+        if axes[i].phases & supply.gate != OPEN:
+            own_w += axes[i].own_w
     h = supply.window_s
     before = supply.voltage_v
     taken_j = supply.energy_j + magnetic_j - supply.magnetic_j + own_w * h
@@ -91,3 +100,7 @@ def feed(supply, magnetic_j, own_w):
         supply.gate = 3
     if gate != supply.gate:
         supply.steady = 0
+    for i in range(axes.shape[0]):
+        drives[i].drive_v = axes[i].supply_factor * supply.voltage_v
+        drives[i].return_v = supply.voltage_v
+        axes[i].fault = 1 if supply.gate == OPEN else 0

@@ -181,22 +181,6 @@ def wake(plants, axes, supplies):
 
 
 @njit(nogil=True, error_model="numpy")
-def _supply(supply, axes, drives, states):
-    """The common supply at the end of a window, and the drives told of it. A stage without enough voltage is off."""
-    magnetic_j = 0.0
-    own_w = 0.0
-    for i in range(AXES):
-        magnetic_j += 0.5 * axes[i].inductance_h * (states[i].current_a_a ** 2 + states[i].current_b_a ** 2)
-        if axes[i].phases & supply.gate != OPEN:
-            own_w += axes[i].own_w
-    feed(supply, magnetic_j, own_w)
-    for i in range(AXES):
-        drives[i].drive_v = axes[i].supply_factor * supply.voltage_v
-        drives[i].return_v = supply.voltage_v
-        axes[i].fault = 1 if supply.gate == OPEN else 0
-
-
-@njit(nogil=True, error_model="numpy")
 def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
     """Take the carriages from MuJoCo at the start of a window.
 
@@ -422,7 +406,7 @@ def advance(
                 axes[i].sum_nm = 0.0
             look(plant, axes, states, commanded, leads, available)
             if supply.on:
-                _supply(supply, axes, drives, states)
+                feed(supply, axes, drives, states)
             _leave_window(
                 plant,
                 axes,
