@@ -32,6 +32,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.screw import Rod, Screw
 from isel_twin.drives.stage import Stage
+from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.models import machine_names, models_folder
 from isel_twin.parameters import (
     FileError,
@@ -246,6 +247,8 @@ class Machine:
     """MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface."""
     timing: Timing
     axes: tuple[Axis, Axis, Axis]
+    supply: Supply | None
+    """Common to all stages; None: the file has none."""
     masses_kg: Mapping[str, float]
     """By name of the body in the MuJoCo model."""
     payload_kg: float
@@ -366,10 +369,10 @@ _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
 
 def _build(tree: dict[str, Any], file: Path) -> Machine:
     place = Place(file, MachineError)
-    allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS)
+    allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS, "supply")
     known(tree, allowed, place)
     for key in allowed:
-        if key not in (*tree, "motors", "controller"):
+        if key not in (*tree, "motors", "controller", "supply"):
             raise place.at(key).wrong("missing")
     texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
     sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
@@ -390,6 +393,7 @@ def _build(tree: dict[str, Any], file: Path) -> Machine:
         fixture_file=file.parent / texts["fixture"] if texts["fixture"] else None,
         timing=section(Timing, tree["timing"], place.at("timing")),
         axes=(axes[0], axes[1], axes[2]),
+        supply=section(Supply, tree["supply"], place.at("supply")) if "supply" in tree else None,
         masses_kg={
             key: quantity(value, _MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
         },
@@ -496,6 +500,11 @@ def _check(machine: Machine, place: Place) -> None:
                 f"{axis.power_on_low_mm} .. {axis.power_on_high_mm} mm; "
                 f"allowed: a range within the hard stops, {low} .. {high} mm"
             )
+    if machine.supply is not None and machine.supply.enabled:
+        try:
+            check_fit(machine.supply, [axis.stage for axis in machine.axes], timing.mujoco_step_ns * 1e-9)
+        except ValueError as error:
+            raise place.at("supply").wrong(str(error)) from None
     for key, path in (("model", machine.model_file), ("fixture", machine.fixture_file)):
         if path is not None and not path.is_file():
             raise place.at(key).wrong(f"{path} does not exist; allowed: an MJCF file")

@@ -301,6 +301,11 @@ class Twin:
         asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
         return self._plant.margin
 
+    @property
+    def supply_v(self) -> float:
+        """Voltage of the common supply of the stages; nan unless the machine has one and `physics` is on."""
+        return self._plant.supply_v
+
     def watch_margin(self) -> None:
         """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
         self._plant.watch_margin()

@@ -172,7 +172,8 @@ class Plant(Protocol):
 
     @property
     def fault(self) -> NDArray[np.bool_]:
-        """bool [axes], which drives have switched themselves off; the stage of a stepper motor never does."""
+        """bool [axes], which drives have switched themselves off; the stage of a stepper motor only while a common
+        supply has too little voltage for it."""
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -181,6 +182,10 @@ class Plant(Protocol):
     @property
     def current_fraction(self) -> NDArray[np.float64]:
         """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off."""
+
+    @property
+    def supply_v(self) -> float:
+        """Voltage of the common supply of the stages; nan if the machine has none, or the plant no currents."""
 
     @property
     def margin(self) -> NDArray[np.float64]:

@@ -43,9 +43,11 @@ from numba.extending import intrinsic
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
+from isel_twin.plant.feed import feed
 from isel_twin.plant.glide import glide
 from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
@@ -107,8 +109,12 @@ AXIS = np.dtype(
         ("sum_nm", "f8"),  # sum of the torques of the currents in this window
         ("mean_nm", "f8"),  # their mean in the window before
         ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
-        ("fault", "i8"),  # 1: the drive has switched itself off; for drives that can
+        ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
         ("command", "f8"),  # time mean of the command in this sub-step
+        ("resistance_ohm", "f8"),  # of a phase with what the stage adds
+        ("inductance_h", "f8"),
+        ("own_w", "f8"),  # what the stage uses for itself while on
+        ("supply_factor", "f8"),  # part of the supply that can drive a current
         ("free_low_m", "f8"),  # between these no position switch of the axis changes
         ("free_high_m", "f8"),
     ],
@@ -155,7 +161,7 @@ def _lower_at(axis):
 
 
 @njit(nogil=True, error_model="numpy")
-def _wake(plant, axes):
+def _wake(plant, axes, supply):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
         return
@@ -165,12 +171,13 @@ def _wake(plant, axes):
     for i in range(AXES):
         axes[i].sum_n = axes[i].mean_n * over
         axes[i].sum_nm = axes[i].mean_nm * over
+    supply.energy_j = supply.mean_j * over / plant.window
 
 
 @njit(nogil=True, error_model="numpy")
-def wake(plants, axes):
+def wake(plants, axes, supplies):
     """Something from outside is about to change: nothing may be skipped any more."""
-    _wake(plants[0], axes)
+    _wake(plants[0], axes, supplies[0])
 
 
 @njit(nogil=True, error_model="numpy")
@@ -205,6 +212,7 @@ def _leave_window(
     rates,
     cut,
     cut_joints,
+    supply,
     qpos,
     before,
     qvel,
@@ -213,7 +221,7 @@ def _leave_window(
     qfrc,
 ):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
-    quiet = plant.led_until_ns <= plant.now * plant.substep_ns
+    quiet = plant.led_until_ns <= plant.now * plant.substep_ns and supply.steady != 0
     for j in range(qfrc.shape[0]):
         qfrc[j] = push[0, j] + push[1, j] / plant.window
         push[1, j] = 0.0
@@ -301,8 +309,8 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 @njit(nogil=True, error_model="numpy")
 def advance(
     plants, axes, drives, screws, states, thresholds, commanded, leads, available, joints, mobility, push, springs,
-    rates, cuts, cut_nuts, cut_joints, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns, t_ns, delta,
-    early_lead_ns, lead_ns,
+    rates, cuts, cut_nuts, cut_joints, supplies, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns,
+    t_ns, delta, early_lead_ns, lead_ns,
 ):  # fmt: skip
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
@@ -311,13 +319,15 @@ def advance(
     [k] THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints
     [nv] JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT,
     cut_nuts [2, 3] and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at
-    joints, q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
+    joints, supplies [1] SUPPLY,
+    q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
     the joints are at until_ns; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n]
     leads of the first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
     plant = plants[0]
     cut = cuts[0]
+    supply = supplies[0]
     plant.edge = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
@@ -331,7 +341,7 @@ def advance(
             plant.now = max(plant.now, wakes)
             if plant.now == until:
                 break
-            _wake(plant, axes)
+            _wake(plant, axes, supply)
 
         end_ns = (plant.now + 1) * dt_ns
         for i in range(AXES):
@@ -370,9 +380,15 @@ def advance(
         for i in range(AXES):
             axis = axes[i]
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
+            before_rad_s = states[i].omega_rad_s
+            phases = axis.phases & supply.gate
             force_n = axis.push_n + step_axis(
-                drives[i], states[i], axis.command, axis.phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
+                drives[i], states[i], axis.command, phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
             )
+            if supply.on:
+                work_w = 0.5 * (before_rad_s + states[i].omega_rad_s) * states[i].torque_nm
+                a_a, b_a = states[i].current_a_a, states[i].current_b_a
+                supply.energy_j += dt_s * (work_w + axis.resistance_ohm * (a_a * a_a + b_a * b_a))
             if cut.on:
                 force_n += cut_nuts[0, i] * cut.x_n + cut_nuts[1, i] * cut.y_n
             axis.sum_n += force_n
@@ -389,6 +405,8 @@ def advance(
                 axes[i].mean_nm = axes[i].sum_nm / plant.window
                 axes[i].sum_nm = 0.0
             look(plant, axes, states, commanded, leads, available)
+            if supply.on:
+                feed(supply, axes, drives, states)
             _leave_window(
                 plant,
                 axes,
@@ -402,6 +420,7 @@ def advance(
                 rates,
                 cut,
                 cut_joints,
+                supply,
                 qpos,
                 before,
                 qvel,
@@ -432,6 +451,7 @@ dynamics.drop_stale_code(
     advance,
     dynamics.__file__,
     trigonometry.__file__,
+    feeding.__file__,
     gliding.__file__,
     lead.__file__,
     margins.__file__,

@@ -304,6 +304,11 @@ class KinematicPlant:
         return np.empty(0)
 
     @property
+    def supply_v(self) -> float:
+        """See Plant.supply_v; there is none here."""
+        return math.nan
+
+    @property
     def margin(self) -> NDArray[np.float64]:
         """See Plant.margin; there are no motors here."""
         return np.full(len(self.slip_steps), np.nan)

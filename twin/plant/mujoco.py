@@ -26,6 +26,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
 from isel_twin.plant.cutting import CUT, Cut, set_cut
+from isel_twin.plant.feed import supply_state
 from isel_twin.plant.glide import gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
@@ -109,6 +110,11 @@ class MujocoPlant:
         self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
         self._axes["full_steps"] = [1.0 / axis.stage.microsteps for axis in machine.axes]
         self._axes["margin"] = 1.0
+        self._axes["resistance_ohm"] = [a.motor.resistance_ohm + a.stage.extra_resistance_ohm for a in machine.axes]
+        self._axes["inductance_h"] = [axis.motor.inductance_h for axis in machine.axes]
+        self._axes["own_w"] = [axis.stage.quiescent_w for axis in machine.axes]
+        self._axes["supply_factor"] = [axis.stage.supply_factor for axis in machine.axes]
+        self._supply = supply_state(machine.supply, self.stages, machine.timing.mujoco_step_ns * 1e-9)
         self._available = np.stack([available_torque(axis.motor, axis.stage) for axis in machine.axes])
         self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
@@ -162,8 +168,8 @@ class MujocoPlant:
         self._state = (
             self._plant, self._axes, self._drives, self._screws, self._states, self._thresholds, self._commanded,
             self._leads, self._available, self._joints_law, mobility, self._push, self._springs, self._rates_before,
-            self._cuts, self._cut_nuts, self._cut_joints, data.qpos, self._before, self._place, data.qvel, data.qacc,
-            data.qacc_smooth, data.qfrc_applied,
+            self._cuts, self._cut_nuts, self._cut_joints, self._supply, data.qpos, self._before, self._place,
+            data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; MuJoCo never moves its arrays."""
 
@@ -212,7 +218,7 @@ class MujocoPlant:
         power = (stages, brake_released, lowering)
         if power == self._power:
             return
-        kernel.wake(self._plant, self._axes)
+        kernel.wake(self._plant, self._axes, self._supply)
         if stages and not self._power[0]:
             self._axes["still_since"] = self._plant["now"]
             self._axes["fraction"] = 1.0
@@ -227,7 +233,7 @@ class MujocoPlant:
         """See Plant.set_phase_lost. Raises ValueError for anything but "a", "b", "ab" and ""."""
         if phases not in _PHASES:
             raise ValueError(f"unknown motor phases {phases!r}; there are: a, b, ab")
-        kernel.wake(self._plant, self._axes)
+        kernel.wake(self._plant, self._axes, self._supply)
         self._lost[axis] = phases
         self._set_phases()
 
@@ -241,7 +247,7 @@ class MujocoPlant:
             raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        kernel.wake(self._plant, self._axes)
+        kernel.wake(self._plant, self._axes, self._supply)
         if not place:
             place = "tool" if self._reach["tool"][axis, self._dof[axis]] else "table"
         self._pushes[axis] = force_n * self._reach[place][axis]
@@ -253,7 +259,7 @@ class MujocoPlant:
 
     def set_cut(self, cut: Cut | None) -> None:
         """See Plant.set_cut."""
-        kernel.wake(self._plant, self._axes)
+        kernel.wake(self._plant, self._axes, self._supply)
         set_cut(self._cuts, cut, int(self._plant["now"][0]), self.machine.timing.substep_ns * 1e-9, self._left)
 
     @property
@@ -312,7 +318,7 @@ class MujocoPlant:
     def powered(self) -> NDArray[np.bool_]:
         """See Plant.powered."""
         powered = np.full(len(self._commanded), self._power[0])
-        powered[: kernel.AXES] = self._axes["phases"] != OPEN
+        powered[: kernel.AXES] = self._axes["phases"] & self._supply["gate"] != OPEN
         return powered[: self._count]
 
     @property
@@ -352,7 +358,12 @@ class MujocoPlant:
     @property
     def current_fraction(self) -> NDArray[np.float64]:
         """See Plant.current_fraction."""
-        return np.where(self._axes["phases"] == OPEN, 0.0, self._axes["fraction"])
+        return np.where(self._axes["phases"] & self._supply["gate"] == OPEN, 0.0, self._axes["fraction"])
+
+    @property
+    def supply_v(self) -> float:
+        """See Plant.supply_v."""
+        return float(self._supply["voltage_v"][0]) if self._supply["on"][0] else math.nan
 
     @property
     def margin(self) -> NDArray[np.float64]:
