@@ -37,15 +37,15 @@ COUNTED = 16
 """Calls of which one is followed by a look at the counters, whether anything came of it or not."""
 SCATTERS = 8.0
 """Standard deviations of a trip point beyond which no switch trips."""
-BENT_MM = 2.0
+BENT_MM = 4.0
 """Most by which the tool of a machine with physics is elsewhere than the screws say: squareness, and a frame (1 N/um at
 the least) that is thrown against its stop and pushed on by 800 N."""
 EXACT_MM = 1e-6
 """What is left of rounding where nothing is elastic."""
 GAIN = 1e-4
 """Energy that a limp machine may seem to gain, as a share of what it has spent: the stops' springs are not in it."""
-GAIN_J = 1e-6
-"""And absolutely: what is left of rounding."""
+GAIN_J = 1e-4
+"""And absolutely: between two MuJoCo steps drives and frame are read at different times (docs/fidelity.md)."""
 
 
 class Broken(Exception):
