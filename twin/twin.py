@@ -303,7 +303,7 @@ class Twin:
 
     @property
     def supply_v(self) -> float:
-        """Voltage of the common supply of the stages; nan unless the machine has one and `physics` is on."""
+        """Voltage at the stages, which share it; nan if the machine has none that sags, or without `physics`."""
         return self._plant.supply_v
 
     def watch_margin(self) -> None:
