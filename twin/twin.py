@@ -303,7 +303,7 @@ class Twin:
 
     @property
     def supply_v(self) -> float:
-        """Voltage at the stages, which share it; nan if the machine has none that sags, or without `physics`."""
+        """Voltage of the drives, which share one source; nan if the machine has none that sags, or without physics."""
         return self._plant.supply_v
 
     def watch_margin(self) -> None:
