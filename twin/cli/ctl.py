@@ -92,7 +92,7 @@ def _request(command: Command, what: Sequence[str], place: str | None) -> dict[s
 def _pair(command: str, item: str) -> tuple[str, str]:
     name, equals, value = item.partition("=")
     if not (name and equals):
-        raise CallError(f"{command}: {item!r} is not NAME=VALUE")
+        raise CallError(f"{command}: {item!r} is not NAME=VALUE, such as estop=pressed or x=40")
     return name, value
 
 
