@@ -78,6 +78,8 @@ class ScenarioEvent:
     """Of the forces, one of `isel_twin.plant.PLACES`; "": what each axis moves."""
     cut: Cut | str = ""
     """A cut that begins; "off": it ends; "": nothing of the kind."""
+    content: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    """The table it was read from, without its time: what a recording keeps and `event_now` takes again."""
 
     @property
     def physical(self) -> bool:
@@ -128,7 +130,7 @@ def event_now(content: dict[str, Any], place: Place, settable: Mapping[str, tupl
     noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
     where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
     cut = _cut(content["cut"], place.at("cut")) if "cut" in content else ""
-    return ScenarioEvent(0, inputs, forces, phases, noise, where, cut)
+    return ScenarioEvent(0, inputs, forces, phases, noise, where, cut, dict(content))
 
 
 def _cut(content: Any, place: Place) -> Cut | str:
