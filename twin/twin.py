@@ -41,6 +41,7 @@ from isel_twin.controller import (
     UsesDrives,
     create_controller,
 )
+from isel_twin.journal import Note, Origin, Received, cut_content, push_content
 from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
@@ -126,6 +127,18 @@ class Twin:
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
 
+        self.origin = Origin(
+            as_built,
+            controller,
+            plant,
+            seed,
+            flash,
+            None if scenario is None else Path(scenario),
+            line_speed,
+            dict(wanted),
+            None if start_mm is None else tuple(start_mm),
+        )
+        """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
@@ -151,6 +164,7 @@ class Twin:
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
+        self._notes: list[Note] = []
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors if one is turned round, during a motion."""
         self._due_ns = 0
@@ -171,6 +185,8 @@ class Twin:
         """The host sends bytes now. Raises TypeError for anything else, such as text."""
         if not isinstance(data, bytes | bytearray | memoryview):
             raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
+        if self._notes and data:
+            self._note("sent", bytes(data))
         self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns)
         self._settle()
 
@@ -275,6 +291,16 @@ class Twin:
         return self._position.position_mm
 
     @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in mm/s, in the direction of the counters."""
+        return self._position.velocity_mm_s
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """float64, phase current over nominal of each motor at this moment; empty without physics."""
+        return self._plant.current_fraction
+
+    @property
     def position_error_mm(self) -> NDArray[np.float64]:
         """float64 [3], true position minus counter, in mm."""
         self._tell()
@@ -308,6 +334,8 @@ class Twin:
 
     def watch_margin(self) -> None:
         """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
+        if self._notes:
+            self._note("operated", {"watch_margin": True})
         self._plant.watch_margin()
 
     @property
@@ -367,6 +395,8 @@ class Twin:
 
     @line_speed.setter
     def line_speed(self, timed: bool) -> None:
+        if self._notes and timed != self._line.timed:
+            self._note("operated", {"line_speed": timed})
         self._line.timed = timed
 
     @property
@@ -385,12 +415,16 @@ class Twin:
         exist.
         """
         check_input(name, state, self._wiring.settable, "set_input")
+        if self._notes:
+            self._note("operated", {"set": {name: state}})
         self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)
 
     def carry_out(self, event: ScenarioEvent) -> None:
         """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
+        if self._notes:
+            self._note("operated", event.content)
         self._wiring.carry_out(event)
         self._settle()
 
@@ -406,10 +440,14 @@ class Twin:
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
+        if self._notes:
+            self._note("operated", push_content(CARRIAGES[axis], force_n, place))
         self._plant.apply_force(axis, force_n, place)
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
+        if self._notes:
+            self._note("operated", cut_content(cut))
         self._plant.set_cut(cut)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
@@ -419,6 +457,18 @@ class Twin:
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
         self._observe(changed=False)
         self._due_ns = self._next_due_ns()
+
+    def listen(self, note: Note) -> None:
+        """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""
+        self._notes.append(note)
+        self._line.on_reply = lambda arrival_ns, data, byte_ns: self._note(
+            "received", Received(data, arrival_ns, byte_ns)
+        )
+        self._wiring.on_event = lambda event: self._note("scenario", event.content)
+
+    def _note(self, kind: str, what: Any) -> None:
+        for note in self._notes:
+            note(self.time_ns, kind, what)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
@@ -504,6 +554,8 @@ class Twin:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
         if self._stream.follow(self._controller.run, self.time_ns):
+            if self._notes:
+                self._note("motion", self._controller.run)
             direction = self._controller.direction  # it changes between motions only
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()
@@ -518,12 +570,18 @@ class Twin:
                     outputs_changed = True
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
+                    if self._notes:
+                        self._note("counter", event)
                 case FlashWrite(image):
                     self.flash = image
+                    if self._notes:
+                        self._note("flash", image)
                     if self.on_flash is not None:
                         self.on_flash(image)
                 case Remark(text):
                     self.remarks.append((self.time_ns, text))
+                    if self._notes:
+                        self._note("remark", text)
                     log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
         if outputs_changed:
             self._wiring.outputs_changed()

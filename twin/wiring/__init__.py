@@ -12,7 +12,15 @@ from __future__ import annotations
 from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import EVENT_KEYS, ScenarioError, ScenarioEvent, check_input, event_now, load_scenario
+from isel_twin.wiring.scenario import (
+    EVENT_KEYS,
+    ScenarioError,
+    ScenarioEvent,
+    check_input,
+    cut_table,
+    event_now,
+    load_scenario,
+)
 from isel_twin.wiring.wiring import Wiring, thresholds
 
 __all__ = [
@@ -27,6 +35,7 @@ __all__ = [
     "SerialLine",
     "Wiring",
     "check_input",
+    "cut_table",
     "event_now",
     "load_scenario",
     "thresholds",

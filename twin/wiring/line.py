@@ -10,6 +10,7 @@ arrive at the instant they are sent (right for tests of logic, where the line is
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,7 +23,8 @@ class _Direction:
         self.due = 0
         self._free_ns = 0
 
-    def send(self, t_ns: int, data: bytes, byte_ns: int) -> None:
+    def send(self, t_ns: int, data: bytes, byte_ns: int) -> int:
+        """Put bytes on the line; return when the last of them arrives."""
         arrival = max(t_ns, self._free_ns)
         if byte_ns:
             for number in range(len(data)):
@@ -32,6 +34,7 @@ class _Direction:
             self.queue.append((arrival, data))
         self.due += len(data)
         self._free_ns = arrival
+        return arrival
 
     def receive(self, t_ns: int) -> bytes:
         queue = self.queue
@@ -57,6 +60,8 @@ class SerialLine:
         self._random = random
         self.noise = 0.0
         """Chance of one flipped bit in each byte."""
+        self.on_reply: Callable[[int, bytes, int], None] | None = None
+        """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
         self._to_controller = _Direction()
         self._to_host = _Direction()
 
@@ -66,7 +71,10 @@ class SerialLine:
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
-        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
+        data, spacing_ns = self._disturbed(data), byte_ns if self.timed else 0
+        arrival_ns = self._to_host.send(t_ns, data, spacing_ns)
+        if data and self.on_reply is not None:
+            self.on_reply(arrival_ns, data, spacing_ns)
 
     def at_controller(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the controller by t_ns."""

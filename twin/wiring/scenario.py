@@ -145,6 +145,13 @@ def _cut(content: Any, place: Place) -> Cut | str:
     return section(Cut, numbers, place)
 
 
+def cut_table(cut: Cut) -> dict[str, Any]:
+    """The table of an event that begins this cut: what `event_now` makes the same cut of."""
+    numbers = {item.metadata.get("key") or item.name: getattr(cut, item.name) for item in dataclasses.fields(Cut)}
+    kc = {"value": cut.kc_n_mm2, "unit": "N/mm2", "grade": "setting", "source": "set_cut"}
+    return numbers | {"kc": kc}
+
+
 def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[int, Any, Place]]:
     """Number of the axis, value and place for each entry of a table by axis."""
     place = place.at(key)

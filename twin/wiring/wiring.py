@@ -17,7 +17,7 @@ nothing is due.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -76,6 +76,8 @@ class Wiring:
         self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
         self._scenario: deque[ScenarioEvent] = deque()
+        self.on_event: Callable[[ScenarioEvent], None] | None = None
+        """Called with each event of the scenario just before it happens."""
         self.events_without_effect = 0
         """Events of the scenario that have happened and could not do anything: the plant has no physics."""
         self._phases_lost: dict[str, str] = {}
@@ -111,7 +113,10 @@ class Wiring:
             self._settle_cabinet()
             return True
         if self._scenario and self._scenario[0].at_ns <= t_ns:
-            self.carry_out(self._scenario.popleft())
+            event = self._scenario.popleft()
+            if self.on_event is not None:
+                self.on_event(event)
+            self.carry_out(event)
             return True
         return False
 
