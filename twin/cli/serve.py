@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
@@ -21,13 +20,14 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.recording import MCAP, RecordPath, check_record
 
 if TYPE_CHECKING:
     from isel_twin.bridge.control_port import ControlPort
-    from isel_twin.bridge.server import Endpoint
+    from isel_twin.bridge.server import Endpoint, Guest, WireTap
 
 KEPT_MOTIONS = 1000
-"""Motions in the record of a server that records nothing: what its panel or a visitor may want to look back at."""
+"""Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
 
 
 def serve(
@@ -51,9 +51,7 @@ def serve(
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
-    record: Annotated[
-        Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
-    ] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
@@ -72,11 +70,11 @@ def serve(
     from isel_twin.bridge.keeping import serve_and_keep
     from isel_twin.bridge.log import log_to
     from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.recording import Freshness, TimeTap, all_taps
     from isel_twin.bridge.server import Server, on_signals
     from isel_twin.bridge.wire_log import WireLog
-    from isel_twin.cli import outputs
+    from isel_twin.cli.recording import begin, keep
     from isel_twin.language import create_language
-    from isel_twin.trace.write import trace_kind, write_trace
     from isel_twin.warm import warm_up
 
     check_seconds("interval", interval, 1e-9)
@@ -84,11 +82,7 @@ def serve(
         raise CallError("control-token: goes with --control HOST:PORT, and is not empty", option=True)
     with call_errors():
         factor = parse_speed(speed)
-    if record is not None:
-        try:
-            trace_kind(record)
-        except ValueError as error:
-            raise CallError(f"record {error}", option=True) from None
+    check_record(record)
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
@@ -97,11 +91,15 @@ def serve(
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
         endpoints = _endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
-        twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
+        twin = call.build(keep_motions=KEPT_MOTIONS)
+        recording = None if record is None else begin(record, twin, interval, {"speed": speed}, stack)
         warm_up(plant)
-        recorder = outputs.record(twin, interval, stack) if record is not None else None
-        wire = WireLog(create_language(controller)) if log == "wire" else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests=() if port is None else (port,))
+        wire: WireTap | None = WireLog(create_language(controller)) if log == "wire" else None
+        guests: list[Guest] = [] if port is None else [port]
+        if recording is not None:
+            wire = all_taps(wire, TimeTap(recording))
+            guests.append(Freshness(recording))
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests)
         stack.enter_context(on_signals(server.stop))
         where = {endpoint.kind: endpoint.address for endpoint in endpoints}
         if pty:
@@ -111,7 +109,12 @@ def serve(
             if port.token is not None and control_token is None:
                 where["control_token"] = port.token
         print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
-        return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+        if record is None or recording is None:
+            return serve_and_keep(server)
+        if record.suffix == MCAP:
+            code = serve_and_keep(server)
+            return code if recording.close() else 1
+        return serve_and_keep(server, record, lambda path: keep(recording, path))
 
 
 def _control_port(address: str | None, token: str | None, stack: ExitStack) -> ControlPort | None:

@@ -89,6 +89,8 @@ class RecordingWriter:
         self.path = Path(path)
         self.ended = False
         """Nothing more is recorded: closed, or no room."""
+        self.broken = False
+        """There was no room for some of it."""
         self.unwritten = False
         """Something has been recorded since the last `flush`."""
         self._language = language
@@ -197,7 +199,7 @@ class RecordingWriter:
 
     def _end(self, error: OSError) -> None:
         """There is no room: keep what there is."""
-        self.ended = True
+        self.ended = self.broken = True
         self._file.give_up()
         log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
 

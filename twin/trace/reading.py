@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,11 +38,11 @@ class RecordingError(ValueError):
 
 
 class Entry(NamedTuple):
-    """One message: of `/samples` the bytes, of every other channel the table."""
+    """One message of any channel but `/samples`."""
 
     channel: str
     time_ns: int
-    content: Any
+    content: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,10 @@ class Recorded:
     attachments: Mapping[str, bytes]
     entries: tuple[Entry, ...]
     """In the order in which they were written."""
+    sample_times_ns: NDArray[np.int64]
+    """int64 [n], of the samples, never decreasing."""
+    sample_bytes: bytes
+    """The samples one after the other, without the header of each."""
     whole: bool
     """It has its end; else the process was killed, or there was no room any more."""
 
@@ -69,8 +74,8 @@ class Recorded:
     @cached_property
     def end_ns(self) -> int:
         """Time by which everything recorded had happened. What was still on its way to the host arrives later."""
-        times = (entry.time_ns for entry in self.entries if entry.channel != "/host/received" or not self.of_twin)
-        return max(times, default=0)
+        times = [entry.time_ns for entry in self.entries if entry.channel != "/host/received" or not self.of_twin]
+        return max([0, *times, *self.sample_times_ns[-1:].tolist()])
 
     @property
     def axes(self) -> int:
@@ -78,9 +83,12 @@ class Recorded:
         return self._number("axes", 1, MOST_AXES)
 
     @cached_property
-    def sample_dtype(self) -> np.dtype[np.void]:
-        """Fields of a sample, see samples.py."""
-        return cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES))
+    def samples(self) -> NDArray[np.void]:
+        """The samples, with the fields of samples.py. Raises RecordingError if they are none."""
+        dtype = cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES))
+        if len(self.sample_bytes) != dtype.itemsize * len(self.sample_times_ns):
+            raise RecordingError(f"{self.path}: the samples have not the fields that its metadata say")
+        return np.frombuffer(self.sample_bytes, dtype=dtype)
 
     def _number(self, key: str, low: int, high: int) -> int:
         text = self.metadata.get(key, "")
@@ -113,28 +121,15 @@ class Played:
         self.changes: list[Change] = []
         self._names: dict[str, dict[str, None]] = {group: {} for group in GROUPS}
         groups = {channel: group for group, channel in GROUPS.items()}
-        rows: list[NDArray[np.void]] = []
-        times: list[int] = []
-        for channel, time_ns, content in recorded.entries:
-            if channel == SAMPLES:
-                try:
-                    row = cdr.sample_from(content, recorded.sample_dtype)
-                except ValueError as error:
-                    raise RecordingError(f"{recorded.path}: {error}") from None
-                if times and times[-1] == time_ns:  # of several looks at one instant, the last one counts
-                    rows[-1] = row
-                else:
-                    times.append(time_ns)
-                    rows.append(row)
-            elif (group := groups.get(channel)) is not None:
-                self._names[group] |= dict.fromkeys(content)
-                self.changes += [Change(time_ns, group, name, value) for name, value in content.items()]
-        self.every = np.array(rows, dtype=recorded.sample_dtype)
-        """All fields of all samples, see samples.py."""
-        self._samples = np.empty(len(times), dtype=self.dtype)
-        self._samples["time_ns"] = times
+        for channel, time_ns, content in recorded.of(*groups):
+            self._names[groups[channel]] |= dict.fromkeys(content)
+            self.changes += [Change(time_ns, groups[channel], name, value) for name, value in content.items()]
+        times_ns, every = recorded.sample_times_ns, recorded.samples
+        last = np.append(np.diff(times_ns) > 0, True)[: len(times_ns)]  # of several looks at one instant
+        self._samples = np.empty(int(last.sum()), dtype=self.dtype)
+        self._samples["time_ns"] = times_ns[last]
         for name in ("counts", "position_mm", "lost_steps"):
-            self._samples[name] = self.every[name]
+            self._samples[name] = every[name][last]
 
     def __len__(self) -> int:
         return len(self._samples)
@@ -159,14 +154,18 @@ def read(path: str | os.PathLike[str]) -> Recorded:
     attachments: dict[str, bytes] = {}
     channels: dict[int, str] = {}
     entries: list[Entry] = []
+    times_ns, sample_bytes = array("q"), bytearray()
     whole = False
     with path.open("rb") as file:
         records = StreamReader(file, validate_crcs=True).records
         while (record := _next(records)) is not None:
             if isinstance(record, Message):
-                if (channel := channels.get(record.channel_id)) is None:
-                    continue
-                entries.append(Entry(channel, record.log_time, _content(path, channel, record)))
+                channel = channels.get(record.channel_id, "")
+                if channel == SAMPLES:
+                    times_ns.append(record.log_time)
+                    sample_bytes += record.data[len(cdr.HEADER) :]
+                elif channel:
+                    entries.append(Entry(channel, record.log_time, _content(path, channel, record)))
             elif isinstance(record, Channel):
                 channels[record.id] = record.topic
             elif isinstance(record, Metadata) and record.name == METADATA:
@@ -177,7 +176,9 @@ def read(path: str | os.PathLike[str]) -> Recorded:
                 whole = True
     if metadata is None:
         raise RecordingError(f"{path}: is no recording of isel-twin; allowed: a file that --record NAME.mcap has made")
-    return Recorded(path, metadata, attachments, tuple(entries), whole)
+    return Recorded(
+        path, metadata, attachments, tuple(entries), np.array(times_ns, dtype=np.int64), bytes(sample_bytes), whole
+    )
 
 
 def _next(records: Iterator[Any]) -> Any:
@@ -197,9 +198,7 @@ def _next(records: Iterator[Any]) -> Any:
         return None
 
 
-def _content(path: Path, channel: str, message: Any) -> Any:
-    if channel == SAMPLES:
-        return message.data
+def _content(path: Path, channel: str, message: Any) -> dict[str, Any]:
     try:
         content = json.loads(message.data)
     except ValueError:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
@@ -21,7 +22,9 @@ import numpy as np
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.journal import Received
+from isel_twin.language import create_language
 from isel_twin.snapshot import snapshot
+from isel_twin.trace.mcap import RecordingWriter
 from isel_twin.trace.runs import described
 from isel_twin.trace.samples import as_message, sample_dtype, samples_schema
 
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
     from isel_twin.motion import Motion
     from isel_twin.twin import Twin
 
-__all__ = ["FLASH", "GROUPS", "MACHINE", "SCENARIO", "Recording", "Sink", "attachments", "metadata"]
+__all__ = ["FLASH", "GROUPS", "MACHINE", "SCENARIO", "FileRecording", "Recording", "Sink", "attachments", "metadata"]
 
 FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
 """Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
@@ -132,6 +135,39 @@ class Recording:
         changed = {name: value for name, value in plain.items() if last.get(name) != value}
         last |= changed
         self._sink.message(GROUPS[group], time_ns, changed)
+
+
+class FileRecording:
+    """A recording of a twin in a file, from now until `close`. Raises OSError if it cannot begin."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], twin: Twin, interval_ns: int, said: Mapping[str, str] | None = None
+    ) -> None:
+        """said: what else its metadata say. See `Recording`."""
+        self.path = Path(path)
+        self._twin = twin
+        self.writer = RecordingWriter(
+            path,
+            metadata(twin, interval_ns) | dict(said or {}),
+            attachments(twin.origin),
+            create_language(twin.controller_name),
+        )
+        self._recording = Recording(twin, self.writer, interval_ns)
+
+    def flush(self) -> None:
+        """Hand what has been recorded to the operating system."""
+        self.writer.flush()
+
+    def tell_time(self, what: str) -> None:
+        """Write down how virtual time passes from now on."""
+        self.writer.message("/time", self._twin.time_ns, {"what": what})
+
+    def close(self) -> bool:
+        """That was all; False if there was no room for some of it, which has been logged. May be called again."""
+        if not self.writer.ended:
+            self._recording.end()
+            self.writer.close()
+        return not self.writer.broken
 
 
 def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
