@@ -4,6 +4,7 @@
     ctl          operate a machine that is served
     run          a file of commands in virtual time
     decode       bytes of a line explained
+    replay       a recorded session once more, and what is different
     export       a recording as a file for other tools
     machines, describe, controllers, motor      what there is, and its numbers
 
@@ -25,7 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, export, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, export, machines, motor, replay, run, serve
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -44,6 +45,7 @@ for command in (
     run.run,
     decode.decode,
     export.export,
+    replay.replay,
     machines.machines,
     controllers.controllers,
     describe.describe,

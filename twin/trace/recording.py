@@ -33,12 +33,25 @@ if TYPE_CHECKING:
     from isel_twin.motion import Motion
     from isel_twin.twin import Twin
 
-__all__ = ["FLASH", "GROUPS", "MACHINE", "SCENARIO", "FileRecording", "Recording", "Sink", "attachments", "metadata"]
+__all__ = [
+    "FIXTURE",
+    "FLASH",
+    "GROUPS",
+    "MACHINE",
+    "MODEL",
+    "SCENARIO",
+    "FileRecording",
+    "Recording",
+    "Sink",
+    "attachments",
+    "metadata",
+    "packages",
+]
 
 FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
 """Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
-MODEL_FOLDER: Final = "model/"
-"""Before the names of the model's files."""
+MODEL, FIXTURE = "model", "fixture"
+"""Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
 """Files beside a model that it may need."""
 MOST_ASSET_BYTES = 1 << 24
@@ -46,7 +59,7 @@ MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
 """Channel of each group of a `recorder.Change`."""
 
-PACKAGES: Final = ("mujoco", "numpy", "numba", "mcap")
+PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
 class Sink(Protocol):
@@ -191,18 +204,23 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
-    return said | {name: _version(name) for name in PACKAGES}
+    return said | packages()
+
+
+def packages() -> dict[str, str]:
+    """Versions of what decides the last bit, by package."""
+    return {name: _version(name) for name in PACKAGES}
 
 
 def attachments(origin: Origin) -> dict[str, bytes]:
     """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
     machine = origin.machine
     files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
-    for model in (machine.model_file, machine.fixture_file):
+    for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
         if model is not None:
             for path in sorted(model.resolve().parent.iterdir()):
                 if path.suffix.lower() in ASSETS and path.is_file() and path.stat().st_size <= MOST_ASSET_BYTES:
-                    files[MODEL_FOLDER + path.name] = path.read_bytes()
+                    files[f"{folder}/{path.name}"] = path.read_bytes()
     if origin.scenario is not None:
         files[SCENARIO] = origin.scenario.read_bytes()
     if origin.flash is not None:
