@@ -22,12 +22,12 @@ import select
 import selectors
 import socket
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
-from isel_twin.bridge.server import Outbox, Server, Watch
+from isel_twin.bridge.server import Line, Outbox, Watch
 
 __all__ = ["Codec", "ProtocolError", "RawCodec", "Spare", "TcpEndpoint", "lacks_files", "listen", "parse_address"]
 
@@ -56,11 +56,17 @@ class Codec(Protocol):
     def encode(self, data: bytes) -> bytes:
         """Bytes for the connection out of bytes of the line."""
 
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """How the client has set the port; empty if it cannot."""
+
 
 class RawCodec:
-    """Nothing in between. `send`: sends bytes to the client directly."""
+    """Nothing in between. `send`: sends bytes to the client directly; `line`: the controller's."""
 
-    def __init__(self, send: Callable[[bytes], None]) -> None:
+    settings: Mapping[str, Any] = {}
+
+    def __init__(self, send: Callable[[bytes], None], line: Line) -> None:
         pass
 
     def decode(self, data: bytes) -> bytes:
@@ -154,22 +160,23 @@ def _keep_alive(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
+CodecMaker = Callable[[Callable[[bytes], None], Line], Codec]
+
+
 class _Client:
     """The client that holds the line."""
 
-    def __init__(self, connection: socket.socket, codec: Callable[[Callable[[bytes], None]], Codec]) -> None:
+    def __init__(self, connection: socket.socket, codec: CodecMaker, line: Line) -> None:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.departing = False  # has closed its sending side
-        self.codec = codec(self.outbox.put)
+        self.codec = codec(self.outbox.put, line)
 
 
 class TcpEndpoint:
     """A listening TCP socket. Raises ValueError for a bad address and OSError if it cannot listen there."""
 
-    def __init__(
-        self, address: str, kind: str = "tcp", codec: Callable[[Callable[[bytes], None]], Codec] = RawCodec
-    ) -> None:
+    def __init__(self, address: str, kind: str = "tcp", codec: CodecMaker = RawCodec) -> None:
         self.kind = kind
         self.gathers = True
         self._codec = codec
@@ -182,8 +189,16 @@ class TcpEndpoint:
     def busy(self) -> bool:
         return self._client is not None and not self._client.departing and not _hung_up(self._client.connection)
 
-    def attach(self, server: Server) -> None:
-        self._server = server
+    @property
+    def waiting(self) -> int:
+        return len(self._client.outbox) if self._client is not None else 0
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        return self._client.codec.settings if self._client is not None else {}
+
+    def attach(self, line: Line) -> None:
+        self._line = line
 
     def watches(self, listening: bool) -> Iterable[Watch]:
         yield Watch(self._listener, selectors.EVENT_READ, self._accept)
@@ -203,13 +218,13 @@ class TcpEndpoint:
                 self._spare.turn_away(self._listener, self.kind)
             return  # else it has gone already
         connection.setblocking(False)
-        if not self._server.claim(self):
+        if not self._line.claim(self):
             self._refuse(connection)
             return
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             _keep_alive(connection)
-            self._client = _Client(connection, self._codec)
+            self._client = _Client(connection, self._codec, self._line)
         except OSError:
             connection.close()  # it has gone already
         else:
@@ -257,7 +272,7 @@ class TcpEndpoint:
         if not data:
             client.departing = True
         if line:
-            self._server.receive(self, line)
+            self._line.receive(self, line)
 
     def send(self, data: bytes) -> None:
         if self._client is not None:
