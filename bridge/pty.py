@@ -49,6 +49,7 @@ class PtyEndpoint:
         self.address = os.ttyname(self._slave)
         self.link = link
         self._outbox = Outbox(lambda data: os.write(self._master, data))
+        self._listening = True
         self._claim: Claim | None = None
         if link is not None:
             try:
@@ -80,12 +81,15 @@ class PtyEndpoint:
         _set_speed(self._slave, line.serial_format.baud)
 
     def watches(self, listening: bool) -> Iterable[Watch]:
+        self._listening = listening
         events = (selectors.EVENT_READ if listening else 0) | (selectors.EVENT_WRITE if self._outbox else 0)
         return [Watch(self._master, events, self._ready)] if events else []
 
     def _ready(self) -> None:
         if self._outbox:
             self._outbox.flush()
+        if not self._listening:
+            return
         try:
             data = os.read(self._master, 4096)
         except BlockingIOError:

@@ -120,7 +120,7 @@ class _SerialPort:
     def read(self) -> bytes:
         with _os_errors():
             data = self._port.read(1)
-            return data + self._port.read(min(self._port.in_waiting, PIECE_BYTES)) if data else b""
+            return data + self._port.read(min(self._port.in_waiting, PIECE_BYTES - 1)) if data else b""
 
     def write(self, data: bytes) -> None:
         with _os_errors():

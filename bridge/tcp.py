@@ -181,6 +181,7 @@ class TcpEndpoint:
         self.gathers = True
         self._codec = codec
         self._client: _Client | None = None
+        self._listening = True
         self._refused: deque[socket.socket] = deque()
         self._listener, self.address = listen(address)
         self._spare = Spare()
@@ -204,6 +205,7 @@ class TcpEndpoint:
         yield Watch(self._listener, selectors.EVENT_READ, self._accept)
         for connection in self._refused:
             yield Watch(connection, selectors.EVENT_READ, partial(self._drain, connection))
+        self._listening = listening
         if (client := self._client) is not None:
             reading = listening and not client.departing
             events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
@@ -260,7 +262,7 @@ class TcpEndpoint:
             return
         try:
             client.outbox.flush()
-            if client.departing:
+            if client.departing or not self._listening:
                 return
             data = client.connection.recv(4096)
             line = client.codec.decode(data)
@@ -283,6 +285,7 @@ class TcpEndpoint:
 
     def give_way(self) -> None:
         client = self._client
+        self._listening = True
         while client is not None and self._client is client and not client.departing:
             self._ready()  # what it has sent before it left must not be lost
         self._disconnect("closed by the client")

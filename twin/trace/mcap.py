@@ -49,6 +49,7 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
         "bytes that have reached the host: the last of them now, each byte_ns after the one before",
         _TRAFFIC,
     ),
+    "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
 
