@@ -16,8 +16,8 @@ from typing import Any
 import serial
 from serial.rfc2217 import PortManager
 
-from isel_twin.bridge.server import Line
 from isel_twin.bridge.tcp import ProtocolError
+from isel_twin.controller import SerialFormat
 
 __all__ = ["Rfc2217Codec"]
 
@@ -61,11 +61,10 @@ class _Connection:
 class Rfc2217Codec:
     """Telnet with the com port option on one connection.
 
-    `send`: sends bytes to the client directly. `line`: the controller's, whose format the port has until it is set.
+    `send`: sends bytes to the client directly. `form`: of the controller's line, and so of the port until it is set.
     """
 
-    def __init__(self, send: Callable[[bytes], None], line: Line) -> None:
-        form = line.serial_format
+    def __init__(self, send: Callable[[bytes], None], form: SerialFormat = SerialFormat(19_200)) -> None:  # noqa: B008
         self._port = LineSettings(form.baud, form.data_bits, form.parity, form.stop_bits)
         self._manager = PortManager(self._port, _Connection(send))
 

@@ -164,6 +164,11 @@ class Tap:
             endpoint.attach(self)
         self._settings = [dict(endpoint.settings) for endpoint in self.endpoints]
 
+    @property
+    def held(self) -> int:
+        """Bytes of the controller that wait for the host to read."""
+        return self._port.held + self._speaker.waiting
+
     def stop(self) -> None:
         """End `run` soon. May be called from a signal handler or another thread."""
         self._stopped = True

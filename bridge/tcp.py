@@ -28,6 +28,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from isel_twin.bridge.server import Line, Outbox, Watch
+from isel_twin.controller import SerialFormat
 
 __all__ = ["Codec", "ProtocolError", "RawCodec", "Spare", "TcpEndpoint", "lacks_files", "listen", "parse_address"]
 
@@ -62,11 +63,11 @@ class Codec(Protocol):
 
 
 class RawCodec:
-    """Nothing in between. `send`: sends bytes to the client directly; `line`: the controller's."""
+    """Nothing in between. `send`: sends bytes to the client directly; `form`: of the controller's line."""
 
     settings: Mapping[str, Any] = {}
 
-    def __init__(self, send: Callable[[bytes], None], line: Line) -> None:
+    def __init__(self, send: Callable[[bytes], None], form: SerialFormat) -> None:
         pass
 
     def decode(self, data: bytes) -> bytes:
@@ -160,17 +161,17 @@ def _keep_alive(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
-CodecMaker = Callable[[Callable[[bytes], None], Line], Codec]
+CodecMaker = Callable[[Callable[[bytes], None], SerialFormat], Codec]
 
 
 class _Client:
     """The client that holds the line."""
 
-    def __init__(self, connection: socket.socket, codec: CodecMaker, line: Line) -> None:
+    def __init__(self, connection: socket.socket, codec: CodecMaker, form: SerialFormat) -> None:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.departing = False  # has closed its sending side
-        self.codec = codec(self.outbox.put, line)
+        self.codec = codec(self.outbox.put, form)
 
 
 class TcpEndpoint:
@@ -226,7 +227,7 @@ class TcpEndpoint:
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             _keep_alive(connection)
-            self._client = _Client(connection, self._codec, self._line)
+            self._client = _Client(connection, self._codec, self._line.serial_format)
         except OSError:
             connection.close()  # it has gone already
         else:
