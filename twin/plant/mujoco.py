@@ -27,7 +27,7 @@ from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
 from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.feed import supply_state
-from isel_twin.plant.glide import gliding
+from isel_twin.plant.glide import glide, gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
@@ -340,17 +340,31 @@ class MujocoPlant:
     def energy_j(self) -> float:
         """Mechanical energy of everything, J: moving masses and their height, rotors, detents, nuts, structure.
 
-        At the ends of MuJoCo's steps; in between, structure and carriages are known at different times. MuJoCo's speeds
-        are those of the middle between two of its positions, and so is what structural springs hold.
+        At the last whole sub-step. The structure is not there yet, but at the start of MuJoCo's step, a time of t ago:
+        it is taken on by a step of t with the forces there have been since. Its weights and springs have done the work
+        that they do in such steps, F (v + v') t / 2 with F as at the start: so springs hold k q_n q_n-1 / 2 at the ends
+        of MuJoCo's steps, which, with kinetic energy, is constant for whatever swings freely.
         """
-        axes, rates = self._axes, self._rates()
+        axes, data, stiffness = self._axes, self.data, self.model.jnt_stiffness[self.model.dof_jntid]
         drives = sum(
             stored_energy_j(self._drives[i], self._states[i], axes["x_m"][i] - axes["zero_m"][i])
             for i in range(kernel.AXES)
         )
-        joints = 0.5 * (self._before + self.data.qpos)
+        rates, went_s = data.qvel.copy(), 0.0
+        made = 0 if self._plant["frozen"][0] else int(self._plant["now"][0] % self._plant["window"][0])
+        if made:
+            forces_n = self._push[0] + self._push[1] / made
+            forces_n += np.array([self._cuts["sum_x_n"][0], self._cuts["sum_y_n"][0]]) @ self._cut_joints / made
+            forces_n[self._dof] += axes["sum_n"] / made
+            went_s = 1e-9 * made * self._substep_ns
+            scratch = np.empty((3, len(rates)))
+            scratch[0] = data.qpos
+            glide(self._joints_law.copy(), self._parts.mobility, went_s, scratch[0], rates, *scratch[1:], forces_n)
+        way = 0.5 * went_s * (data.qvel + rates)
+        rates[self._dof] = axes["v_m_s"]
+        joints = 0.5 * (self._before + data.qpos) + way
         joints[self._dof] = axes["x_m"]
-        springs = 0.5 * self.model.jnt_stiffness @ joints**2
+        springs = (stiffness * data.qpos) @ (0.5 * self._before + way)
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
 
     @property
