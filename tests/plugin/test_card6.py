@@ -174,7 +174,7 @@ recording.close()
 again = read(path)
 steps = again.steps()
 made = twin.steps
-print(len(steps) > 100, made.t_ns.tobytes() == steps.t_ns.tobytes(), made.delta.tobytes() == steps.delta.tobytes())
+print(len(steps) > 10, made.t_ns.tobytes() == steps.t_ns.tobytes(), made.delta.tobytes() == steps.delta.tobytes())
 print(replay(again, rebuilt(again, path.parent)))
 """
 

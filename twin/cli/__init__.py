@@ -6,6 +6,7 @@
     decode       bytes of a line explained
     replay       a recorded session once more, and what is different
     export       a recording as a file for other tools
+    tap          between a real host and a real controller, recording both
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -26,7 +27,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, export, machines, motor, replay, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, export, machines, motor, replay, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -46,6 +47,7 @@ for command in (
     decode.decode,
     export.export,
     replay.replay,
+    tap.tap,
     machines.machines,
     controllers.controllers,
     describe.describe,

@@ -61,6 +61,7 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/outputs": ("outputs of the controller and relays that have changed", {}),
     "/faults": ("all that is wrong on purpose from now on", {"faults": {"type": "object"}}),
     "/time": ("how virtual time passes: speed, pause, end of the recording", {"what": _TEXT}),
+    "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
 
