@@ -5,6 +5,7 @@
     run          a file of commands in virtual time
     decode       bytes of a line explained
     replay       a recorded session once more, and what is different
+    compare      two recordings laid over each other, command by command
     export       a recording as a file for other tools
     tap          between a real host and a real controller, recording both
     machines, describe, controllers, motor      what there is, and its numbers
@@ -27,7 +28,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, export, machines, motor, replay, run, serve, tap
+from isel_twin.cli import compare, controllers, ctl, decode, describe, export, machines, motor, replay, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -47,6 +48,7 @@ for command in (
     decode.decode,
     export.export,
     replay.replay,
+    compare.compare,
     tap.tap,
     machines.machines,
     controllers.controllers,
