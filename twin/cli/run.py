@@ -128,10 +128,8 @@ def run(
         if repetitions and not interrupted:
             seen = []
             with _interruption() as stopped:
-                for trial in repetitions(stack):
+                for trial in repetitions(stack, lambda: bool(stopped)):
                     seen.append(trial)
-                    if stopped:
-                        break
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
                 outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
@@ -143,7 +141,7 @@ def run(
 
 def _repetitions(
     call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
-) -> Callable[[ExitStack], Iterator[Trial]] | None:
+) -> Callable[[ExitStack, Callable[[], bool]], Iterator[Trial]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
     They begin with the flash memory as it is now.
@@ -154,7 +152,7 @@ def _repetitions(
         raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
     if number == 0:
         return None
-    from isel_twin.robust import check, trials
+    from isel_twin.robust import check, processes, trials
 
     check(call, number)
     flash = None
@@ -162,16 +160,10 @@ def _repetitions(
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
 
-    def make(stack: ExitStack) -> Iterator[Trial]:
-        executor = None
-        if jobs > 1:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
-
-            executor = ProcessPoolExecutor(min(jobs, number), mp_context=multiprocessing.get_context("spawn"))
-            stack.callback(executor.shutdown, cancel_futures=True)
+    def make(stack: ExitStack, stop: Callable[[], bool]) -> Iterator[Trial]:
+        executor = stack.enter_context(processes(min(jobs, number))) if jobs > 1 else None
         with _without_ctrl_c():
-            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
+            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor, stop=stop)
 
     return make
 
