@@ -3,6 +3,7 @@
     serve        a twin behind a serial port that host programs connect to
     ctl          operate a machine that is served
     run          a file of commands in virtual time
+    drive        captured step and direction signals of a real controller
     decode       bytes of a line explained
     machines, describe, controllers, motor      what there is, and its numbers
 
@@ -24,7 +25,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, drive, machines, motor, run, serve
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -41,6 +42,7 @@ for command in (
     serve.serve,
     ctl.ctl,
     run.run,
+    drive.drive,
     decode.decode,
     machines.machines,
     controllers.controllers,
