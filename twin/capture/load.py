@@ -19,7 +19,7 @@ from isel_twin.capture.mapping import Signal, parse_map, recognise
 from isel_twin.capture.table import Table
 from isel_twin.capture.ticks import Needs, Ticks, ticks_of
 from isel_twin.capture.vcd import Dump
-from isel_twin.capture.wave import LONGEST_NS, CaptureError
+from isel_twin.capture.wave import LONGEST_NS, CaptureError, WrongCallError
 
 __all__ = ["KINDS", "load"]
 
@@ -49,7 +49,7 @@ def load(
     signals = parse_map(maps) if maps else {}
     if kind == ".npz":
         if signals:
-            raise CaptureError("map: an .npz has ticks and no signals; leave the map out")
+            raise WrongCallError("map: an .npz has ticks and no signals; leave the map out")
         ticks = _load_npz(path)
     else:
         file = Dump(path) if kind == ".vcd" else Table(path, time_unit, sample_rate_hz)
@@ -64,7 +64,7 @@ def load(
         raise CaptureError(f"{path}: has no step in it{f'; nothing happens on {steps}' if steps else ''}")
     for axis in (name.strip().lower() for name in reverse.split(",") if name.strip()):
         if axis not in AXIS_NAMES[: ticks.delta.shape[1]]:
-            raise CaptureError(f"reverse {axis}: there are {', '.join(AXIS_NAMES[: ticks.delta.shape[1]])}")
+            raise WrongCallError(f"reverse {axis}: there are {', '.join(AXIS_NAMES[: ticks.delta.shape[1]])}")
         ticks.delta[:, AXIS_NAMES.index(axis)] *= -1
     return ticks
 

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from isel_twin.axes import AXIS_NAMES
-from isel_twin.capture.wave import CaptureError
+from isel_twin.capture.wave import CaptureError, WrongCallError
 
 __all__ = ["OUTPUTS", "Signal", "check_roles", "parse_map", "recognise"]
 
@@ -57,36 +57,37 @@ class Signal:
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, Signal]:
-    """Signals by role, from texts such as "x.step=D0,x.dir=!D1". Raises CaptureError."""
+    """Signals by role, from texts such as "x.step=D0,x.dir=!D1". Raises WrongCallError."""
     signals: dict[str, Signal] = {}
     for item in (item.strip() for text in texts for item in text.split(",")):
         role, equals, name = (part.strip() for part in item.partition("="))
         role = role.lower()
         if not equals or not name.lstrip("!").strip():
-            raise CaptureError(f"map {item!r}: must be ROLE=SIGNAL, for example x.step=D0 or x.dir=!D1")
+            raise WrongCallError(f"map {item!r}: must be ROLE=SIGNAL, for example x.step=D0 or x.dir=!D1")
         if role not in _ROLES:
             kinds = ", ".join(f"x.{kind}" for kind in _KINDS)
-            raise CaptureError(
+            raise WrongCallError(
                 f"map {item!r}: unknown role {role!r}; there are {kinds}, the same of {', '.join(AXIS_NAMES[1:])}, "
                 "and enable"
             )
         if role in signals:
-            raise CaptureError(f"map {item!r}: {role} is mapped twice; leave one out")
+            raise WrongCallError(f"map {item!r}: {role} is mapped twice; leave one out")
         signals[role] = Signal(name.lstrip("!").strip(), (len(name) - len(name.lstrip("!"))) % 2 == 1)
     check_roles(signals)
     return signals
 
 
 def check_roles(signals: Mapping[str, Signal]) -> None:
-    """Raise CaptureError unless each axis that has a signal has a whole pair of them."""
+    """Raise WrongCallError unless each axis that has a signal has a whole pair of them."""
     for axis in AXIS_NAMES:
         kinds = {kind for kind in _KINDS if f"{axis}.{kind}" in signals}
         if kinds not in ({"step", "dir"}, {"plus", "minus"}, set()):
             missing = "step" if kinds == {"dir"} else "dir" if kinds == {"step"} else ""
             missing = missing or ("minus" if kinds == {"plus"} else "plus" if kinds == {"minus"} else "")
             if missing:
-                raise CaptureError(f"map: {axis}.{kinds.pop()} needs {axis}.{missing} beside it; map that, too")
-            raise CaptureError(f"map: {axis} has {', '.join(sorted(kinds))}; it takes step and dir, or plus and minus")
+                raise WrongCallError(f"map: {axis}.{kinds.pop()} needs {axis}.{missing} beside it; map that, too")
+            has = ", ".join(sorted(kinds))
+            raise WrongCallError(f"map: {axis} has {has}; it takes step and dir, or plus and minus")
 
 
 def recognise(names: Sequence[str]) -> dict[str, Signal]:

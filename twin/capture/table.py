@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from isel_twin.capture.vcd import PIECE, waves_of
-from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError
+from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 from isel_twin.compiling import njit
 from isel_twin.units import SECOND_NS
 
@@ -41,7 +41,7 @@ _SPELT = {
     **{"microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns"},
     **{"picosecond": "ps", "picoseconds": "ps"},
 }
-_TIME = re.compile(r"(?:(?:time|timestamp|t)(?:[\s_\[(/,-]*([a-zµμ]+)[\])]?)?|([a-z]+seconds))")
+_TIME = re.compile(r"(?:(?:time|timestamp|t)(?:[\s_\[(/,-]*([a-zµμ]+)[\])]?)?|((?:milli|micro|nano|pico)?seconds?))")
 _RATE = re.compile(r"samplerate:\s*([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)Hz", re.IGNORECASE)
 _CHANNELS = re.compile(r"channels\s*(?:\([^)]*\))?:\s*(.+)", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]*)?(?:[eE][+-]?[0-9]+)?")
@@ -169,9 +169,9 @@ class Table:
         self, cells: list[str], headed: bool, unit: str | None, rate_hz: float | None, said: list[str]
     ) -> tuple[int | None, str]:
         if unit is not None and unit not in UNITS:
-            raise CaptureError(f"time-unit {unit}: must be one of {', '.join(UNITS)}")
+            raise WrongCallError(f"time-unit {unit}: must be one of {', '.join(UNITS)}")
         if rate_hz is not None and not (1.0 <= rate_hz <= FASTEST_HZ and rate_hz == round(rate_hz)):
-            raise CaptureError(f"sample-rate {rate_hz:g}: must be a whole number from 1 to {FASTEST_HZ} Hz")
+            raise WrongCallError(f"sample-rate {rate_hz:g}: must be a whole number from 1 to {FASTEST_HZ} Hz")
         for column, cell in enumerate(cells if headed else []):
             match = _TIME.fullmatch(cell.lower())
             if match is None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LONGEST_NS", "Capture", "CaptureError", "Wave"]
+__all__ = ["LONGEST_NS", "Capture", "CaptureError", "Wave", "WrongCallError"]
 
 LONGEST_NS = 10**18
 """Longest capture, 31 years: sums of some of them fit into 64 bits."""
@@ -22,6 +22,10 @@ LONGEST_NS = 10**18
 
 class CaptureError(ValueError):
     """A capture cannot be used; the message is one line that says where in it, why, and what to do."""
+
+
+class WrongCallError(CaptureError):
+    """It is not the file: an option is wrong, with whose bare name the line begins."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,12 +92,16 @@ def drive(
 
     from isel_twin.capture.load import load
     from isel_twin.capture.ticks import Needs
+    from isel_twin.capture.wave import WrongCallError
 
     needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
     with call_errors(capture):
-        ticks = load(
-            capture, map, edge=edge, needs=needs, time_unit=time_unit, sample_rate_hz=sample_rate, reverse=reverse
-        )
+        try:
+            ticks = load(
+                capture, map, edge=edge, needs=needs, time_unit=time_unit, sample_rate_hz=sample_rate, reverse=reverse
+            )
+        except WrongCallError as error:
+            raise CallError(str(error), option=True) from None
     with ExitStack() as stack:
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import Player
