@@ -91,7 +91,7 @@ def test_a_wrong_cut_is_named(tmp_path: Path, text: str, message: str) -> None:
         ("[[event]]\nset = { hood = 'open' }", "event 1.at: missing; allowed: 0 .. 1e+09 s"),
         ("[[event]]\nat = -1", "event 1.at: -1; allowed: 0 .. 1e+09 s"),
         ("[[event]]\nat = true", "event 1.at: True; allowed: 0 .. 1e+09 s"),
-        ("[[event]]\nat = 1", "event 1: nothing happens; say what: set, swapped, force_n"),
+        ("[[event]]\nat = 1", "event 1: nothing happens; say what: set, force_n, phase_lost, noise, cut"),
         ("[[event]]\nat = 1\nsett = {}", "event 1.sett: unknown key; did you mean 'set'?"),
         ("[[event]]\nat = 1\nset = { hoood = 'open' }", "unknown input 'hoood'; did you mean 'hood'?"),
         (
@@ -106,7 +106,7 @@ def test_a_wrong_cut_is_named(tmp_path: Path, text: str, message: str) -> None:
         ("[[event]]\nat = 1\nforce_n = { x = 1e6 }", "event 1.force_n.x: 1000000.0; allowed: -100000 .. 100000 N"),
         (
             "[[event]]\nat = 1\nplace = 'tool'",
-            "event 1: nothing happens; say what: set, swapped, force_n",
+            "event 1: nothing happens; say what: set, force_n, phase_lost, noise, cut",
         ),
         ("[[event]]\nat = 1\nnoise = 0\nplace = 'tool'", "event 1.place: no force acts there; allowed: beside force_n"),
         ("[[event]]\nat = 1\nforce_n = { x = 1 }\nplace = 'hood'", "event 1.place: 'hood'; allowed: tool, table"),

@@ -67,10 +67,11 @@ _PART = Limits("", 0.0, 1.0)
 
 _LIST = (
     Act("set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state", "input"),
-    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", "contact", ""),
     Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), "axis", 0.0, physical=True, fault=False),
-    Act("cut", "a cutter is in the material", "cut", off="off", physical=True, fault=False),
     Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), "axis", "", physical=True),
+    Act("noise", "chance of a flipped bit in each byte on the line", _PART, off=0.0),
+    Act("cut", "a cutter is in the material", "cut", off="off", physical=True, fault=False),
+    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", "contact", ""),
     Act("friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5), "axis", 0.0, physical=True),
     Act(
         "obstacle_mm",
@@ -83,7 +84,6 @@ _LIST = (
     Act("payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0), "place", 0.0, physical=True),
     Act("undervoltage", "part of the drives' supply voltage that is missing", Limits("", 0.0, 0.95), "", 0.0, True),
     Act("hot_stage_k", "a stage is warmer than its losses make it", Limits("K", 0.0, 500.0), "axis", 0.0, True),
-    Act("noise", "chance of a flipped bit in each byte on the line", _PART, off=0.0),
     Act("dropped", "chance that a byte on the line is lost", _PART, off=0.0),
     Act("doubled", "chance that a byte on the line comes twice", _PART, off=0.0),
     Act("line_cut", "nothing passes on the line", bool, off=False),
@@ -92,7 +92,7 @@ _LIST = (
 )
 
 ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
-"""By key, in the order in which one event does them."""
+"""By key."""
 
 BESIDE: Mapping[str, str] = {
     "place": "where its forces act: tool or table",
