@@ -5,6 +5,7 @@
     run          a file of commands in virtual time
     decode       bytes of a line explained
     tap          between a real host and a real controller, recording both
+    ports        serial ports that are served here, and real ones
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -25,7 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve, tap
+from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, ports, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -44,6 +45,7 @@ for command in (
     run.run,
     decode.decode,
     tap.tap,
+    ports.ports,
     machines.machines,
     controllers.controllers,
     describe.describe,
