@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import call_errors
+from isel_twin.call import CallError, call_errors
 
 if TYPE_CHECKING:
     from isel_twin.bridge.server import Endpoint
@@ -36,7 +36,12 @@ def open_endpoints(
     endpoints: list[Endpoint] = []
     with call_errors():
         for link in ptys or ([] if tcps or rfc2217s else [""]):
-            from isel_twin.bridge.pty import PtyEndpoint
+            try:
+                from isel_twin.bridge.pty import PtyEndpoint
+            except ImportError:  # Windows
+                raise CallError(
+                    "pty: this system has no pseudo terminals; name --tcp HOST:PORT or --rfc2217 HOST:PORT", option=True
+                ) from None
 
             endpoints.append(PtyEndpoint(link or None))
             stack.callback(endpoints[-1].close)
