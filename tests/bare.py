@@ -1,7 +1,7 @@
 """Runs `isel-twin` as on a computer without what only POSIX has: python tests/bare.py serve --tcp 127.0.0.1:0
 
-pySerial has an implementation of its own for Windows and is imported first. From then on nobody can import the modules
-of MODULES, and the functions and constants of NAMES are not there, as in Python for Windows.
+Other people's packages have their own ways on Windows; as this is none, they are imported first. From then on nobody
+can import the modules of MODULES, and the functions and constants of NAMES are not there, as in Python for Windows.
 """
 
 from __future__ import annotations
@@ -11,21 +11,30 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+
+import mujoco
+import numba
+import numpy
+import serial.rfc2217
+import serial.tools.list_ports
+
+OTHERS = (mujoco, numba, numpy, serial, subprocess)
 
 MODULES = ("fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty")
 NAMES: dict[ModuleType, tuple[str, ...]] = {
     os: (
         *("O_CLOEXEC", "O_DIRECTORY", "O_NOCTTY", "O_NONBLOCK", "WNOHANG", "chown", "fchmod", "fork", "forkpty"),
         *("geteuid", "getpgid", "getuid", "killpg", "mkfifo", "openpty", "setsid", "statvfs", "sysconf", "ttyname"),
-        *("set_blocking", "get_blocking", "pread", "pwrite", "sched_getaffinity", "sched_setaffinity", "uname"),
+        *("set_blocking", "get_blocking", "pread", "pwrite", "sched_getaffinity", "sched_setaffinity"),
     ),
     select: ("epoll", "poll", "POLLRDHUP", "POLLIN"),
     signal: ("SIGHUP", "SIGALRM", "SIGUSR1", "SIGKILL", "pthread_sigmask", "setitimer"),
-    socket: ("AF_UNIX", "TCP_USER_TIMEOUT"),
+    socket: ("TCP_USER_TIMEOUT",),
 }
 
 

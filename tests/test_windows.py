@@ -52,6 +52,7 @@ def test_the_modules_are_hidden():
     code = "import bare; bare.hide(); import isel_twin.bridge.pty"
     ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
     assert "No module named 'fcntl'" in ended.stderr
+    assert "bridge/pty.py" in ended.stderr
     code = "import bare; bare.hide(); import os, select; print(hasattr(os, 'fork'), hasattr(select, 'poll'))"
     ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
     assert ended.stdout == "False False\n"
@@ -65,24 +66,21 @@ def test_a_job_with_physics(tmp_path):
     assert "000640" in ended.stdout  # 1600 steps
     assert flash.stat().st_size > 0
     assert (tmp_path / "job.vcd").stat().st_size > 0
-    assert bare("run", "-", "--plant", "kinematic", given="@07\n").returncode == 0
 
 
 def test_small_commands():
     assert "set the axes" in bare("decode", "@07").stdout
     assert "set the axes" in bare("decode", "-", given="@07\r").stdout
-    for arguments in (("machines",), ("controllers",), ("describe", "4030"), ("ports",)):
-        ended = bare(*arguments)
-        assert ended.returncode == 0, ended.stderr
+    ended = bare("ports")
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_no_pseudo_terminals_is_one_line():
-    for arguments in ((), ("--pty",)):
-        ended = bare("serve", "--plant", "kinematic", *arguments)
-        assert (ended.returncode, ended.stdout) == (2, "")
-        assert ended.stderr == (
-            "isel-twin: --pty: this system has no pseudo terminals; name --tcp HOST:PORT or --rfc2217 HOST:PORT\n"
-        )
+    ended = bare("serve", "--plant", "kinematic")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == (
+        "isel-twin: --pty: this system has no pseudo terminals; name --tcp HOST:PORT or --rfc2217 HOST:PORT\n"
+    )
 
 
 def test_a_served_machine_operated_and_tapped(listening, tmp_path):
