@@ -56,11 +56,22 @@ class PlantError(RuntimeError):
     """A joint has run away: the numbers mean nothing any more."""
 
 
+_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")
+"""What the library of the mujoco package is called on Linux, macOS and Windows."""
+
+
+def _library(folder: Path) -> Path:
+    """The library in the folder of the mujoco package. Raises FileNotFoundError if there is none."""
+    for pattern in _LIBRARIES:
+        for path in sorted(folder.glob(pattern)):
+            return path
+    raise FileNotFoundError(f"{folder}: no library of MuJoCo here ({', '.join(_LIBRARIES)})")
+
+
 @cache
 def _mj_step_address() -> int:
     """Address of mj_step in the library that the mujoco package has loaded."""
-    folder = Path(mujoco.__file__).parent
-    library = next(path for pattern in ("libmujoco.so*", "libmujoco*.dylib") for path in sorted(folder.glob(pattern)))
+    library = _library(Path(mujoco.__file__).parent)
     return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
 
 
