@@ -35,7 +35,7 @@ from isel_twin.bridge.server import Server
 from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, table
 from isel_twin.twin import Twin
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.wiring import EVENT_KEYS, ScenarioEvent, event_now
+from isel_twin.wiring import ACTS, EVENT_KEYS, ScenarioEvent, event_now
 
 __all__ = ["ControlError", "Operator", "Pending"]
 
@@ -285,7 +285,7 @@ class Operator:
 
     def _check_physics(self, event: ScenarioEvent, content: Mapping[str, Any], place: Place) -> None:
         if event.physical and not self._twin.physics:
-            key = next(key for key in ("force_n", "cut", "phase_lost") if key in content)
+            key = next(key for key in content if key in ACTS and ACTS[key].physical)
             raise place.at(key).wrong("does nothing without physics; allowed: with the plant mujoco")
 
     def _step(self, value: Any, place: Place) -> Pending:

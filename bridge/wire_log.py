@@ -56,7 +56,7 @@ class WireLine(NamedTuple):
     time_s: float
     """Virtual time."""
     who: str
-    """`host`, `twin` or `ctl`."""
+    """`host`, or what the controller and others are called."""
     text: str
     meaning: str
 
@@ -95,9 +95,20 @@ class Taps:
 
 
 class WireLog:
-    """Follows the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal. `say` is told each line."""
+    """Follows the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal. `say` is told each line.
 
-    def __init__(self, language: Meaning | None, say: Callable[[WireLine], None] = print_line) -> None:
+    controller, others: what the controller and whoever is no host are called, in up to four letters.
+    """
+
+    def __init__(
+        self,
+        language: Meaning | None,
+        controller: str = "twin",
+        others: str = "ctl",
+        say: Callable[[WireLine], None] = print_line,
+    ) -> None:
+        self._controller = controller
+        self._others = others
         self._language = language
         self._say = say
         self._begun = bytearray()
@@ -127,7 +138,7 @@ class WireLog:
     def act(self, time_ns: int, text: str) -> None:
         """See WireTap."""
         self._print_begun()
-        self._say(WireLine(time_ns / SECOND_NS, "ctl", text, ""))
+        self._say(WireLine(time_ns / SECOND_NS, self._others, text, ""))
 
     def close(self) -> None:
         """Print what has been begun and not ended."""
@@ -143,7 +154,7 @@ class WireLog:
             self._begun.clear()
 
     def _print(self, time_ns: int, sent: bool, text: str, explanation: str = "") -> None:
-        self._say(WireLine(time_ns / SECOND_NS, "host" if sent else "twin", text, explanation))
+        self._say(WireLine(time_ns / SECOND_NS, "host" if sent else self._controller, text, explanation))
 
 
 def _hex(data: bytes | bytearray) -> str:

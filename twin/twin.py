@@ -47,7 +47,7 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import PLACES, Cut, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.wiring import ScenarioEvent, SerialLine, Wiring, check_input, load_scenario, thresholds
+from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, check_input, load_scenario, thresholds
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -394,7 +394,7 @@ class Twin:
         that is locked stays as it is. Raises ValueError, which lists what there is, for a name or state that does not
         exist.
         """
-        check_input(name, state, self._wiring.settable, "set_input")
+        check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
         self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)

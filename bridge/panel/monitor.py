@@ -32,12 +32,12 @@ class Monitor:
         self._now_ns = 0
         self._controller = ""
         self._begun: list[WireLine] = []
-        self._log = WireLog(None, self._begun.append)
+        self._log = WireLog(None, say=self._begun.append)
 
     def begin(self, controller: str) -> None:
         """What is spoken on the line."""
         self._controller = controller
-        self._log = WireLog(create_language(controller), self._begun.append)
+        self._log = WireLog(create_language(controller), say=self._begun.append)
 
     # As a tap
 

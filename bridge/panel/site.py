@@ -66,6 +66,9 @@ HISTORY = 600
 BAD_MM = 0.1
 """Deviation of the tool that is drawn red."""
 
+TRAIL_M = 0.004
+"""Thickness of the trail."""
+
 LINES = 400
 """Messages of the line that it gets."""
 
@@ -76,9 +79,10 @@ POLICY = (
 """What the page may load, and from whom: from here alone."""
 
 SCENE_POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' data: blob:; worker-src 'self' blob: data:; "
-    "frame-ancestors 'self'; base-uri 'none'; form-action 'none'"
+    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-ancestors 'self'; "
+    "base-uri 'none'; form-action 'none'"
 )
 """The same for viser's client, which is one file with everything in it, compressed."""
 
@@ -398,8 +402,7 @@ class _Stage:
                     f"/{self._poses.table_body}/trail_{self._trail.piece}",
                     points,
                     colours,
-                    thickness=4.0,
-                    thickness_units="screen",
+                    thickness=TRAIL_M,
                 )
 
 

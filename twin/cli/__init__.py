@@ -4,6 +4,7 @@
     ctl          operate a machine that is served
     run          a file of commands in virtual time
     decode       bytes of a line explained
+    tap          between a real host and a real controller, recording both
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -24,7 +25,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -42,6 +43,7 @@ for command in (
     ctl.ctl,
     run.run,
     decode.decode,
+    tap.tap,
     machines.machines,
     controllers.controllers,
     describe.describe,

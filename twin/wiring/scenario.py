@@ -42,23 +42,20 @@ the file is read.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, read_toml, section, table, text
+from isel_twin.parameters import FileError, Limits, Place, known, plain, read_toml, section, table, text
 from isel_twin.plant import PLACES, Cut
 from isel_twin.units import SECOND_NS
+from isel_twin.wiring.acts import ACTS, BESIDE, read_act
 
-EVENT_KEYS = ("set", "force_n", "phase_lost", "noise", "cut", "place")
+EVENT_KEYS = (*ACTS, *BESIDE)
 """What an event says beside its time."""
-_ACTS = tuple(key for key in EVENT_KEYS if key != "place")
-_PHASES = ("a", "b", "ab", "")
 _AT_S = Limits("s", 0.0, 1e9)
-_FORCE_N = Limits("N", -1e5, 1e5)
-_NOISE = Limits("", 0.0, 1.0)
 
 
 class ScenarioError(FileError):
@@ -118,19 +115,22 @@ def _event(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[s
 def event_now(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
     """An event without its time, EVENT_KEYS, for whoever lets it happen at once. Raises the error of `place`."""
     known(content, EVENT_KEYS, place)
-    if not any(key in content for key in _ACTS):
-        raise place.wrong(f"nothing happens; say what: {', '.join(_ACTS)}")
+    if not any(key in content for key in ACTS):
+        raise place.wrong(f"nothing happens; say what: {', '.join(ACTS)}")
     if "place" in content and "force_n" not in content:
         raise place.at("place").wrong("no force acts there; allowed: beside force_n")
-    inputs = table(content.get("set", {}), place.at("set"))
-    for name, state in inputs.items():
-        check_input(name, state, settable, str(place), place.error)
-    forces = {axis: plain(value, _FORCE_N, where) for axis, value, where in _of_axes(content, "force_n", place)}
-    phases = {axis: text(value, where, _PHASES) for axis, value, where in _of_axes(content, "phase_lost", place)}
-    noise = plain(content["noise"], _NOISE, place.at("noise")) if "noise" in content else None
+    done = {key: read_act(act, content[key], place, settable) for key, act in ACTS.items() if key in content}
     where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
-    cut = _cut(content["cut"], place.at("cut")) if "cut" in content else ""
-    return ScenarioEvent(0, inputs, forces, phases, noise, where, cut, dict(content))
+    return ScenarioEvent(
+        at_ns=0,
+        inputs=done.pop("set", {}),
+        force_n=_by_number(done.pop("force_n", {})),
+        phase_lost=_by_number(done.pop("phase_lost", {})),
+        noise=done.pop("noise", None),
+        place=where,
+        cut=_cut(done.pop("cut"), place.at("cut")) if "cut" in done else "",
+        content=dict(content),
+    )
 
 
 def _cut(content: Any, place: Place) -> Cut | str:
@@ -145,21 +145,6 @@ def _cut(content: Any, place: Place) -> Cut | str:
     return section(Cut, numbers, place)
 
 
-def _of_axes(content: dict[str, Any], key: str, place: Place) -> Iterator[tuple[int, Any, Place]]:
-    """Number of the axis, value and place for each entry of a table by axis."""
-    place = place.at(key)
-    values = table(content.get(key, {}), place)
-    known(values, CARRIAGES, place)
-    for name, value in values.items():
-        yield CARRIAGES.index(name), value, place.at(name)
-
-
-def check_input(
-    name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str, error: type[FileError] = ScenarioError
-) -> None:
-    """Raise `error` unless `name` is something that can be set to `state`."""
-    states = settable.get(name, ())
-    if not states:
-        raise error(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
-    if state not in states:
-        raise error(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")
+def _by_number(values: Mapping[str, Any]) -> dict[int, Any]:
+    """A table by axis, by the number of the axis."""
+    return {CARRIAGES.index(name): value for name, value in values.items()}

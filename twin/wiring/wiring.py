@@ -26,10 +26,11 @@ from isel_twin.controller import DriveInput
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine
 from isel_twin.plant import Cut, Plant, Threshold
+from isel_twin.wiring.acts import check_input
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioEvent, check_input
+from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent
 
 __all__ = ["Wiring", "thresholds"]
 
@@ -131,7 +132,7 @@ class Wiring:
 
         Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
         """
-        check_input(name, state, self.settable, "wiring")
+        check_input(name, state, self.settable, "wiring", ScenarioError)
         self._operate_all({name: state})
 
     def carry_out(self, event: ScenarioEvent) -> None:

@@ -1,0 +1,118 @@
+"""Everything an event can do: one record a key, from which files are checked and menus are built.
+
+A key is the one name of what it does: in scenario files, at the control port and in `isel-twin ctl`, in a panel, in
+recordings and in `Twin.faults`. What a key sets, the same key ends, with its `off`:
+
+    phase_lost = { x = "a" }   ...   phase_lost = { x = "" }          a table by axis, a word each
+    noise = 0.01               ...   noise = 0                        one number
+    set = { hood = "open" }          set = { limit_x1 = "broken" }    a table by input; states: Wiring.settable
+
+Beside them an event may have `place` (where its forces act) and `for`, after which everything it has set is ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, table, text
+from isel_twin.plant import PLACES
+
+__all__ = ["ACTS", "BESIDE", "FOR_S", "Act", "check_input", "read_act"]
+
+Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut"]
+"""What a value may be: a number within limits, one of some words, true and false, a state of an input as
+`Wiring.settable` lists them, the name of a contact, or the table of a cut (isel_twin.plant.Cut)."""
+
+
+@dataclass(frozen=True)
+class Act:
+    """One thing that an event can do."""
+
+    key: str
+    meaning: str
+    """In a few words, for people."""
+    value: Form
+    by: Literal["", "axis", "place", "input", "contact"] = ""
+    """What a table of such values is by; "": the value stands alone."""
+    off: Any = None
+    """The value that ends it; None: that depends on what it is done to, or it is over at once."""
+    physical: bool = False
+    """It takes a plant with physics."""
+    fault: bool = True
+    """While it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something."""
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Keys of its table, where they are the same for every machine."""
+        return {"axis": tuple(CARRIAGES), "place": tuple(PLACES)}.get(self.by, ())
+
+    @property
+    def allowed(self) -> str:
+        """Its values in words."""
+        if isinstance(self.value, Limits):
+            return f"{self.value}" + (f", or {self.off!r}" if isinstance(self.off, str) else "")
+        if isinstance(self.value, tuple):
+            return ", ".join(word or '""' for word in self.value)
+        words = {"state": "a state", "contact": 'a contact, or ""', "cut": 'a table, or "off"'}
+        return words[self.value] if isinstance(self.value, str) else "true, false"
+
+
+_LIST = (
+    Act("set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state", "input"),
+    Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), "axis", 0.0, physical=True, fault=False),
+    Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), "axis", "", physical=True),
+    Act("noise", "chance of a flipped bit in each byte on the line", Limits("", 0.0, 1.0), off=0.0),
+    Act("cut", "a cutter is in the material", "cut", off="off", physical=True, fault=False),
+)
+
+ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
+"""By key, in the order in which one event does them."""
+
+BESIDE: Mapping[str, str] = {"place": "where its forces act: tool or table"}
+"""Keys that say more of the others, and what."""
+
+FOR_S = Limits("s", 0.0, 1e9)
+
+
+def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[str, ...]]) -> Any:
+    """The value as the wiring takes it: numbers as float, a table as a dictionary. Raises the error of `event`.
+
+    A cut is left as it is. event: where its key stands; settable: what can be set, and the states of each.
+    """
+    place = event.at(act.key)
+    if not act.by:
+        return _value(act, value, place)
+    values = table(value, place)
+    if act.by == "input":
+        for name, state in values.items():
+            check_input(name, state, settable, str(event), event.error)
+        return dict(values)
+    known(values, act.members, place)
+    return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
+
+
+def _value(act: Act, value: Any, place: Place) -> Any:
+    form = act.value
+    if isinstance(form, Limits):
+        if isinstance(act.off, str) and isinstance(value, str):
+            return text(value, place, (act.off,))
+        return plain(value, form, place)
+    if isinstance(form, tuple):
+        return text(value, place, form)
+    if form is bool and not isinstance(value, bool):
+        raise place.wrong(f"{value!r}; allowed: {act.allowed}")
+    return value
+
+
+def check_input(
+    name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str, error: type[FileError] = FileError
+) -> None:
+    """Raise `error` unless `name` is something that can be set to `state`."""
+    states = settable.get(name, ())
+    if not states:
+        raise error(f"{where}: unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
+    if state not in states:
+        raise error(f"{where}: input {name!r} cannot be {state!r}; it can be: {', '.join(states)}")
