@@ -25,6 +25,7 @@ from typing import Any, NamedTuple, Protocol
 
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.bridge.control import ControlError, Operator, Pending
+from isel_twin.bridge.panel.menu import BESIDE, menu
 from isel_twin.bridge.panel.monitor import Monitor
 from isel_twin.bridge.server import Server, Watch
 from isel_twin.bridge.tcp import listen
@@ -37,7 +38,7 @@ from isel_twin.twin import Twin
 from isel_twin.version import VERSION
 from isel_twin.wiring import FAULTS
 
-__all__ = ["FRAMES_PER_S", "Asked", "Panel", "Site"]
+__all__ = ["COME", "FRAMES_PER_S", "Asked", "Panel", "Site"]
 
 log = logging.getLogger("isel_twin")
 
@@ -51,6 +52,10 @@ SAID_BYTES = 4096
 """Longest text typed at once, as bytes on the line."""
 
 Frame = dict[str, Any]
+
+
+COME: Mapping[str, Any] = {"come": True}
+"""In place of a request: a browser has come, and wants to be shown how things are."""
 
 
 class Asked(NamedTuple):
@@ -195,6 +200,9 @@ class Panel:
         if asked.request is None:
             self._leave(asked.client)
             return
+        if asked.request is COME:
+            self._last = {}
+            return
         number = asked.request.get("id")
         try:
             self._gone.pop(asked.client, None)
@@ -273,6 +281,8 @@ class Panel:
             "settable": {name: list(states) for name, states in twin.settable.items()},
             "fault_states": list(FAULTS),
             "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},
+            "acts": menu(),
+            "beside": list(BESIDE),
             "language": twin.language is not None,
         }
 

@@ -41,7 +41,7 @@ from websockets.http11 import Request, Response
 
 from isel_twin.bridge.control import ControlError
 from isel_twin.bridge.control_port import parse_request
-from isel_twin.bridge.panel.guest import Asked, Frame
+from isel_twin.bridge.panel.guest import COME, Asked, Frame
 from isel_twin.bridge.panel.scene import Poses, Trail, body_meshes
 from isel_twin.bridge.tcp import parse_address
 from isel_twin.bridge.token import is_loopback, is_token
@@ -244,6 +244,7 @@ class WebSite:
         browser.plots += self._plots
         browser.news.set()
         self._browsers[number] = browser
+        self._take(Asked(number, COME))
         telling = asyncio.create_task(self._tell(connection, browser))
         try:
             async for text in connection:

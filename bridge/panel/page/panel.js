@@ -255,10 +255,10 @@ function build_ports() {
 
 function build_faults() {
   const contacts = Object.keys(about.settable).filter((name) => about.settable[name].some(is_fault));
-  const wrong = make("div");
+  const wrong = make("div", { id: "wrong" });
   const lines = contacts.map((name) => {
     const states = about.settable[name].filter(is_fault);
-    const select = make("select", { "aria-label": `fault of ${plain(name)}`, onchange: (event) => please({ set: { [name]: event.target.value } }) },
+    const select = make("select", { "aria-label": `fault of ${plain(name)}`, onchange: (event) => { please({ set: { [name]: event.target.value } }); event.target.blur(); } },
       ...states.map((state) => make("option", { value: state }, plain(state))));
     const line = make("div", { class: "contact", "data-contact": name }, make("span", { title: plain(name) }, plain(name)), select);
     updates.push((now) => {
@@ -268,15 +268,83 @@ function build_faults() {
     });
     return line;
   });
-  $("faults").replaceChildren(wrong, make("h3", {}, "Contacts and wires"), make("div", { class: "contacts" }, ...lines));
+  const acts = about.acts.map((act) => form(act, contacts));
+  $("faults").replaceChildren(wrong, make("h3", {}, "Contacts and wires"), make("div", { class: "contacts" }, ...lines),
+    make("h3", {}, "Machine, drives and line"), ...acts);
   let shown = "";
   updates.push((now) => {
     const entries = Object.entries(now.faults);
     put($("faulty"), entries.length ? String(entries.length) : "");
     if (shown === (shown = JSON.stringify(entries))) return;
-    wrong.replaceChildren(...entries.map(([name, fault]) => make("div", { class: "wrong" }, `${plain(name)}: ${plain(String(fault))}`)));
+    wrong.replaceChildren(...entries.map(([name, fault]) => {
+      const ended = end_of(name), line = make("div", { class: "wrong", "data-fault": name }, `${plain(name)}: ${plain(String(fault))}`);
+      if (ended) line.append(make("button", { onclick: () => please(ended) }, "end"));
+      return line;
+    }));
   });
 }
+
+// What ends a fault that the state tells: of a contact, or of an act (`key` or `key.member`).
+function end_of(name) {
+  if (name in about.settable) return { set: { [name]: about.settable[name].filter(is_fault)[0] } };
+  const [key, member] = name.split(/\.(.*)/);
+  const act = about.acts.find((one) => one.key === key);
+  if (!act || act.off === null) return null;
+  return { [key]: act.by ? { [member]: act.off } : act.off };
+}
+
+function number_field(limits, first, name) {
+  return make("input", { type: "number", step: limits.whole ? 1 : "any", min: limits.low, max: limits.high, value: first, "aria-label": name,
+    title: `${limits.low} to ${limits.high} ${limits.unit}`.trim() });
+}
+
+function labelled(name, node, unit = "") { return make("label", {}, name, node, unit === "1" ? "" : unit); }
+function choice(names, name) { return make("select", { "aria-label": name }, ...names.map((entry) => make("option", { value: entry }, entry || "none"))); }
+
+// A form for one act, from what the table says of it: a member if it is by something, a value, a button to end it.
+function form(act, contacts) {
+  const parts = [], name = plain(act.key);
+  const member = !act.by ? null : choice(act.by === "contact" ? contacts : act.members, `${name}: ${act.by}`);
+  if (member) parts.push(labelled(act.by, member));
+  let value;
+  if (act.form.number) {
+    const field = number_field(act.form.number, first_value(act.form.number), `${name}: value`);
+    parts.push(labelled("", field, act.form.number.unit));
+    value = () => Number(field.value);
+  } else if (act.form.words) {
+    const field = choice(act.form.words.filter((word) => word !== act.off), `${name}: value`);
+    parts.push(labelled("", field));
+    value = () => field.value;
+  } else if (act.form.name) {
+    const field = choice(contacts, `${name}: other`);
+    field.selectedIndex = 1;
+    parts.push(labelled("with", field));
+    value = () => field.value;
+  } else if (act.form.table) {
+    const fields = act.form.table.map((one) => {
+      const field = one.number ? number_field(one.number, one.first, `${name}: ${one.key}`) : make("input", { type: "checkbox", checked: one.first, "aria-label": `${name}: ${one.key}` });
+      parts.push(labelled(plain(one.key), field, one.number ? one.number.unit : ""));
+      return () => [one.key, !one.number ? field.checked : !one.sourced ? Number(field.value)
+        : { value: Number(field.value), unit: one.number.unit, grade: "estimate", source: "panel" }];
+    });
+    value = () => Object.fromEntries(fields.map((field) => field()));
+  } else value = () => true;
+  const place = act.key === "force_n" && about.beside.includes("place") ? choice(["", "tool", "table"], `${name}: place`) : null;
+  if (place) parts.push(labelled("at", place));
+  const lasts = about.beside.includes("for") && act.off !== null ? make("input", { type: "number", min: 0, step: "any", "aria-label": `${name}: for`, placeholder: "ever" }) : null;
+  if (lasts) parts.push(labelled("for", lasts, "s"));
+  const event = (entry) => ({ [act.key]: member ? { [member.value]: entry } : entry });
+  const begin_it = () => please({ ...event(value()), ...(place && place.value ? { place: place.value } : {}), ...(lasts && lasts.value ? { for: Number(lasts.value) } : {}) });
+  parts.push(make("button", { class: "do", onclick: begin_it }, act.off === null ? "do" : "begin"));
+  if (act.off !== null) parts.push(make("button", { class: "end", onclick: () => please(event(act.off)) }, "end"));
+  const useless = act.physical && !about.physics;
+  const node = make("div", { class: "act", "data-act": act.key, title: useless ? "does nothing without physics" : "" },
+    make("b", {}, plain(act.key.replace(/_(n|mm|kg|k)$/, "")), make("small", {}, act.meaning)), ...parts);
+  if (useless) for (const field of node.querySelectorAll("button, input, select")) field.disabled = true;
+  return node;
+}
+
+function first_value(limits) { return limits.high <= 1 ? limits.high / 100 : Math.min(50, limits.high); }
 
 for (const tab of document.querySelectorAll("nav [data-tab]")) {
   tab.addEventListener("click", () => {
