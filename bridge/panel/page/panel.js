@@ -41,7 +41,7 @@ function connect() {
     for (const { reject } of waiting.values()) reject(new Error("the server has gone"));
     waiting.clear();
     setTimeout(connect, retry_ms);
-    retry_ms = Math.min(retry_ms * 2, 5000);
+    retry_ms = Math.min(retry_ms * 2, 2000);
   };
 }
 
@@ -56,6 +56,7 @@ function hear(message) {
   if (message.plots) { plots.push(...message.plots); plots.splice(0, plots.length - POINTS); }
   if (message.frame) { frame = message.frame; for (const update of updates) update(frame); }
   if (message.plots) draw();
+  if (frame && !$("scene").src) $("scene").src = "/scene"; // after all the rest is to be seen: it takes a moment
 }
 
 function request(content) {
@@ -91,7 +92,6 @@ function begin(told) {
   put($("link"), "connected");
   $("monitor").replaceChildren();
   build_time(); build_elements(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
-  if (!$("scene").src) $("scene").src = "/scene";
 }
 
 function build_time() {
