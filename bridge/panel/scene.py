@@ -92,7 +92,7 @@ def _merged(body: str, rgba: tuple[float, ...], shapes: Sequence[tuple[Float, ND
 
 def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]] | None:
     """Vertices [v, 3] and faces [f, 3] of a geom in its own frame; None for what has no end."""
-    size, kind = model.geom_size[number], model.geom_type[number]
+    size, kind = model.geom_size[number], mujoco.mjtGeom(int(model.geom_type[number]))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return _box(size)
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:

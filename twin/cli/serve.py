@@ -58,6 +58,9 @@ def serve(
         str | None, Parameter(help="What browsers have to know; beyond the loopback interface one is made up.")
     ] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
+    strict_baud: Annotated[
+        bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
+    ] = False,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
     record: Annotated[
@@ -111,7 +114,7 @@ def serve(
         taps: list[WireTap] = [WireLog(create_language(controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page) if guest is not None]
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, Taps(taps) if taps else None, guests)
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
         where = addresses(endpoints)
         if port is not None:
