@@ -98,12 +98,13 @@ def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _turned(np.array([0.0, size[0], size[0], 0.0]), np.array([-1.0, -1.0, 1.0, 1.0]) * size[1])
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, SEGMENTS // 2 + 1)
+        quarter = np.linspace(0.0, np.pi / 2.0, SEGMENTS // 4 + 1)
+        angles = np.concatenate([-quarter[::-1], quarter])  # the equator twice: a capsule has its cylinder in between
+        radii, scale = (1.0, size) if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else (size[0], np.ones(3))
         half = size[1] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
-        vertices, faces = _turned(np.cos(angles), np.sin(angles))
-        if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return vertices * size, faces
-        return vertices * size[0] + np.sign(np.round(vertices[:, 2:], 9)) * np.array([0.0, 0.0, half]), faces
+        sides = np.repeat([-half, half], len(quarter))
+        vertices, faces = _turned(radii * np.cos(angles), radii * np.sin(angles) + sides)
+        return vertices * scale, faces
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.mesh(model.geom_dataid[number])
         start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import mujoco
 import numpy as np
 import pytest
@@ -95,4 +97,4 @@ def test_the_trail_is_bounded_and_has_no_gap():
         kept[trail.piece] = points
     assert len(kept) == PIECES
     ends = sorted((float(points[0, 0, 0]), float(points[-1, 1, 0])) for points in kept.values())
-    assert all(end == pytest.approx(start) for (_, end), (start, _) in zip(ends, ends[1:], strict=False))
+    assert all(end == pytest.approx(start) for (_, end), (start, _) in itertools.pairwise(ends))
