@@ -342,6 +342,11 @@ class Twin:
         return self._plant.position_mm
 
     @property
+    def step_hz(self) -> NDArray[np.float64]:
+        """float64 [axes], step frequencies at present, signed as the counters run; see `Stream.rate_hz`."""
+        return self._stream.rate_hz()
+
+    @property
     def steps(self) -> Steps:
         """The stream made since power-on, as far as it is kept: `.t_ns` int64 [n], `.delta` int8 [n, axes] or int32."""
         return self._stream.steps(self.time_ns)
@@ -376,6 +381,11 @@ class Twin:
     def settable(self) -> Mapping[str, tuple[str, ...]]:
         """Everything `set_input` takes, and the states each can be given."""
         return self._wiring.settable
+
+    @property
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals of the controller, and the contacts wired to each in series."""
+        return self._controller.terminals()
 
     @property
     def physics(self) -> bool:

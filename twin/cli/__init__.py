@@ -85,18 +85,22 @@ def _say(code: int, text: str) -> int:
     return code
 
 
+_MAY_STAND_ALONE = ("--pty", "--panel")
+"""Options whose value may be left out."""
+
+
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
-    """Give a `--pty` that stands alone an empty value, and standard input (`-`) its name."""
-    pending = False
+    """Give an option that may stand alone and does an empty value, and standard input (`-`) its name."""
+    pending = ""
     for token in tokens:
         if pending:
-            yield "--pty=" if token.startswith("-") else f"--pty={token}"
-            pending = False
+            yield f"{pending}=" if token.startswith("-") else f"{pending}={token}"
+            pending = ""
             if not token.startswith("-"):
                 continue
-        if token == "--pty":
-            pending = True
+        if token in _MAY_STAND_ALONE:
+            pending = token
         else:
             yield STANDARD_INPUT if token == "-" else token
     if pending:
-        yield "--pty="
+        yield f"{pending}="
