@@ -3,6 +3,7 @@
     serve        a twin behind a serial port that host programs connect to
     ctl          operate a machine that is served
     run          a file of commands in virtual time
+    exec         a host program in Python in virtual time
     decode       bytes of a line explained
     machines, describe, controllers, motor      what there is, and its numbers
 
@@ -12,7 +13,8 @@ One file a command, each with one function that returns the exit code; what they
     outputs.py   where results go: table, JSON, recorder
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
-with one line on stderr that says why. Everything heavy is imported by the command that needs it.
+with one line on stderr that says why; those of `exec` are its host's. Everything heavy is imported by the command that
+needs it.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
 from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
+from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -41,6 +44,7 @@ for command in (
     serve.serve,
     ctl.ctl,
     run.run,
+    exec_,
     decode.decode,
     machines.machines,
     controllers.controllers,
@@ -78,14 +82,18 @@ def _say(code: int, text: str) -> int:
 
 
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
-    """Give a `--pty` that stands alone an empty value, and standard input (`-`) its name."""
-    pending = False
+    """Give a `--pty` that stands alone an empty value, and standard input (`-`) its name; not after `--`."""
+    pending = verbatim = False
     for token in tokens:
+        if verbatim:
+            yield token
+            continue
         if pending:
             yield "--pty=" if token.startswith("-") else f"--pty={token}"
             pending = False
             if not token.startswith("-"):
                 continue
+        verbatim = token == "--"
         if token == "--pty":
             pending = True
         else:
