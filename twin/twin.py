@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
+    Controller,
     CounterSet,
     FlashWrite,
     Output,
@@ -81,7 +82,7 @@ class Twin:
     def __init__(
         self,
         machine: str | Path | Machine = "4030",
-        controller: str = "imc-s8",
+        controller: str | Controller = "imc-s8",
         plant: str = "mujoco",
         seed: int = 0,
         *,
@@ -95,7 +96,8 @@ class Twin:
         """Build a twin and switch it on.
 
         machine: name of a machine, folder of a user's own, or a loaded Machine.
-        controller: name of an installed controller, see `isel-twin controllers`.
+        controller: name of an installed controller, see `isel-twin controllers`, or one that has been built and not
+            been switched on yet; that has no language.
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
@@ -113,14 +115,18 @@ class Twin:
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
         settings = with_overrides(as_built, wanted).controller
+        self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
         try:
-            self._controller = create_controller(controller, flash=flash, settings=settings)
+            self._controller: Controller = (
+                create_controller(controller, flash=flash, settings=settings)
+                if isinstance(controller, str)
+                else controller
+            )
         except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
-        self.controller_name = controller
-        self.language: Language | None = create_language(controller)
+        self.language: Language | None = create_language(controller) if isinstance(controller, str) else None
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)

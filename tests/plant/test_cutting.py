@@ -93,7 +93,7 @@ def test_every_tooth_begins_on_the_left_when_the_cut_begins(start, left):
 
 @pytest.mark.parametrize("way", [(0.02, 0.0), (0.0, 0.02), (-0.016, 0.012)])
 def test_a_chip_is_the_way_of_a_whole_tooth(way):
-    """The feed comes in with a lag of T, 5 ms: after T 1 - 1/e of it is there, and of the force."""
+    """The feed has a lag of T, 5 ms of two teeth at 6000 a minute: after T 1 - 1/e of it, and of the force."""
     cuts = np.zeros(1, CUT)
     set_cut(cuts, dataclasses.replace(SLOT, flutes=2), 0, SUBSTEP_S, 1.0)
     for now in range(200):

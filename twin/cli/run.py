@@ -76,9 +76,9 @@ def run(
     if needs_recorder:
         _check_samples(lines, interval)
     if trace is not None:
-        _need_pyarrow()
+        need_pyarrow()
     if report is not None:
-        _need_matplotlib()
+        need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
@@ -96,7 +96,7 @@ def run(
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
-        with _interruption() as stopped:
+        with interruption() as stopped:
             for result in play(twin, lines, timeout, lambda: bool(stopped)):
                 show.result(result)
                 results.append(result)
@@ -127,7 +127,7 @@ def run(
         sound = True
         if repetitions and not interrupted:
             seen = []
-            with _interruption() as stopped:
+            with interruption() as stopped:
                 for trial in repetitions(stack, lambda: bool(stopped)):
                     seen.append(trial)
             interrupted = bool(stopped) and len(seen) < robust
@@ -179,7 +179,7 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _interruption() -> Iterator[list[int]]:
+def interruption() -> Iterator[list[int]]:
     """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; the next one acts as ever."""
     stopped: list[int] = []
 
@@ -236,7 +236,8 @@ def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
         )
 
 
-def _need_pyarrow() -> None:
+def need_pyarrow() -> None:
+    """Raise CallError unless a trace can be written."""
     from isel_twin.trace.write import check_kind
 
     try:
@@ -245,7 +246,8 @@ def _need_pyarrow() -> None:
         raise CallError(str(error), option=True) from None
 
 
-def _need_matplotlib() -> None:
+def need_matplotlib() -> None:
+    """Raise CallError unless a report can be written."""
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:

@@ -47,6 +47,9 @@ def serve(
     ] = None,
     panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
+    strict_baud: Annotated[
+        bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
+    ] = False,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
     record: Annotated[
@@ -99,7 +102,8 @@ def serve(
         warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
         wire = WireLog(create_language(controller)) if log == "wire" else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests=() if port is None else (port,))
+        guests = () if port is None else (port,)
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
         where = addresses(endpoints)
         if port is not None:
