@@ -11,7 +11,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.plant import Cut
-from isel_twin.wiring import ScenarioError
+from isel_twin.wiring import ScenarioError, ScenarioEvent
 
 MOVE = "@0A32000,5000,0,30,0,30,0,30"  # 100 mm, 6.4 s
 START_MM = (30.0, 30.0, 30.0)

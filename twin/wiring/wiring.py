@@ -78,7 +78,7 @@ class Wiring:
         self._heat = StageHeat(plant.stages)
         self._scenario: deque[ScenarioEvent] = deque()
         self.events_without_effect = 0
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         self._phases_lost: dict[str, str] = {}
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
