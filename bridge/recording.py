@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 
-from isel_twin.bridge.server import Server, Watch, WireTap
+from isel_twin.bridge.server import Server, Watch
 from isel_twin.trace.recording import FileRecording
 
-__all__ = ["FLUSH_S", "Freshness", "TimeTap", "all_taps"]
+__all__ = ["FLUSH_S", "Freshness", "TimeTap"]
 
 FLUSH_S = 0.5
 """Wall time for which what has been recorded stays in memory."""
@@ -80,32 +80,3 @@ class TimeTap:
 
     def close(self) -> None:
         """See WireTap."""
-
-
-class _Taps:
-    """Several wire taps as one."""
-
-    def __init__(self, taps: Sequence[WireTap]) -> None:
-        self._taps = taps
-
-    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        for tap in self._taps:
-            tap.carry(time_ns, data, sent)
-
-    def look(self, time_ns: int) -> None:
-        for tap in self._taps:
-            tap.look(time_ns)
-
-    def act(self, time_ns: int, text: str) -> None:
-        for tap in self._taps:
-            tap.act(time_ns, text)
-
-    def close(self) -> None:
-        for tap in self._taps:
-            tap.close()
-
-
-def all_taps(*taps: WireTap | None) -> WireTap | None:
-    """Those of the taps that are there as one; None if there is none."""
-    there = [tap for tap in taps if tap is not None]
-    return there[0] if len(there) == 1 else _Taps(there) if there else None

@@ -5,6 +5,7 @@
     kind         what
     sent         bytes                       the host sends them, as `Twin.write` was given them
     received     Received                    bytes on their way to the host; told when the controller answers
+    lost         Received                    of these, bytes that do not arrive, because the line is cut
     operated     table                       somebody acts: the keys of a scenario event, or SETTINGS
     scenario     table                       an event of the scenario happens
     motion       Motion or None              the controller shows another one

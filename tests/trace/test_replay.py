@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import json
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +15,14 @@ import pytest
 from isel_twin.controller import controller_names
 from isel_twin.language import MoveSettings, needed
 from isel_twin.parameters import Place
-from isel_twin.trace.reading import Entry, RecordingError, read
+from isel_twin.trace.compare import Counters
+from isel_twin.trace.reading import Entry, Played, RecordingError, read
 from isel_twin.trace.recording import FileRecording
 from isel_twin.trace.replay import play_host, rebuilt, replay, versions
 from isel_twin.twin import Twin
 from isel_twin.units import SECOND_NS
-from isel_twin.wiring import ScenarioError, event_now
+from isel_twin.wiring import ACTS, ScenarioError, event_now
+from isel_twin.wiring.acts import BESIDE
 
 INTERVAL_NS = 10_000_000
 CUT = {
@@ -150,6 +153,66 @@ def test_flash_of_an_earlier_life_and_its_writes(tmp_path: Path) -> None:
     recorded = read(tmp_path / "flash.mcap")
     assert len(list(recorded.of("/flash"))) == 1
     assert replay(recorded, rebuilt(recorded, tmp_path)) is None
+
+
+EVERY_ACT: list[dict[str, Any]] = [
+    {"set": {"hood": "open"}},
+    {"force_n": {"x": -20.0}, "place": "tool"},
+    {"phase_lost": {"y": "a"}},
+    {"noise": 0.05},
+    {"cut": CUT},
+    {"swapped": {"limit_x1": "limit_x2"}},
+    {"friction_n": {"x": 30.0}},
+    {"obstacle_mm": {"x": 8.0}},
+    {"payload_kg": {"table": 3.0}},
+    {"undervoltage": 0.4},
+    {"hot_stage_k": {"x": 10.0}},
+    {"dropped": 0.05},
+    {"doubled": 0.05},
+    {"line_cut": True, "for": 0.011},
+    {"reset": True},
+    {"brownout": True, "for": 0.1},
+]
+"""An event for each thing that can be done."""
+
+
+def test_every_act_is_listed() -> None:
+    assert {key for event in EVERY_ACT for key in event if key not in BESIDE} == set(ACTS)
+
+
+@pytest.mark.parametrize("event", EVERY_ACT, ids=lambda event: next(iter(event)))
+def test_a_session_with_each_act_replays_to_the_bit(event: dict[str, Any], tmp_path: Path) -> None:
+    """In mid-motion, and again as an event of a scenario; counters are what the controller counts all the time."""
+    scenario = tmp_path / "act.toml"
+    table = {**event, "cut": {**CUT}} if "cut" in event else event
+    entries = [f"{key} = {_toml(value)}" for key, value in table.items()]
+    scenario.write_text("[[event]]\nat = 6.2\n" + "\n".join(entries) + "\n")
+    twin = Twin(start_mm=(1.0, 1.0, 1.0), scenario=scenario, line_speed=True)
+    path = tmp_path / "session.mcap"
+    recording = FileRecording(path, twin, INTERVAL_NS)
+    for command in ("@07", "@0R7", "@0A2000,2000,500,2000,0,30,0,30"):
+        twin.query(command)
+    twin.write(b"@0A2000,2000,1500,2000,0,30,0,30\r")
+    twin.run(0.05)
+    happen(twin, event)
+    for command in (b"@0P\r", b"@0A-900,2000,0,30,0,30,0,30\r", b"@0P\r"):
+        twin.run(0.02)
+        twin.write(command)
+    twin.run_until(6_500_000_000)
+    recording.close()
+    scenario.unlink()
+    recorded = read(path)
+    counters, played = Counters(recorded), Played(recorded)
+    for piece in played.samples():
+        assert [counters.at(int(t)) for t in piece["time_ns"]] == [tuple(c) for c in piece["counts"].tolist()]
+    assert event in [entry.content for entry in recorded.of("/scenario")]
+    assert replay(recorded, rebuilt(recorded, tmp_path)) is None
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
+    return json.dumps(value)
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,14 @@ the stream has made by then since the counter was set.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 
 import numpy as np
 
 from isel_twin.language import Language, readable
-from isel_twin.trace.reading import Recorded, RecordingError
+from isel_twin.trace.reading import Entry, Recorded, RecordingError
 
 __all__ = ["Comparison", "Counters", "Exchange", "Pair", "compare", "exchanges"]
 
@@ -169,15 +169,29 @@ def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
 
 
 def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
-    """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came."""
+    """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came, without those that did not."""
+    lost = {(entry.time_ns, data) for entry, data in _bytes_of(recorded, "/host/lost")}
     found = []
-    for entry in recorded.of("/host/sent", "/host/received"):
+    for entry, data in _bytes_of(recorded, "/host/sent", "/host/received"):
+        byte_ns = int(entry.content.get("byte_ns", 0))
+        by_host = entry.channel == "/host/sent"
+        if by_host or not lost:
+            found.append((entry.time_ns, data, by_host, byte_ns))
+        elif byte_ns:
+            times = range(entry.time_ns - (len(data) - 1) * byte_ns, entry.time_ns + 1, byte_ns)
+            bytewise = [(time_ns, bytes([byte])) for time_ns, byte in zip(times, data, strict=True)]
+            found += [(time_ns, byte, False, 0) for time_ns, byte in bytewise if (time_ns, byte) not in lost]
+        elif (entry.time_ns, data) not in lost:
+            found.append((entry.time_ns, data, False, 0))
+    return sorted(found, key=lambda piece: piece[0])
+
+
+def _bytes_of(recorded: Recorded, *channels: str) -> Iterator[tuple[Entry, bytes]]:
+    for entry in recorded.of(*channels):
         try:
-            data, byte_ns = bytes.fromhex(entry.content["hex"]), int(entry.content.get("byte_ns", 0))
+            yield entry, bytes.fromhex(entry.content["hex"])
         except (KeyError, TypeError, ValueError):
             raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
-        found.append((entry.time_ns, data, entry.channel == "/host/sent", byte_ns))
-    return sorted(found, key=lambda piece: piece[0])
 
 
 class Counters:

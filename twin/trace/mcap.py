@@ -46,6 +46,7 @@ _TRAFFIC: Final = {"hex": _TEXT, "text": _TEXT, "explanation": _TEXT, "byte_ns":
 CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/host/sent": ("bytes the host has sent, at once", _TRAFFIC),
     "/host/received": ("bytes that reach the host: the last of them now, each byte_ns after the one before", _TRAFFIC),
+    "/host/lost": ("of the bytes received: those that would have come now, had the line not been cut", {"hex": _TEXT}),
     "/operator": ("what somebody has done, in the keys of a scenario event; or how the line is", {}),
     "/scenario": ("an event of the scenario", {}),
     "/runs": (

@@ -98,6 +98,8 @@ class Recording:
             sink.sent(time_ns, what)
         elif kind == "received":
             self._received(what)
+        elif kind == "lost":
+            sink.message("/host/lost", what.arrival_ns, {"hex": what.data.hex()})
         elif kind == "motion":
             self._follow(time_ns, what)
         elif kind == "counter":
@@ -163,7 +165,7 @@ class FileRecording:
             path,
             metadata(twin, interval_ns) | dict(said or {}),
             attachments(twin.origin),
-            create_language(twin.controller_name),
+            None if twin.language is None else create_language(twin.controller_name),
         )
         self._recording = Recording(twin, self.writer, interval_ns)
 

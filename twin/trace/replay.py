@@ -45,6 +45,7 @@ PATIENCE_S = 3600.0
 """Virtual seconds a host waits for a reply that the real controller gave."""
 
 CAUSES = ("/host/sent", "/operator")
+_TRAFFIC = ("/host/sent", "/host/received")
 _NOT_COMPARED = ("/time",)
 """How time passed is no matter."""
 
@@ -180,7 +181,7 @@ class _Eye:
         self._expected: dict[str, deque[tuple[int, str]]] = {}
         for entry in recorded.entries:
             if entry.channel not in _NOT_COMPARED:
-                text = _traffic(entry.content) if entry.channel.startswith("/host/") else _table(entry.content)
+                text = _traffic(entry.content) if entry.channel in _TRAFFIC else _table(entry.content)
                 self._expected.setdefault(entry.channel, deque()).append((entry.time_ns, text))
         self._sample_times = recorded.sample_times_ns.tolist()
         self._sample_bytes = recorded.sample_bytes
