@@ -44,9 +44,9 @@ from numba.extending import intrinsic
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE, OPEN, at_rest, step_axis
+from isel_twin.plant import MOST_SAMPLES, lead, teeth, thread
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
-from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, feed
@@ -65,6 +65,8 @@ HELD_M_S2 = 1e-3
 FAR_M = 1e3
 """A joint this far away is lost, finite or not."""
 NEVER = np.iinfo(np.int64).max
+SAMPLES = MOST_SAMPLES
+"""Samples that can wait to be read."""
 
 PLANT = np.dtype(
     [
@@ -82,6 +84,10 @@ PLANT = np.dtype(
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
         ("uneven", "i8"),  # 1: a screw is not everywhere the same
+        ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
+        ("sample_at", "i8"),  # sub-step of the next one
+        ("sampled", "i8"),  # samples that wait to be read
+        ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
     ],
     align=True,
 )
@@ -166,6 +172,8 @@ class Parts(NamedTuple):
     """float64 [nv], joint positions one window ago."""
     rates: Any
     """float64 [nv], joint velocities one window ago."""
+    samples: Any
+    """float64 [SAMPLES, w], rows of `_take`; who has them taken reads them before there are more."""
     place: Any
     """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
     qpos: Any
@@ -177,7 +185,8 @@ class Parts(NamedTuple):
 
 
 MEMORY = np.dtype(
-    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds")], align=True
+    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
+    align=True,
 )
 """Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
 a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
@@ -246,6 +255,7 @@ def _parts(memory):
         carray(_pointer(at.supply), (1,), SUPPLY),
         carray(_pointer(at.before), (n,), np.float64),
         carray(_pointer(at.rates), (n,), np.float64),
+        carray(_pointer(at.samples), (SAMPLES, at.fields), np.float64),
         carray(_pointer(at.place), (n,), np.float64),
         carray(_pointer(at.qpos), (n,), np.float64),
         carray(_pointer(at.qvel), (n,), np.float64),
@@ -269,6 +279,7 @@ def _wake(plant, axes, supply):
     if plant.frozen == 0:
         return
     plant.frozen = 0
+    plant.held = 0
     plant.quiet = 0
     over = plant.now % plant.window
     for i in range(AXES):
@@ -393,6 +404,38 @@ def _look(memory):
 
 
 @njit(nogil=True, error_model="numpy")
+def _take(memory, at):
+    """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
+    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply."""
+    parts = _parts(memory)
+    plant, axes = parts.plant[0], parts.axes
+    if plant.sampled == parts.samples.shape[0]:
+        return
+    row = parts.samples[plant.sampled]
+    plant.sampled += 1
+    n, m = parts.qpos.shape[0], parts.commanded.shape[0]
+    share = plant.now % plant.window / plant.window
+    row[0] = at
+    for j in range(n):
+        row[1 + j] = parts.before[j] + share * (parts.qpos[j] - parts.before[j])
+        row[1 + n + j] = parts.qvel[j]
+    at_commands = 1 + 2 * n
+    at_ns = at * plant.substep_ns
+    for i in range(m):
+        row[at_commands + i] = parts.commanded[i]
+        row[at_commands + m + i] = parts.commanded[i] - behind(parts.leads[i], at_ns)
+    at_axes = at_commands + 2 * m
+    for i in range(AXES):
+        axis = axes[i]
+        row[1 + axis.dof] = axis.x_m
+        row[1 + n + axis.dof] = axis.v_m_s
+        row[at_commands + m + i] = parts.states[i].theta_rad * axis.steps_per_rad
+        row[at_axes + i] = 0.0 if axis.phases & parts.supply[0].gate == OPEN else axis.fraction
+        row[at_axes + AXES + i] = axis.margin
+    row[at_axes + 2 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     parts = _parts(memory)
@@ -443,6 +486,11 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             for i in range(AXES):
                 wakes = min(wakes, _lower_at(axes[i]))
             plant.now = max(plant.now, wakes)
+            if plant.sample_every and plant.sample_at <= plant.now:
+                if plant.held == 0:
+                    _take(memory, plant.sample_at)
+                    plant.held = 1
+                plant.sample_at = (plant.now // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
                 break
             _wake(plant, axes, supply)
@@ -514,6 +562,9 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             _leave_window(memory)
             if plant.lost_dof >= 0:
                 break
+        if plant.now == plant.sample_at:
+            _take(memory, plant.now)
+            plant.sample_at += plant.sample_every
         near = plant.watched != 0
         for i in range(AXES):
             near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m
