@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 from isel_twin import Twin
 from isel_twin.cli import main
-from isel_twin.expect import Condition, ExpectError, Expected, excerpt, parse_condition, parse_expected
+from isel_twin.expect import Expected, ExpectError, excerpt, parse_condition, parse_expected
 from isel_twin.job import JobError, Line, Result, check_conditions, parse_job, play
 from isel_twin.language import create_language
 from isel_twin.verdict import Verdict, judge
@@ -30,7 +31,7 @@ def parsed(text: str) -> list[Line]:
 def played(
     text: str, plant: str = "kinematic", timeout_s: float = 3600.0, **options: Any
 ) -> tuple[list[Result], Verdict]:
-    twin = Twin(plant=plant, seed=1, **options)
+    twin = Twin(plant=plant, **options)
     lines = parse_job(text, twin.language, "imc-s8")
     check_conditions(lines, twin)
     results = list(play(twin, lines, timeout_s))
@@ -100,12 +101,10 @@ def test_any_reply_can_be_written_in_numbers(reply: bytes, a: int, b: int) -> No
         ("a=>b", b"a=>b\r", None),
         ("<61>> 1", b"=> 1\r", None),
         ("!x == 1", b"!x == 1\r", None),
-        ("<33> x", b"! x\r", None),
+        ("<33> x", b"!x\r", None),  # blanks around <...> count for nothing
     ],
 )
 def test_what_a_line_sends_and_expects(text: str, sent: bytes, expected: str | None) -> None:
-    if text == "<33> x":  # blanks around <...> count for nothing
-        sent = b"!x\r"
     (line,) = parsed(text)
     assert line.sent == sent
     assert (line.expected.text if line.expected else None) == expected
@@ -209,7 +208,6 @@ def test_any_text_is_expected_or_refused_within_itself(text: str) -> None:
             parse(text)
         except ExpectError as error:
             place = error.at
-            assert "\n" not in str(error).replace(text, "")
         else:
             continue
         assert 0 <= place <= len(text)
@@ -284,8 +282,8 @@ def test_too_late_is_not_met_and_the_job_goes_on() -> None:
 
 
 def test_silence_for_a_time_lets_the_motion_go_on() -> None:
-    text = "@07\n@0R7\n@0A8000,1000,0,30,0,30,0,30 => none within 500 ms\n! time == 500 +- 0.001 ms\n<253> => F\n@0S => 0\n"
-    results, verdict = played(text)
+    text = "@07\n@0R7\n@0A8000,1000,0,30,0,30,0,30 => none within 500 ms\n! time == 500 +- 0.001 ms\n"
+    results, verdict = played(f"{text}<253> => F\n@0S => 0\n")
     assert verdict.ok
     assert results[2].end_ns - results[2].time_ns == 500_000_000
     assert [r.ok for r in played("@07 => none within 1 s\n@0P\n")[0]] == [False, True]
@@ -326,7 +324,6 @@ def test_an_opened_hood_is_green_when_its_losses_are_expected(tmp_path: Path) ->
 
 def test_what_is_lost_after_the_condition_counts() -> None:
     base = played("@07\n@0R7\n")[1]
-    import dataclasses
 
     def lost(steps: float, forgotten: float, known: float) -> bool:
         changed = dataclasses.replace(
@@ -348,8 +345,7 @@ def test_what_is_lost_after_the_condition_counts() -> None:
 
 def test_a_fault_of_the_controller_can_be_expected() -> None:
     twin = Twin(controller="ismif", plant="kinematic")
-    text = "@07 => *\n! fault == 1\n" if False else "xyz => *\n! fault == 1\n"
-    lines = parse_job(text, twin.language, "ismif")
+    lines = parse_job("xyz => *\n! fault == 1\n", twin.language, "ismif")
     results = list(play(twin, lines, 10.0))
     verdict = judge(twin, results)
     assert verdict.controller_fault
@@ -367,10 +363,12 @@ def test_margins_are_those_of_the_last_command() -> None:
 
 
 def test_conditions_look_at_every_kind_of_name() -> None:
-    text = "@07\n! output.stages == 1\n! input.power == on\n! level.p1.0 == 1\n! clock < 1 s\n! x > 0 mm\n! hood != open\n! estop_1 == ok\n! limit_x1 == ok\n"
-    results, verdict = played(text + "! output.nothing == 0\n! stages != 1\n! x < -1e9\n")
-    assert [r.number for r in results if not r.ok and r.condition] == list(verdict.unmet)
-    assert verdict.unmet[-3:] == (10, 11, 12)
+    met = ["output.stages == 1", "input.power == on", "level.p1.0 == 1", "clock < 1 s", "x > -1 mm", "hood != open"]
+    met += ["estop_1 == ok", "limit_x1 != struck"]
+    unmet = ["output.nothing == 0", "stages != 1", "x < -1e9", "level.p1.0 == 0", "hood == open"]
+    results, verdict = played("\n! ".join(["@07", *met, *unmet]))
+    assert [r.command for r in results if not r.ok] == [f"! {text}" for text in unmet]
+    assert verdict.unmet == tuple(range(len(met) + 2, len(met) + len(unmet) + 2))
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------
@@ -441,5 +439,6 @@ def test_repetitions_expect_the_same(call: Any) -> None:
     code, out, _ = call(f"{FAR} => 2\n! lost == 0\n! x > 390 mm\n", "--robust", "2", plant="mujoco")
     assert code == 0, out
     assert "robust: 2 repetitions" in out
-    code, out, _ = call("@07\n@0R7\n! clock < 35 s\n", "--robust", "2", "--jobs", "2", plant="mujoco")
-    assert code == 1
+    code, out, _ = call("@07\n@0R7\n! clock == 33.757 +- 0.01 s\n", "--robust", "2", "--jobs", "2", plant="mujoco")
+    assert code == 1  # it stands elsewhere at power-on, so a reference run takes another time
+    assert "fragile: 2 of 2 repetitions" in out
