@@ -106,17 +106,21 @@ class Scribe:
     def __init__(self) -> None:
         self._ticks = 0
         self.spans_ns: list[tuple[tuple[int, int], ...]] = []
-        """First and last tick in each window of each line, in ns since the line was sent."""
+        """First and last tick in each window of each command, in ns since it was sent."""
+        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
+        """int64 [axes], sum of the ticks of the last line."""
 
     def move(self, result: Result, steps: Steps) -> Move:
         """What came of a line; `steps`: the twin's stream, all of it, when the line has just ended."""
         t_ns, delta = _since(steps, self._ticks)
         self._ticks = len(steps)
+        self.way = delta.sum(axis=0, dtype=np.int64)
         moving = np.flatnonzero((delta != 0).any(axis=1))  # a stopped motion may end with ticks that change nothing
         t_ns, delta = t_ns[moving] - result.time_ns, delta[moving].astype("<i4")
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
         cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
-        self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
+        if not result.condition:
+            self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
         axes = range(delta.shape[1]) if len(t_ns) else ()
         return Move(
             line=result.number,
