@@ -13,7 +13,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -268,6 +268,23 @@ def test_a_device_that_is_unplugged_in_use_is_said_waited_for_and_taken_again(de
     assert "7 bytes of the host went nowhere" in caplog.text
 
 
+@pytest.mark.parametrize("kind", ["tcp", "rfc2217"])
+def test_a_terminal_server_that_goes_and_comes_back(kind, monkeypatch):
+    monkeypatch.setattr(real_port, "RETRY_S", 0.05)
+    here, there = endpoint("pty"), endpoint(kind)
+    with ExitStack() as stack:
+        with twin_at(there):
+            notes = stack.enter_context(tapping(url(there), here))
+            port = stack.enter_context(opened(here))
+            assert ask(port, "@07") == "0"
+        until(lambda: any("has gone" in text for text in notes.said))
+        codec = {"codec": Rfc2217Codec} if kind == "rfc2217" else {}
+        with twin_at(TcpEndpoint(there.address, kind, **codec)) as seen:
+            until(lambda: any("is back" in text for text in notes.said))
+            assert ask(port, "@0P", 19) == "0" * 19
+    assert seen.bytes_of("sent") == b"@0P\r"
+
+
 def termios_speed(link: Path) -> int:
     import termios
 
@@ -425,6 +442,9 @@ def test_what_cannot_be_tapped_is_one_line(device, tap, tmp_path):
     assert file.read_bytes() == b"precious"
     assert "a tap records .mcap" in refused(str(device.link), "--record", str(tmp_path / "real.vcd"))
     assert "Connection refused; is something listening there?" in refused("tcp://127.0.0.1:1")
+    full = tmp_path / "full.mcap"
+    full.symlink_to("/dev/full")
+    assert "No space left on device" in refused(str(device.link), "--record", str(full))
     assert "is in use by another program; close that one first" in in_use(device, tap)
     assert "--frame '9N1': write data bits" in refused(str(device.link), "--frame", "9N1")
     assert "unknown controller 'imx'" in refused(str(device.link), "--controller", "imx")
