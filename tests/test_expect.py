@@ -371,6 +371,16 @@ def test_conditions_look_at_every_kind_of_name() -> None:
     assert verdict.unmet == tuple(range(len(met) + 2, len(met) + len(unmet) + 2))
 
 
+def test_the_example_of_the_page_is_green() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "hosts.md").read_text()
+    block = page.partition("### What a job expects")[2].partition("    @0A")[2].partition("\n\n")[0]
+    job = "@07\n@0R7\n@0A" + block.replace("\n    ", "\n")
+    assert job.count("=>") == 3
+    for plant in "kinematic", "mujoco":
+        results, verdict = played(job, plant)
+        assert verdict.ok, [(r.number, r.why) for r in results]
+
+
 # ---- the command -----------------------------------------------------------------------------------------------------
 
 
