@@ -95,6 +95,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
+        for line in getattr(error, "excerpt", "").splitlines():
+            print(f"    {line}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # nobody reads our output any more, for example `| head`

@@ -65,9 +65,13 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
+    `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
+    `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
+
     Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
 
-    Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1. With
+    Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
+    condition met and no step lost, else 1. With
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """
@@ -89,11 +93,15 @@ def run(
         twin = call.build()
 
         from isel_twin.cli import outputs
-        from isel_twin.job import play
+        from isel_twin.job import JobError, check_conditions, play
         from isel_twin.trace.write import write_trace
         from isel_twin.verdict import judge
         from isel_twin.warm import told_of_compiling
 
+        try:
+            check_conditions(lines, twin)
+        except JobError as error:
+            raise CallError(f"{_name(job)}: {error}", excerpt=error.excerpt) from None
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
         recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
@@ -221,7 +229,7 @@ def _lines(job: Path, controller: str) -> list[Line]:
         try:
             lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
-            raise CallError(f"{_name(job)}: {error}") from None
+            raise CallError(f"{_name(job)}: {error}", excerpt=getattr(error, "excerpt", "")) from None
     if not lines:
         raise CallError(f"{_name(job)}: there is no command in it")
     return lines
