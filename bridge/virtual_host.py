@@ -29,6 +29,7 @@ import sys
 import threading
 import traceback
 import types
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -183,7 +184,7 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
     """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
-        rest_code, rest_ending = _guarded(time.wait_for_threads, time)
+        rest_code, rest_ending = _guarded(lambda: _wait_for_threads(time), time)
         if rest_ending != "exit":
             code, ending = rest_code, rest_ending
     while time.at_exit and time.ending is None:
@@ -193,6 +194,23 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
         if stream is not None:
             stream.flush()
     return code, ending
+
+
+def _wait_for_threads(time: VirtualTime) -> None:
+    """Wait for the threads of the host, those of executors told before that nothing more will come."""
+    pools: Any = sys.modules.get("concurrent.futures.thread")
+    if pools is not None:
+        workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if time.task_of(thread)]
+        if workers:
+            pools._shutdown = True
+            try:
+                for _, work in workers:
+                    work.put(None)
+                for thread, _ in workers:
+                    thread.join()
+            finally:
+                pools._shutdown = False
+    time.wait_for_threads()
 
 
 def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
@@ -289,8 +307,10 @@ def _put_back() -> Iterator[None]:
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
+    sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
     try:
-        yield
+        with warnings.catch_warnings():
+            yield
     finally:
         random.setstate(chance)
         for name in set(sys.modules) - before:
