@@ -13,6 +13,7 @@ How it ends                                          code
     an exception that nobody has caught              1, traceback printed
     Ctrl-C that nobody has caught                    130
     all threads wait for what cannot come            1, and `reason` says who waits where
+    more virtual time than it was given              1, and `reason` says so
     something virtual time cannot do                 2, and `reason` says what, where, and what to do
 
 What virtual time is, and what a look costs: `isel_twin.bridge.virtual_time`.
@@ -30,7 +31,7 @@ import threading
 import traceback
 import types
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,9 +72,9 @@ class HostRun:
     code: int
     """Exit code of the host."""
     ending: str
-    """`exit`, `exception`, `interrupt`, `deadlock` or `refused`."""
+    """`exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`."""
     reason: str
-    """One line for people, if it was a deadlock or refused."""
+    """One line for people, if it was one of the last three."""
     began_ns: int
     ended_ns: int
     """Virtual time when the last thread of the host had ended."""
@@ -85,6 +86,8 @@ class HostRun:
     """End switches that were struck at any time, in reference runs too."""
     notes: tuple[str, ...] = field(default=())
     """What a real machine would not have taken."""
+    left: tuple[str, ...] = ()
+    """Threads that went on after the host had ended; they stand still for good."""
 
     @property
     def ok(self) -> bool:
@@ -131,11 +134,15 @@ def run_host(
     port: str | None = None,
     *,
     wire: Wire | None = None,
+    limit_s: float | None = None,
+    give_up: Callable[[VirtualTime], object] | None = None,
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
+    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else, which
+    may end themselves when the host goes on after it was told that it has ended.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -143,13 +150,15 @@ def run_host(
     program = argv if isinstance(argv, Program) else parse_program(argv)
     began_ns = twin.time_ns
     struck = _Struck(twin)
-    with _put_back(), VirtualTime(twin, port, wire=wire) as time:
+    with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
+        if give_up is not None:
+            time.give_up = lambda: give_up(time)
         code, ending = _run(program, time)
     if time.broken is not None:
         raise time.broken
     ended_ns = twin.time_ns
     reason = ""
-    if time.ending is not None and time.ending.kind in ("deadlock", "refused"):
+    if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
         ending, reason = time.ending.kind, time.ending.reason
         code = 2 if ending == "refused" else 1
     verdict = judge(twin, ())
@@ -163,6 +172,7 @@ def run_host(
         struck=struck.now(twin),
         was_struck=tuple(sorted(struck.seen)),
         notes=tuple(time.ports.notes),
+        left=tuple(time.left),
     )
 
 

@@ -74,7 +74,7 @@ class Ending:
     """Why a host was ended from outside."""
 
     kind: str
-    """`deadlock`, `refused` or `over`."""
+    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
     reason: str
     """One line for people."""
 
@@ -112,16 +112,26 @@ class VirtualTime:
     """While this context is open, the thread in it and those it starts live in the virtual time of a twin.
 
     twin: the machine; bytes go to and come from it at its times. port: name of the serial port that it is at; None: of
-    every one that the host opens. wire: hears the line.
+    every one that the host opens. wire: hears the line. limit_s: virtual seconds after which the host is ended; None: it
+    may go on for ever.
 
     Names are replaced by `isel_twin.bridge.stand_ins` for as long. One at a time in a process: RuntimeError otherwise.
     When it is left, threads that are still there are ended: `HostEnded` is raised in them where they wait.
     """
 
-    def __init__(self, twin: Twin, port: str | None = None, *, wire: Wire | None = None) -> None:
+    def __init__(
+        self,
+        twin: Twin,
+        port: str | None = None,
+        *,
+        wire: Wire | None = None,
+        limit_s: float | None = None,
+    ) -> None:
         from isel_twin.bridge.virtual_serial import Ports
 
         self.twin = twin
+        self._lead_ns = 0
+        """Time that looks have taken and the twin has not been given yet."""
         self.ports = Ports(self, port)
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
         """What the host has given to `atexit.register`."""
@@ -133,15 +143,19 @@ class VirtualTime:
         """Set when the host cannot go on."""
         self.broken: BaseException | None = None
         """An error in the twin itself, which is nobody's fault here."""
+        self.left: list[str] = []
+        """Threads that would not end."""
         self._wire = wire
+        self._limit_s = limit_s
+        self._limit_ns = self.deadline(limit_s)
+        self.give_up: Callable[[], object] | None = None
+        """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
         self._main = self._running = Task("MainThread", daemon=False)
         self._waiting: deque[Task] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, Task] = weakref.WeakKeyDictionary()
         self._inside = False
         self._exempt = False
         self._busy_ns = 0
-        self._lead_ns = 0
-        """Time that looks have taken and the twin has not been given yet."""
         self._signals: list[tuple[Callable[[int, FrameType | None], Any], int, FrameType | None]] = []
         self._undo: Callable[[], None] | None = None
 
@@ -288,9 +302,18 @@ class VirtualTime:
             task = self._waiting.popleft()
             self._hand_over(task)
             if not self._main.turn.acquire(timeout=GRACE_S):
-                task.strikes = STRIKES
+                task.strikes = STRIKES  # it computes, or waits in real time
                 self._running = self._main
             self._inside = False
+            if not task.ended:
+                self._leave(task)
+
+    def _leave(self, task: Task) -> None:
+        """Let the process end without a thread that will not."""
+        self.left.append(task.name)
+        for thread, its in self._tasks.items():
+            if its is task:
+                getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
 
     def places(self) -> str:
         """What each thread waits for and where in the host's code, for the line about a deadlock."""
@@ -341,14 +364,21 @@ class VirtualTime:
     # The row
 
     def _check(self, task: Task) -> None:
+        """Raise HostEnded if the host has."""
+        if self._limit_ns is not None and self.now_ns >= self._limit_ns:
+            self._end_late()
         if self.ending is None or (self._exempt and task is self._main):
             return
         if task is not self._main and task.strikes >= STRIKES:
-            self._hand_over(self._main)  # it will not go: it waits here until the process ends
-            task.turn.acquire()
-            task.turn.acquire()
+            self._hand_over(self._main)
+            task.turn.acquire()  # for ever: it will not go
+        if task is self._main and task.strikes >= STRIKES**4 and self.give_up is not None:
+            self.give_up()
         task.strikes += 1
         raise HostEnded(1)
+
+    def _end_late(self) -> None:
+        self.end("timeout", f"the host has not ended within {self._limit_s:g} s of virtual time")
 
     def _catch_up(self) -> None:
         """Let the twin have the time that looks have taken; it is not asked to for each of them."""
@@ -412,6 +442,11 @@ class VirtualTime:
                 self.end("deadlock", f"all threads wait for what cannot come: {self.places()}")
                 return
             until_ns = twin.time_ns + STRETCH_NS
+        if self._limit_ns is not None:
+            if twin.time_ns >= self._limit_ns:
+                self._end_late()
+                return
+            until_ns = min(until_ns, self._limit_ns)
         self._run_until(until_ns, hears or self._wire is not None)
 
     def _fetch(self) -> None:
