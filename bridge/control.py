@@ -226,6 +226,8 @@ class Operator:
             "levels": {terminal: int(level) for terminal, level in twin.levels.items()},
             "faults": dict(twin.faults),
             "events_left": twin.events_left,
+            "serial_format": str(twin.serial_format),
+            "ports": self._server.ports(),
             "remarks": [[time_ns / SECOND_NS, text] for time_ns, text in list(twin.remarks)[-REMARKS:]],
         }
 

@@ -50,9 +50,14 @@ class Meaning(Protocol):
 
 
 class WireLog:
-    """Prints the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal."""
+    """Prints the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal.
 
-    def __init__(self, language: Meaning | None) -> None:
+    controller, others: what the controller and whoever is no host are called, in four letters.
+    """
+
+    def __init__(self, language: Meaning | None, controller: str = "twin", others: str = "ctl ") -> None:
+        self._controller = controller
+        self._others = others
         self._language = language
         self._begun = bytearray()
         self._sent = True
@@ -81,7 +86,7 @@ class WireLog:
     def act(self, time_ns: int, text: str) -> None:
         """Somebody has done something through the control port."""
         self._print_begun()
-        log.info("%s", f"{time_ns / SECOND_NS:12.6f} s  ctl   {text}", extra={"each": True})
+        log.info("%s", f"{time_ns / SECOND_NS:12.6f} s  {self._others}  {text}", extra={"each": True})
 
     def close(self) -> None:
         """Print what has been begun and not ended."""
@@ -97,7 +102,9 @@ class WireLog:
             self._begun.clear()
 
     def _print(self, time_ns: int, sent: bool, text: str, explanation: str = "") -> None:
-        line = f"{time_ns / SECOND_NS:12.6f} s  {'host' if sent else 'twin'}  {text:<24}  {explanation}".rstrip()
+        line = (
+            f"{time_ns / SECOND_NS:12.6f} s  {'host' if sent else self._controller}  {text:<24}  {explanation}".rstrip()
+        )
         log.info("%s", line, extra={"each": True})
 
 

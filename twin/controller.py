@@ -51,11 +51,11 @@ if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the com
 
 @dataclass(frozen=True)
 class SerialFormat:
-    """How a byte goes over the line: speed in bit/s, data bits, parity (N, E, O), stop bits."""
+    """How a byte goes over the line: speed in bit/s, data bits, parity (none, even, odd, mark, space), stop bits."""
 
     baud: int
     data_bits: int = 8
-    parity: Literal["N", "E", "O"] = "N"
+    parity: Literal["N", "E", "O", "M", "S"] = "N"
     stop_bits: int = 1
 
     @property

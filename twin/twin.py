@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
+    Controller,
     CounterSet,
     FlashWrite,
     Output,
@@ -93,7 +94,7 @@ class Twin:
     def __init__(
         self,
         machine: str | Path | Machine = "4030",
-        controller: str = "imc-s8",
+        controller: str | Controller = "imc-s8",
         plant: str = "mujoco",
         seed: int = 0,
         *,
@@ -107,7 +108,8 @@ class Twin:
         """Build a twin and switch it on.
 
         machine: name of a machine, folder of a user's own, or a loaded Machine.
-        controller: name of an installed controller, see `isel-twin controllers`.
+        controller: name of an installed controller, see `isel-twin controllers`, or one that has been built and not
+            been switched on yet; that has no language.
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
@@ -124,22 +126,26 @@ class Twin:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
-        self._settings = with_overrides(as_built, wanted).controller
+        settings = with_overrides(as_built, wanted).controller
+        self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        self._another: Callable[[], Controller] | None = None
+        """Builds the controller anew, with the flash image there is then; None: it was handed in, there is no other."""
+        if isinstance(controller, str):
+            self._another = lambda: create_controller(controller, flash=self.flash, settings=settings)
+        self.flash = flash
         try:
-            self._controller = create_controller(controller, flash=flash, settings=self._settings)
+            self._controller: Controller = self._another() if self._another is not None else controller
         except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
-        self.controller_name = controller
-        self.language: Language | None = create_language(controller)
+        self.language: Language | None = create_language(controller) if isinstance(controller, str) else None
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
 
         self.time_ns = 0
-        self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
@@ -505,11 +511,11 @@ class Twin:
         if self._restarts == self._wiring.restarts:
             return False
         self._restarts = self._wiring.restarts
+        if self._another is None:
+            self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
+            return False
         self._wiring.outputs_lost()
-        if self._wiring.mains:
-            controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
-        else:
-            controller = Unpowered(self._controller)
+        controller = self._another() if self._wiring.mains else Unpowered(self._controller)
         self._controller = controller
         self._sources = (controller, self._line, self._wiring)
         if isinstance(controller, UsesDrives):
@@ -531,7 +537,7 @@ class Twin:
             [switch.name for switch in machine.switches],
             (*outputs(machine), *own),
         )
-        return Schedule(events, create_language(self.controller_name))
+        return Schedule(events, create_language(self.controller_name) if self._another is not None else None)
 
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
@@ -577,11 +583,14 @@ class Twin:
                     if self.on_flash is not None:
                         self.on_flash(image)
                 case Remark(text):
-                    self.remarks.append((self.time_ns, text))
-                    log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
+                    self._remark(text)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observe(changed=True)
+
+    def _remark(self, text: str) -> None:
+        self.remarks.append((self.time_ns, text))
+        log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
 
     def _observe(self, changed: bool) -> None:
         for observer in self._observers:

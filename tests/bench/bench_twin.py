@@ -89,7 +89,7 @@ def test_physics_and_samples_beside_bare_mujoco(benchmark: Any) -> None:
     benchmark.extra_info["sampling every ms, us a sample"] = statistics.median(s - j for j, s, _ in turns) * 1e3
     benchmark.extra_info["whole twin, times real time by CPU"] = 1.0 / statistics.median(j for j, _, _ in turns)
     assert alone <= 1.0
-    assert looking <= 1.4  # the target is 1.0, see docs/performance.md
+    assert looking <= 1.0
 
 
 @pytest.mark.benchmark(group="twin, short moves")

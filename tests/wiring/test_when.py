@@ -141,5 +141,5 @@ def test_chains_that_close_are_refused(tmp_path: Path) -> None:
         f'[[event]]\nname = "{name}"\nwhen = "1 s after {other}"\nreset = true\n'
         for name, other in (("a", "b"), ("b", "c"), ("c", "b"))
     )
-    with pytest.raises(ScenarioError, match="event 1.when: waits for itself, by way of 'b'"):
+    with pytest.raises(ScenarioError, match=r"event 1\.when: waits for itself, by way of 'b'"):
         load(tmp_path, text)

@@ -3,7 +3,10 @@
     serve        a twin behind a serial port that host programs connect to
     ctl          operate a machine that is served
     run          a file of commands in virtual time
+    drive        captured step and direction signals of a real controller
     decode       bytes of a line explained
+    golden       jobs that have to do what they did
+    tap          between a real host and a real controller, recording both
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -24,7 +27,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
+from isel_twin.cli import controllers, ctl, decode, describe, drive, golden, machines, motor, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -41,13 +44,16 @@ for command in (
     serve.serve,
     ctl.ctl,
     run.run,
+    drive.drive,
     decode.decode,
+    tap.tap,
     machines.machines,
     controllers.controllers,
     describe.describe,
     motor.motor,
 ):
     app.command(command)
+app.command(golden.golden)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -120,6 +120,8 @@ class TableOutput:
     Rows are plain text of known columns: a table that fits itself to its contents has to wait for all of them.
     """
 
+    heads = ("line", "time / s", "command", "reply")
+
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -141,7 +143,7 @@ class TableOutput:
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
-        self._row("line", "time / s", "command", "reply", *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        self._row(*self.heads, *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -185,11 +187,15 @@ class TableOutput:
         margin = _percent(verdict.margin)
         lost += f", least torque margin: {margin}" if margin else ""
         self._print("")
-        counted = f"{verdict.commands} commands, {verdict.refused} refused{unsent}"
+        counted = self.counted(verdict) + unsent
         self._print(
             f"{_in_words(verdict)}: {counted}, lost steps: {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
             style="bold green" if verdict.ok else "bold red",
         )
+
+    def counted(self, verdict: Verdict) -> str:
+        """How many there were, and how many went wrong."""
+        return f"{verdict.commands} commands, {verdict.refused} refused"
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
@@ -217,7 +223,7 @@ class TableOutput:
 
     def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
         places = "".join(f"{position:>11}" for position in positions)
-        row = f"{number:>{max(self._number, 4)}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
+        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
         self._print(f"{row}{reply:<{LONG_REPLY}}{places}", style)
 
     def _print(self, text: str, style: str = "") -> None:
@@ -227,6 +233,16 @@ class TableOutput:
             from rich.text import Text
 
             self._terminal.print(Text(text, style), soft_wrap=True)
+
+
+class MotionsOutput(TableOutput):
+    """The same of the motions of a capture, in steps, and the switches they strike."""
+
+    heads = ("motion", "time / s", "steps", "struck")
+
+    def counted(self, verdict: Verdict) -> str:
+        """See TableOutput."""
+        return f"{verdict.commands} motions, {verdict.refused} struck a switch"
 
 
 def _percent(margins: Sequence[float | None]) -> str:

@@ -76,9 +76,9 @@ def run(
     if needs_recorder:
         _check_samples(lines, interval)
     if trace is not None:
-        _need_pyarrow()
+        need_pyarrow()
     if report is not None:
-        _need_matplotlib()
+        need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
@@ -96,7 +96,7 @@ def run(
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
-        with _interruption() as stopped:
+        with interruption() as stopped:
             for result in play(twin, lines, timeout, lambda: bool(stopped)):
                 show.result(result)
                 results.append(result)
@@ -127,11 +127,9 @@ def run(
         sound = True
         if repetitions and not interrupted:
             seen = []
-            with _interruption() as stopped:
-                for trial in repetitions(stack):
+            with interruption() as stopped:
+                for trial in repetitions(stack, lambda: bool(stopped)):
                     seen.append(trial)
-                    if stopped:
-                        break
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
                 outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
@@ -143,7 +141,7 @@ def run(
 
 def _repetitions(
     call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
-) -> Callable[[ExitStack], Iterator[Trial]] | None:
+) -> Callable[[ExitStack, Callable[[], bool]], Iterator[Trial]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
     They begin with the flash memory as it is now.
@@ -154,7 +152,7 @@ def _repetitions(
         raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
     if number == 0:
         return None
-    from isel_twin.robust import check, trials
+    from isel_twin.robust import check, processes, trials
 
     check(call, number)
     flash = None
@@ -162,16 +160,10 @@ def _repetitions(
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
 
-    def make(stack: ExitStack) -> Iterator[Trial]:
-        executor = None
-        if jobs > 1:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
-
-            executor = ProcessPoolExecutor(min(jobs, number), mp_context=multiprocessing.get_context("spawn"))
-            stack.callback(executor.shutdown, cancel_futures=True)
+    def make(stack: ExitStack, stop: Callable[[], bool]) -> Iterator[Trial]:
+        executor = stack.enter_context(processes(min(jobs, number))) if jobs > 1 else None
         with _without_ctrl_c():
-            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
+            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor, stop=stop)
 
     return make
 
@@ -187,7 +179,7 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _interruption() -> Iterator[list[int]]:
+def interruption() -> Iterator[list[int]]:
     """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; the next one acts as ever."""
     stopped: list[int] = []
 
@@ -244,7 +236,8 @@ def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
         )
 
 
-def _need_pyarrow() -> None:
+def need_pyarrow() -> None:
+    """Raise CallError unless a trace can be written."""
     from isel_twin.trace.write import check_kind
 
     try:
@@ -253,7 +246,8 @@ def _need_pyarrow() -> None:
         raise CallError(str(error), option=True) from None
 
 
-def _need_matplotlib() -> None:
+def need_matplotlib() -> None:
+    """Raise CallError unless a report can be written."""
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:

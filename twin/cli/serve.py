@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -24,7 +25,6 @@ from isel_twin.cli.options import (
 
 if TYPE_CHECKING:
     from isel_twin.bridge.control_port import ControlPort
-    from isel_twin.bridge.server import Endpoint
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server that records nothing: what its panel or a visitor may want to look back at."""
@@ -36,11 +36,9 @@ def serve(
     controller: ControllerName = TwinCall.controller,
     plant: PlantName = TwinCall.plant,
     seed: Seed = TwinCall.seed,
-    pty: Annotated[
-        str | None, Parameter(help="A pseudo terminal, and a link to it if a name is given. The default.")
-    ] = None,
-    tcp: Annotated[str | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one.")] = None,
-    rfc2217: Annotated[str | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings).")] = None,
+    pty: Ptys = None,
+    tcp: Tcps = None,
+    rfc2217: Rfc2217s = None,
     control: Annotated[
         str | None, Parameter(help="HOST:PORT for clients that operate the machine, see `ctl`; port 0: a free one.")
     ] = None,
@@ -49,6 +47,9 @@ def serve(
     ] = None,
     panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
+    strict_baud: Annotated[
+        bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
+    ] = False,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
     record: Annotated[
@@ -92,20 +93,19 @@ def serve(
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
-        if (stderr := _file_number(sys.stderr)) is not None:
+        if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
-        endpoints = _endpoints(pty, tcp, rfc2217, stack)
+        endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
         twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
         warm_up(plant)
         recorder = outputs.record(twin, interval, stack) if record is not None else None
         wire = WireLog(create_language(controller)) if log == "wire" else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests=() if port is None else (port,))
+        guests = () if port is None else (port,)
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
-        where = {endpoint.kind: endpoint.address for endpoint in endpoints}
-        if pty:
-            where = {**where, "pty": pty, "device": where["pty"]}
+        where = addresses(endpoints)
         if port is not None:
             where["control"] = port.address
             if port.token is not None and control_token is None:
@@ -126,32 +126,9 @@ def _control_port(address: str | None, token: str | None, stack: ExitStack) -> C
     return port
 
 
-def _file_number(stream: TextIO) -> int | None:
+def file_number(stream: TextIO) -> int | None:
     """File descriptor of a stream; None if there is no file behind it, as where a caller has put its own in place."""
     try:
         return stream.fileno()
     except (OSError, ValueError):
         return None
-
-
-def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: ExitStack) -> list[Endpoint]:
-    """Listen everywhere, so that a taken port is found before anything else."""
-    endpoints: list[Endpoint] = []
-    with call_errors():
-        if pty is not None or (tcp is None and rfc2217 is None):
-            from isel_twin.bridge.pty import PtyEndpoint
-
-            endpoints.append(PtyEndpoint(pty or None))
-            stack.callback(endpoints[-1].close)
-        if tcp is not None:
-            from isel_twin.bridge.tcp import TcpEndpoint
-
-            endpoints.append(TcpEndpoint(tcp))
-            stack.callback(endpoints[-1].close)
-        if rfc2217 is not None:
-            from isel_twin.bridge.rfc2217 import Rfc2217Codec
-            from isel_twin.bridge.tcp import TcpEndpoint
-
-            endpoints.append(TcpEndpoint(rfc2217, "rfc2217", Rfc2217Codec))
-            stack.callback(endpoints[-1].close)
-    return endpoints

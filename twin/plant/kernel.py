@@ -34,25 +34,27 @@ the stops, with nothing to meet, its step is written out instead (glide.py).
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import carray, types
 from numba.extending import intrinsic
 
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
-from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE, OPEN, at_rest, step_axis
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
-from isel_twin.plant.feed import feed
-from isel_twin.plant.glide import glide
-from isel_twin.plant.lead import begin, behind, mean_behind
+from isel_twin.plant.cutting import CUT
+from isel_twin.plant.feed import SUPPLY, feed
+from isel_twin.plant.glide import JOINT, glide
+from isel_twin.plant.lead import LEAD, begin, behind, mean_behind
 from isel_twin.plant.margin import margin
 from isel_twin.plant.teeth import bite
-from isel_twin.plant.thread import feel
+from isel_twin.plant.thread import SCREW, feel
 
 AXES = 3
 """Axes with mechanics."""
@@ -122,6 +124,64 @@ AXIS = np.dtype(
 )
 """State of an axis beside its drive."""
 
+
+class Parts(NamedTuple):
+    """All that the loop works on, by reference. nv: number of joints, of which the carriages are three."""
+
+    plant: Any
+    """PLANT [1]."""
+    axes: Any
+    """AXIS [3]."""
+    drives: Any
+    """AXIS_PARAMETERS [3]."""
+    screws: Any
+    """SCREW [3]."""
+    states: Any
+    """AXIS_STATE [3]."""
+    thresholds: Any
+    """THRESHOLD [k]."""
+    commanded: Any
+    """int64 [m], microsteps, m >= 3."""
+    leads: Any
+    """LEAD [m]."""
+    available: Any
+    """float64 [3, s], see margin.py."""
+    joints_law: Any
+    """JOINT [nv], see glide.py."""
+    mobility: Any
+    """float64 [nv, nv], see glide.py."""
+    push: Any
+    """float64 [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum."""
+    springs: Any
+    """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
+    cut: Any
+    """CUT [1]."""
+    cut_nuts: Any
+    """float64 [2, 3], what a newton of the cut along X and Y is at the nuts."""
+    cut_joints: Any
+    """float64 [2, nv], what it is at the joints beside that."""
+    supply: Any
+    """SUPPLY [1]."""
+    before: Any
+    """float64 [nv], joint positions one window ago."""
+    rates: Any
+    """float64 [nv], joint velocities one window ago."""
+    place: Any
+    """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
+    qpos: Any
+    """float64 [nv], this and the rest as MuJoCo names its arrays."""
+    qvel: Any
+    qacc: Any
+    qacc_smooth: Any
+    qfrc: Any
+
+
+MEMORY = np.dtype(
+    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds")], align=True
+)
+"""Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
+a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
+
 POSITION, LAG, FAULT = 0, 1, 2
 """Quantities of thresholds."""
 
@@ -152,6 +212,49 @@ def _call_mj_step(typingctx, address, model, data):
     return types.void(types.int64, types.int64, types.int64), build
 
 
+@intrinsic
+def _pointer(typingctx, address):
+    """The address as a pointer."""
+
+    def build(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.voidptr(types.int64), build
+
+
+@njit(nogil=True, error_model="numpy")
+def _parts(memory):
+    """The arrays of a MEMORY."""
+    n, at = memory[0].joints, memory[0]
+    return Parts(
+        carray(_pointer(at.plant), (1,), PLANT),
+        carray(_pointer(at.axes), (AXES,), AXIS),
+        carray(_pointer(at.drives), (AXES,), AXIS_PARAMETERS),
+        carray(_pointer(at.screws), (AXES,), SCREW),
+        carray(_pointer(at.states), (AXES,), AXIS_STATE),
+        carray(_pointer(at.thresholds), (at.number_of_thresholds,), THRESHOLD),
+        carray(_pointer(at.commanded), (at.commands,), np.int64),
+        carray(_pointer(at.leads), (at.commands,), LEAD),
+        carray(_pointer(at.available), (AXES, at.speeds), np.float64),
+        carray(_pointer(at.joints_law), (n,), JOINT),
+        carray(_pointer(at.mobility), (n, n), np.float64),
+        carray(_pointer(at.push), (2, n), np.float64),
+        carray(_pointer(at.springs), (2, AXES, n), np.float64),
+        carray(_pointer(at.cut), (1,), CUT),
+        carray(_pointer(at.cut_nuts), (2, AXES), np.float64),
+        carray(_pointer(at.cut_joints), (2, n), np.float64),
+        carray(_pointer(at.supply), (1,), SUPPLY),
+        carray(_pointer(at.before), (n,), np.float64),
+        carray(_pointer(at.rates), (n,), np.float64),
+        carray(_pointer(at.place), (n,), np.float64),
+        carray(_pointer(at.qpos), (n,), np.float64),
+        carray(_pointer(at.qvel), (n,), np.float64),
+        carray(_pointer(at.qacc), (n,), np.float64),
+        carray(_pointer(at.qacc_smooth), (n,), np.float64),
+        carray(_pointer(at.qfrc), (n,), np.float64),
+    )
+
+
 @njit(nogil=True, error_model="numpy")
 def _lower_at(axis):
     """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
@@ -175,23 +278,32 @@ def _wake(plant, axes, supply):
 
 
 @njit(nogil=True, error_model="numpy")
-def wake(plants, axes, supplies):
+def wake(memory):
     """Something from outside is about to change: nothing may be skipped any more."""
-    _wake(plants[0], axes, supplies[0])
+    parts = _parts(memory)
+    _wake(parts.plant[0], parts.axes, parts.supply[0])
 
 
 @njit(nogil=True, error_model="numpy")
-def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
+def begin_window(memory):
+    """Take the carriages from MuJoCo before the first window."""
+    _enter_window(memory)
+
+
+@njit(nogil=True, error_model="numpy")
+def _enter_window(memory):
     """Take the carriages from MuJoCo at the start of a window.
 
     Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
     carriage cannot go on that way, however the nut pushes.
     """
+    parts = _parts(memory)
+    qacc_smooth = parts.qacc_smooth
     for i in range(AXES):
-        axis = axes[i]
-        axis.x_m = qpos[axis.dof]
-        axis.v_m_s = qvel[axis.dof]
-        push_m_s2 = qacc[axis.dof] - qacc_smooth[axis.dof]
+        axis = parts.axes[i]
+        axis.x_m = parts.qpos[axis.dof]
+        axis.v_m_s = parts.qvel[axis.dof]
+        push_m_s2 = parts.qacc[axis.dof] - qacc_smooth[axis.dof]
         free = abs(push_m_s2) <= axis.mobility_per_kg * axis.friction_n + HELD_M_S2
         axis.held = 0.0 if free else math.copysign(1.0, push_m_s2)
         axis.rest_m_s2 = qacc_smooth[axis.dof] - axis.mobility_per_kg * axis.mean_n
@@ -199,29 +311,13 @@ def enter_window(axes, qpos, qvel, qacc, qacc_smooth):
 
 
 @njit(nogil=True, error_model="numpy")
-def _leave_window(
-    plant,
-    axes,
-    drives,
-    screws,
-    states,
-    joints,
-    mobility,
-    push,
-    springs,
-    rates,
-    cut,
-    cut_joints,
-    supply,
-    qpos,
-    before,
-    qvel,
-    qacc,
-    qacc_smooth,
-    qfrc,
-):
+def _leave_window(memory):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
-    quiet = plant.led_until_ns <= plant.now * plant.substep_ns and supply.steady != 0
+    parts = _parts(memory)
+    plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
+    qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
+    push, springs, cut_joints = parts.push, parts.springs, parts.cut_joints
+    quiet = plant.led_until_ns <= plant.now * plant.substep_ns and parts.supply[0].steady != 0
     for j in range(qfrc.shape[0]):
         qfrc[j] = push[0, j] + push[1, j] / plant.window
         push[1, j] = 0.0
@@ -235,7 +331,7 @@ def _leave_window(
         axis = axes[i]
         axis.mean_n = axis.sum_n / plant.window
         qfrc[axis.dof] += axis.mean_n
-        quiet = quiet and at_rest(states[i])
+        quiet = quiet and at_rest(parts.states[i])
         if not (math.isfinite(axis.mean_n) and abs(axis.x_m) < FAR_M):
             plant.lost_dof = axis.dof
             return
@@ -243,7 +339,7 @@ def _leave_window(
         before[j] = qpos[j]
         rates[j] = qvel[j]
     window_s = 1e-9 * plant.substep_ns * plant.window
-    if not glide(joints, mobility, window_s, qpos, qvel, qacc, qacc_smooth, qfrc):
+    if not glide(parts.joints_law, parts.mobility, window_s, qpos, qvel, parts.qacc, parts.qacc_smooth, qfrc):
         _call_mj_step(plant.mj_step, plant.model, plant.data)  # type: ignore[call-arg]
     for i in range(AXES):
         axis = axes[i]
@@ -264,38 +360,52 @@ def _leave_window(
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
     if plant.uneven:
-        feel(screws, axes, drives, states)
-    enter_window(axes, qpos, qvel, qacc, qacc_smooth)
+        feel(parts.screws, axes, parts.drives, parts.states)
+    _enter_window(memory)
     for i in range(AXES):
         for j in range(qvel.shape[0]):
             axes[i].rest_m_s2 += springs[0, i, j] * (qpos[j] - before[j]) + springs[1, i, j] * (qvel[j] - rates[j])
 
 
 @njit(nogil=True, error_model="numpy")
-def look(plant, axes, states, commanded, leads, available):
-    """Take down the least pull-out margins; of motors whose stages are on."""
+def look(memory):
+    """Begin anew with the least pull-out margins: as they are now."""
+    parts = _parts(memory)
     for i in range(AXES):
-        axis = axes[i]
+        parts.axes[i].margin = 1.0
+    _look(memory)
+
+
+@njit(nogil=True, error_model="numpy")
+def _look(memory):
+    """Take down the least pull-out margins; of motors whose stages are on."""
+    parts = _parts(memory)
+    now_ns = parts.plant[0].now * parts.plant[0].substep_ns
+    for i in range(AXES):
+        axis, state = parts.axes[i], parts.states[i]
         if axis.phases != OPEN:
-            command = commanded[i] - behind(leads[i], plant.now * plant.substep_ns)
-            lag = (command - states[i].theta_rad * axis.steps_per_rad) * axis.full_steps
-            now = margin(axis.mean_nm, lag, states[i].omega_rad_s, available[i], axis.fraction)
+            command = parts.commanded[i] - behind(parts.leads[i], now_ns)
+            lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
+            now = margin(axis.mean_nm, lag, state.omega_rad_s, parts.available[i], axis.fraction)
             axis.margin = min(axis.margin, now)
 
 
 @njit(nogil=True, error_model="numpy")
-def _pass(thresholds, plant, axes, states, commanded, leads):
+def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
+    parts = _parts(memory)
+    axes, states = parts.axes, parts.states
+    now_ns = parts.plant[0].now * parts.plant[0].substep_ns
     changed = False
-    for k in range(thresholds.shape[0]):
-        threshold = thresholds[k]
+    for k in range(parts.thresholds.shape[0]):
+        threshold = parts.thresholds[k]
         i = threshold.axis
         if threshold.quantity == POSITION:
             beyond = threshold.sense * (axes[i].x_m - threshold.limit)
         elif i >= AXES:
             continue  # no mechanics: no lag, no fault
         elif threshold.quantity == LAG:
-            command = commanded[i] - behind(leads[i], plant.now * plant.substep_ns)
+            command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             beyond = abs(command - states[i].theta_rad * axes[i].steps_per_rad) - threshold.limit
         else:
             beyond = 1.0 if axes[i].fault else -1.0
@@ -307,27 +417,19 @@ def _pass(thresholds, plant, axes, states, commanded, leads):
 
 
 @njit(nogil=True, error_model="numpy")
-def advance(
-    plants, axes, drives, screws, states, thresholds, commanded, leads, available, joints, mobility, push, springs,
-    rates, cuts, cut_nuts, cut_joints, supplies, qpos, before, place, qvel, qacc, qacc_smooth, qfrc, until_ns,
-    t_ns, delta, early_lead_ns, lead_ns,
-):  # fmt: skip
+def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     """Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left;
     return the ticks made.
 
-    plants [1] PLANT, axes [3] AXIS, drives [3] AXIS_PARAMETERS, screws [3] SCREW, states [3] AXIS_STATE, thresholds
-    [k] THRESHOLD, commanded int64 [m] microsteps and leads [m] LEAD, available [3, s] as margin.py has it, joints
-    [nv] JOINT and mobility [nv, nv], push [2, nv] and springs [2, 3, nv] as MujocoPlant has them, cuts [1] CUT,
-    cut_nuts [2, 3] and cut_joints [2, nv] what a newton of the cut along X and Y is at nuts and, beside that, at
-    joints, supplies [1] SUPPLY,
-    q... [nv] views of MuJoCo's arrays, before and rates [nv] qpos and qvel one window ago, place [nv] where
-    the joints are at until_ns; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n]
-    leads of the first ticks, lead_ns that of the others.
+    memory [1] MEMORY; t_ns [n], delta int32 [n, m' <= m] ticks in time order; early_lead_ns int64 [e <= n] leads of the
+    first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
-    plant = plants[0]
-    cut = cuts[0]
-    supply = supplies[0]
+    parts = _parts(memory)
+    plant, axes, drives, states = parts.plant[0], parts.axes, parts.drives, parts.states
+    commanded, leads, cut_nuts = parts.commanded, parts.leads, parts.cut_nuts
+    cut, supply = parts.cut[0], parts.supply[0]
+    qpos, before, place = parts.qpos, parts.before, parts.place
     plant.edge = 0
     dt_ns = plant.substep_ns
     dt_s = 1e-9 * dt_ns
@@ -404,36 +506,16 @@ def advance(
             for i in range(AXES):
                 axes[i].mean_nm = axes[i].sum_nm / plant.window
                 axes[i].sum_nm = 0.0
-            look(plant, axes, states, commanded, leads, available)
+            _look(memory)
             if supply.on:
                 feed(supply, axes, drives, states)
-            _leave_window(
-                plant,
-                axes,
-                drives,
-                screws,
-                states,
-                joints,
-                mobility,
-                push,
-                springs,
-                rates,
-                cut,
-                cut_joints,
-                supply,
-                qpos,
-                before,
-                qvel,
-                qacc,
-                qacc_smooth,
-                qfrc,
-            )
+            _leave_window(memory)
             if plant.lost_dof >= 0:
                 break
         near = plant.watched != 0
         for i in range(AXES):
             near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m
-        if near and _pass(thresholds, plant, axes, states, commanded, leads):
+        if near and _pass(memory):
             plant.edge = 1
             break
 

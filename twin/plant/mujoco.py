@@ -27,7 +27,7 @@ from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Threshold, kernel
 from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.feed import supply_state
-from isel_twin.plant.glide import gliding
+from isel_twin.plant.glide import glide, gliding
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.margin import available_torque
 from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
@@ -163,7 +163,7 @@ class MujocoPlant:
         self._stops_m = model.jnt_range.copy()
         self._mass_kg = model.body_mass.copy()
         """What the machine has by itself, before anybody changes it."""
-        self._joints_law, self._glide_mobility = gliding(model)
+        self._joints_law, mobility = gliding(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
         self._rates_before = data.qvel.copy()
@@ -172,14 +172,17 @@ class MujocoPlant:
         """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
         self._place = data.qpos.copy()
         """float64 [nv], joint positions now, within a sub-step along their velocities."""
-        kernel.enter_window(self._axes, data.qpos, data.qvel, data.qacc, data.qacc_smooth)
-        self._state = (
-            self._plant, self._axes, self._drives, self._screws, self._states, self._thresholds, self._commanded,
-            self._leads, self._available, self._joints_law, self._glide_mobility, self._push, self._springs,
-            self._rates_before, self._cuts, self._cut_nuts, self._cut_joints, self._supply, data.qpos, self._before,
-            self._place, data.qvel, data.qacc, data.qacc_smooth, data.qfrc_applied,
+        self._parts = kernel.Parts(
+            plant=self._plant, axes=self._axes, drives=self._drives, screws=self._screws, states=self._states,
+            thresholds=self._thresholds, commanded=self._commanded, leads=self._leads, available=self._available,
+            joints_law=self._joints_law, mobility=mobility, push=self._push, springs=self._springs, cut=self._cuts,
+            cut_nuts=self._cut_nuts, cut_joints=self._cut_joints, supply=self._supply, before=self._before,
+            rates=self._rates_before, place=self._place, qpos=data.qpos, qvel=data.qvel, qacc=data.qacc,
+            qacc_smooth=data.qacc_smooth, qfrc=data.qfrc_applied,
         )  # fmt: skip
-        """What the kernel works on; MuJoCo never moves its arrays."""
+        """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
+        self._memory = _memory(self._parts)
+        kernel.begin_window(self._memory)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
@@ -195,7 +198,7 @@ class MujocoPlant:
                 t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
         else:
             t_ns = early_ns
-        made = kernel.advance(*self._state, until_ns, t_ns, changes, early_lead_ns, lead_ns)
+        made = kernel.advance(self._memory, until_ns, t_ns, changes, early_lead_ns, lead_ns)
         self.time_ns = words.item(_NOW) * self._substep_ns
         self.edge = words.item(_EDGE) != 0
         if words.item(_LOST_DOF) >= 0:
@@ -226,7 +229,7 @@ class MujocoPlant:
         power = (stages, brake_released, lowering)
         if power == self._power:
             return
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         if stages and not self._power[0]:
             self._axes["still_since"] = self._plant["now"]
             self._axes["fraction"] = 1.0
@@ -241,13 +244,13 @@ class MujocoPlant:
         """See Plant.set_phase_lost. Raises ValueError for anything but "a", "b", "ab" and ""."""
         if phases not in _PHASES:
             raise ValueError(f"unknown motor phases {phases!r}; there are: a, b, ab")
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         self._lost[axis] = phases
         self._set_phases()
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """See Plant.set_friction."""
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         dof = self._dof[axis]
         self._axes["friction_n"][axis] = self._friction_n[axis] + extra_n
         self.model.dof_frictionloss[dof] = self._loss_n[dof] + extra_n
@@ -255,7 +258,7 @@ class MujocoPlant:
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
         """See Plant.set_obstacle: the joint gets another stop, unless its own comes before."""
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         joint = self.model.dof_jntid[self._dof[axis]]
         low_m, high_m = self._stops_m[joint]
         if position_mm is not None and self._axes["x_m"][axis] < 1e-3 * position_mm:
@@ -267,7 +270,7 @@ class MujocoPlant:
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         """See Plant.set_payload. What is pushed now is pushed on."""
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         body = self.model.site(PLACES[place]).bodyid[0]
         self.model.body_mass[body] = self._mass_kg[body] + mass_kg
         self._remodel()
@@ -276,7 +279,7 @@ class MujocoPlant:
 
     def set_undervoltage(self, missing: float) -> None:
         """See Plant.set_undervoltage."""
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         left = 1.0 - missing
         if self._supply["on"][0]:
             self._supply["source_v"] = left * self.machine.axes[0].stage.supply_v
@@ -295,7 +298,7 @@ class MujocoPlant:
         mujoco.mj_setConst(self.model, scratch)
         law, mobility = gliding(self.model)
         self._joints_law[:] = law
-        self._glide_mobility[:] = mobility
+        self._parts.mobility[:] = mobility
 
     def _find_mobility(self) -> None:
         """What follows from the masses, as the machine stands now."""
@@ -323,7 +326,7 @@ class MujocoPlant:
             raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         if not place:
             place = "tool" if self._reach["tool"][axis, self._dof[axis]] else "table"
         self._pushes[axis] = force_n * self._reach[place][axis]
@@ -339,7 +342,7 @@ class MujocoPlant:
 
     def set_cut(self, cut: Cut | None) -> None:
         """See Plant.set_cut."""
-        kernel.wake(self._plant, self._axes, self._supply)
+        kernel.wake(self._memory)
         set_cut(self._cuts, cut, int(self._plant["now"][0]), self.machine.timing.substep_ns * 1e-9, self._left)
 
     @property
@@ -417,17 +420,31 @@ class MujocoPlant:
     def energy_j(self) -> float:
         """Mechanical energy of everything, J: moving masses and their height, rotors, detents, nuts, structure.
 
-        At the ends of MuJoCo's steps; in between, structure and carriages are known at different times. MuJoCo's speeds
-        are those of the middle between two of its positions, and so is what structural springs hold.
+        At the last whole sub-step. The structure is not there yet, but at the start of MuJoCo's step, a time of t ago:
+        it is taken on by a step of t with the forces there have been since. Its weights and springs have done the work
+        that they do in such steps, F (v + v') t / 2 with F as at the start: so springs hold k q_n q_n-1 / 2 at the ends
+        of MuJoCo's steps, which, with kinetic energy, is constant for whatever swings freely.
         """
-        axes, rates = self._axes, self._rates()
+        axes, data, stiffness = self._axes, self.data, self.model.jnt_stiffness[self.model.dof_jntid]
         drives = sum(
             stored_energy_j(self._drives[i], self._states[i], axes["x_m"][i] - axes["zero_m"][i])
             for i in range(kernel.AXES)
         )
-        joints = 0.5 * (self._before + self.data.qpos)
+        rates, went_s = data.qvel.copy(), 0.0
+        made = 0 if self._plant["frozen"][0] else int(self._plant["now"][0] % self._plant["window"][0])
+        if made:
+            forces_n = self._push[0] + self._push[1] / made
+            forces_n += np.array([self._cuts["sum_x_n"][0], self._cuts["sum_y_n"][0]]) @ self._cut_joints / made
+            forces_n[self._dof] += axes["sum_n"] / made
+            went_s = 1e-9 * made * self._substep_ns
+            scratch = np.empty((3, len(rates)))
+            scratch[0] = data.qpos
+            glide(self._joints_law.copy(), self._parts.mobility, went_s, scratch[0], rates, *scratch[1:], forces_n)
+        way = 0.5 * went_s * (data.qvel + rates)
+        rates[self._dof] = axes["v_m_s"]
+        joints = 0.5 * (self._before + data.qpos) + way
         joints[self._dof] = axes["x_m"]
-        springs = 0.5 * self.model.jnt_stiffness @ joints**2
+        springs = (stiffness * data.qpos) @ (0.5 * self._before + way)
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
 
     @property
@@ -454,8 +471,7 @@ class MujocoPlant:
 
     def watch_margin(self) -> None:
         """See Plant.watch_margin."""
-        self._axes["margin"] = 1.0
-        kernel.look(self._plant[0], self._axes, self._states, self._commanded, self._leads, self._available)
+        kernel.look(self._memory)
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -546,6 +562,20 @@ class MujocoPlant:
             f"{1.0 / self._mobility[dof, dof]:.3g} kg; "
             f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
         )
+
+
+def _memory(parts: kernel.Parts) -> NDArray[np.void]:
+    """One MEMORY of these arrays, shape [1]; who calls keeps them."""
+    memory = np.zeros(1, kernel.MEMORY)
+    for name, array in zip(parts._fields, parts, strict=True):
+        if not array.flags.c_contiguous:
+            raise TypeError(f"{name}: the compiled loop takes arrays in one piece")
+        memory[name] = array.ctypes.data
+    memory["joints"] = len(parts.qpos)
+    memory["number_of_thresholds"] = len(parts.thresholds)
+    memory["commands"] = len(parts.commanded)
+    memory["speeds"] = parts.available.shape[1]
+    return memory
 
 
 def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
