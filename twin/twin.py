@@ -33,6 +33,7 @@ from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
+    NamesOutputs,
     Output,
     PluginError,
     Remark,
@@ -113,7 +114,7 @@ class Twin:
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
-        scenario: file of timed events, see isel_twin.wiring.scenario.
+        scenario: file of events, see docs/scenarios.md.
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
         overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
@@ -128,13 +129,14 @@ class Twin:
         wanted = overrides or {}
         settings = with_overrides(as_built, wanted).controller
         self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
-        self._another: Callable[[], Controller] | None = None
-        """Builds the controller anew, with the flash image there is then; None: it was handed in, there is no other."""
-        if isinstance(controller, str):
-            self._another = lambda: create_controller(controller, flash=self.flash, settings=settings)
-        self.flash = flash
+        self._settings = settings if isinstance(controller, str) else None
+        """Of another controller like this one; None: it was handed in, and there is no other."""
         try:
-            self._controller: Controller = self._another() if self._another is not None else controller
+            self._controller: Controller = (
+                create_controller(controller, flash=flash, settings=settings)
+                if isinstance(controller, str)
+                else controller
+            )
         except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
@@ -146,6 +148,7 @@ class Twin:
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
 
         self.time_ns = 0
+        self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
@@ -511,11 +514,13 @@ class Twin:
         if self._restarts == self._wiring.restarts:
             return False
         self._restarts = self._wiring.restarts
-        if self._another is None:
+        if self._settings is None:
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
         self._wiring.outputs_lost()
-        controller = self._another() if self._wiring.mains else Unpowered(self._controller)
+        controller: Controller = Unpowered(self._controller)
+        if self._wiring.mains:
+            controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
         self._controller = controller
         self._sources = (controller, self._line, self._wiring)
         if isinstance(controller, UsesDrives):
@@ -530,14 +535,11 @@ class Twin:
         """The events of a file, none if there is none."""
         if scenario is None:
             return Schedule()
-        machine, own = self.machine, getattr(self._controller, "output_names", ())
-        events = load_scenario(
-            scenario,
-            settable(machine),
-            [switch.name for switch in machine.switches],
-            (*outputs(machine), *own),
-        )
-        return Schedule(events, create_language(self.controller_name) if self._another is not None else None)
+        machine, controller = self.machine, self._controller
+        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
+        switches = [switch.name for switch in machine.switches]
+        events = load_scenario(scenario, settable(machine), switches, (*outputs(machine), *own))
+        return Schedule(events, create_language(self.controller_name) if self._settings is not None else None)
 
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)

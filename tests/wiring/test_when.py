@@ -118,7 +118,7 @@ ONE = "[[event]]\nat = 0\nreset = true\n\n# the second\n[[event]]\nreset = true\
         ('when = "replied 0"\ntimes = 2\nalways = true', ":10: event 2.always: there is times, too"),
         ('when = "replied 0"\nalways = false', ":9: event 2.always: False; allowed: true"),
         ('at = 1\nname = "two words"', ":9: event 2.name: 'two words'; allowed: a word, without spaces"),
-        ("at = 1\nset = { hoood = 'open' }", ": event 2: unknown input 'hoood'; did you mean 'hood'?"),
+        ("at = 1\nset = { hoood = 'open' }", ":9: event 2.set: unknown input 'hoood'; did you mean 'hood'?"),
         ("at = 1\n\n[event.friction_n]\ny = 3\nx = -1", ":12: event 2.friction_n.x: -1; allowed: 0 .. 100000 N"),
         ("at = 1\nwen = 2", ":9: event 2.wen: unknown key; did you mean 'when'?"),
     ],
