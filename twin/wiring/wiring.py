@@ -275,7 +275,10 @@ class Wiring:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
             self._look()
-        return self._contacts.advance(t_ns) or bool(changed)
+        bounced = self._contacts.advance(t_ns)
+        if bounced:  # a worn contact of the cabinet chatters, too
+            self._settle_cabinet()
+        return bounced or bool(changed)
 
     @property
     def _places(self) -> int:
