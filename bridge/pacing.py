@@ -100,7 +100,9 @@ def parse_speed(text: str) -> float | None:
 class Pacer:
     """Keeps a twin at its place in wall time. `speed`: times real time, or None for as fast as possible."""
 
-    def __init__(self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.perf_counter_ns
+    ) -> None:
         self.speed = speed
         self.behind = False
         """The speed is not kept at present."""

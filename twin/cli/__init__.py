@@ -7,6 +7,7 @@
     decode       bytes of a line explained
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
+    ports        serial ports that are served here, and real ones
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -27,7 +28,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, drive, golden, machines, motor, run, serve, tap
+from isel_twin.cli import controllers, ctl, decode, describe, drive, golden, machines, motor, ports, run, serve, tap
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
 
@@ -47,6 +48,7 @@ for command in (
     drive.drive,
     decode.decode,
     tap.tap,
+    ports.ports,
     machines.machines,
     controllers.controllers,
     describe.describe,

@@ -16,7 +16,6 @@ from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
 from isel_twin.cli.options import (
-    STANDARD_INPUT,
     ControllerName,
     FlashPath,
     Interval,
@@ -26,6 +25,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    is_standard_input,
 )
 from isel_twin.units import SECOND_NS
 
@@ -209,7 +209,7 @@ def _lines(job: Path, controller: str) -> list[Line]:
 
     with call_errors(_name(job)):
         language = create_language(controller)
-        data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
+        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
         try:
             lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
@@ -220,7 +220,7 @@ def _lines(job: Path, controller: str) -> list[Line]:
 
 
 def _name(job: Path) -> str:
-    return "standard input" if str(job) == STANDARD_INPUT else str(job)
+    return "standard input" if is_standard_input(job) else str(job)
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

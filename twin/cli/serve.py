@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -80,6 +80,7 @@ def serve(
     from isel_twin.bridge.keeping import serve_and_keep
     from isel_twin.bridge.log import log_to
     from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.registry import registered
     from isel_twin.bridge.server import Server, on_signals
     from isel_twin.bridge.wire_log import Taps, WireLog
     from isel_twin.cli import outputs
@@ -123,7 +124,9 @@ def serve(
                 where["control_token"] = port.token
         if page is not None:
             where["panel"] = page.url
-        print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
+        who = {"machine": twin.machine.name, "controller": controller}
+        stack.enter_context(registered({"command": "serve", **who, "ports": ports(endpoints)}))
+        print(json.dumps({**where, **who}), flush=True)
         return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
 
 
