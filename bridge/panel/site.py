@@ -91,7 +91,7 @@ HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none
 
 _Handler = Callable[[ServerConnection], Awaitable[None]]
 
-_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin")
+_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
 
 class Gate:
