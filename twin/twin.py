@@ -379,7 +379,7 @@ class Twin:
 
     @property
     def events_without_effect(self) -> int:
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         return self._wiring.events_without_effect
 
     @property
@@ -449,11 +449,11 @@ class Twin:
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        self._plant.apply_force(axis, force_n, place)
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place))
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        self._plant.set_cut(cut)
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut))
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
         """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""

@@ -106,7 +106,7 @@ class Wiring:
         """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
         self._schedule = Schedule() if schedule is None else schedule
         self.events_without_effect = 0
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         self._faults: dict[str, str | float] = {}
         """What acts have set that can be ended, by key or `key.member`, but for contacts and the line."""
         self.restarts = 0
