@@ -187,6 +187,8 @@ class Twin:
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
         self._notes: list[Note] = []
+        self._least_margin = np.ones(axes)
+        """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors if one is turned round, during a motion."""
         self._due_ns = 0
@@ -347,7 +349,15 @@ class Twin:
     def margin(self) -> NDArray[np.float64]:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
-        return self._plant.margin
+        return np.minimum(self._least_margin, self._plant.margin)
+
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
+        panel does. Nobody else notices."""
+        taken = self._plant.margin
+        self._least_margin = np.minimum(self._least_margin, taken)
+        self._plant.watch_margin()
+        return taken
 
     @property
     def supply_v(self) -> float:
@@ -357,6 +367,7 @@ class Twin:
     def watch_margin(self) -> None:
         """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
         self._note("operated", {"watch_margin": True})
+        self._least_margin = np.ones(len(self._plant.margin))
         self._plant.watch_margin()
 
     @property
