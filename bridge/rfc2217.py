@@ -27,6 +27,8 @@ SUBOPTION_BYTES = 256
 SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
 """What a client may set and a serial port can be told."""
 
+DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS)
+
 
 @dataclass
 class LineSettings:
@@ -45,6 +47,12 @@ class LineSettings:
     dsr: bool = True
     ri: bool = False
     cd: bool = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What no port can be set to raises ValueError, which `PortManager` answers with what there was."""
+        if (name == "bytesize" and value not in DATA_BITS) or (name == "baudrate" and value <= 0):
+            raise ValueError(f"{name} {value}")
+        super().__setattr__(name, value)
 
     def reset_input_buffer(self) -> None:
         """A client purges what it has not read: nothing is kept back here."""

@@ -26,6 +26,7 @@ from typing import Any, Protocol
 
 from isel_twin.bridge.loop import Wake, Watch, Watched, woken_by_signals
 from isel_twin.bridge.pacing import Clocked, Pacer
+from isel_twin.bridge.uart import heard
 from isel_twin.controller import SerialFormat
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "Watch",
     "WireTap",
     "claimed",
+    "host_format",
     "on_signals",
 ]
 
@@ -227,6 +229,27 @@ class _Piece:
         return data
 
 
+def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
+    """How a host has set its port; what cannot be seen is taken to be as on the line."""
+    settings = endpoint.settings
+    return SerialFormat(
+        settings.get("baudrate", line.baud),
+        settings.get("bytesize", line.data_bits),
+        settings.get("parity", line.parity),
+        math.ceil(settings.get("stopbits", line.stop_bits)),
+    )
+
+
+def _name(endpoint: Endpoint) -> str:
+    """What a host knows it by."""
+    return getattr(endpoint, "link", None) or endpoint.address
+
+
+def _needed(form: SerialFormat) -> tuple[int, int, str]:
+    """What both sides must agree on."""
+    return form.baud, form.data_bits, form.parity
+
+
 def claimed(endpoints: Iterable[Endpoint]) -> bool:
     """Whether a network client may have the line that these endpoints share; one that has left gives way to it."""
     endpoints = tuple(endpoints)
@@ -247,12 +270,20 @@ class Server:
         endpoints: Sequence[Endpoint],
         wire: WireTap | None = None,
         guests: Sequence[Guest] = (),
+        strict_baud: bool = False,
     ) -> None:
-        """wire: follows the traffic in both directions, in virtual time."""
+        """wire: follows the traffic in both directions, in virtual time.
+
+        strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
+        one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent.
+        """
         self.twin = twin
         self.pacer = pacer
         self.endpoints = tuple(endpoints)
         self._wire = wire
+        self._strict_baud = strict_baud
+        self._warned: dict[Endpoint, SerialFormat] = {}
+        """Settings of hosts that do not fit, as they were told."""
         self._speaker: Endpoint | None = None
         self._line_free_ns = 0
         self._piece = _Piece()
@@ -380,12 +411,16 @@ class Server:
     @property
     def _gathering(self) -> bool:
         listener = self._listener
-        return self.pacer.speed is not None and listener is not None and listener.gathers
+        if self.pacer.speed is None or listener is None:
+            return False
+        return listener.gathers or (self._strict_baud and not self.fits(listener))
 
     def _hand_on(self) -> None:
         """Send the piece gathered so far."""
         data, listener = self._piece.take(), self._listener
         if data and listener is not None:
+            if self._strict_baud and not self.fits(listener):
+                data = heard(data, self.serial_format, host_format(listener, self.serial_format)).data
             listener.send(data)
 
     # called by endpoints
@@ -401,6 +436,11 @@ class Server:
         if endpoint is not self._speaker:
             self._hand_on()
             self._speaker = endpoint
+        self._compare(endpoint)
+        if self._strict_baud and not self.fits(endpoint):
+            data = heard(data, host_format(endpoint, self.serial_format), self.serial_format).data
+            if not data:
+                return
         if self._wire is not None:
             self._wire.carry(self.twin.time_ns, data, sent=True)
         self.twin.write(data)
@@ -411,7 +451,45 @@ class Server:
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 
+    def fits(self, endpoint: Endpoint) -> bool:
+        """Whether the host has set its port there as the controller's line is, as far as that matters and can be seen.
+
+        A second stop bit is a pause, which nobody minds.
+        """
+        return _needed(host_format(endpoint, self.serial_format)) == _needed(self.serial_format)
+
+    def _compare(self, endpoint: Endpoint) -> None:
+        """Tell a host's settings that do not fit, once."""
+        if self.fits(endpoint):
+            self._warned.pop(endpoint, None)
+            return
+        host = host_format(endpoint, self.serial_format)
+        if self._warned.get(endpoint) == host:
+            return
+        self._warned[endpoint] = host
+        what = "as here" if self._strict_baud else "here it does not matter (--strict-baud: as on a real line)"
+        log.warning(
+            "%s %s: the host's port is set to %s, the controller's line has %s; a real line would garble each byte, %s",
+            endpoint.kind,
+            _name(endpoint),
+            host,
+            self.serial_format,
+            what,
+        )
+
     # called by guests
+
+    def ports(self) -> list[dict[str, Any]]:
+        """Each endpoint, and what its host has set: `host` is its format, `fits` whether that is the line's."""
+        return [
+            {
+                "kind": endpoint.kind,
+                "address": _name(endpoint),
+                "host": str(host_format(endpoint, self.serial_format)),
+                "fits": self.fits(endpoint),
+            }
+            for endpoint in self.endpoints
+        ]
 
     def present(self) -> None:
         """Bring the twin to the present, because somebody wants to do something to it or to its time."""

@@ -61,6 +61,12 @@ class Position:
         self._zero_mm = self._zeros()
         self._sense, self._mirrored = self._senses()
 
+    def start_anew(self, controller: Controller) -> None:
+        """Another controller counts from now on, the same axes: where the carriages stand is where its counters say."""
+        self._controller = controller
+        for axis, count in enumerate(controller.counts):
+            self.counter_set(axis, count)
+
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
         self.follow_direction()

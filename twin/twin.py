@@ -48,7 +48,19 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import PLACES, Cut, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, check_input, load_scenario, thresholds
+from isel_twin.unpowered import Unpowered
+from isel_twin.wiring import (
+    ScenarioError,
+    ScenarioEvent,
+    Schedule,
+    SerialLine,
+    Wiring,
+    check_input,
+    load_scenario,
+    outputs,
+    settable,
+    thresholds,
+)
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -114,11 +126,13 @@ class Twin:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
-        settings = with_overrides(as_built, wanted).controller
+        self._settings = with_overrides(as_built, wanted).controller
         self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        self._outside = not isinstance(controller, str)
+        """The controller is an object of the caller's, and not supplied by the cabinet."""
         try:
             self._controller: Controller = (
-                create_controller(controller, flash=flash, settings=settings)
+                create_controller(controller, flash=flash, settings=self._settings)
                 if isinstance(controller, str)
                 else controller
             )
@@ -141,19 +155,20 @@ class Twin:
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
+        schedule = self._read_scenario(scenario)
         start_at_mm = _power_on_mm(self.machine, start, start_mm)
-        self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
+        watched = thresholds(self.machine, drive_inputs, schedule)
+        self._plant = _build_plant(plant, self.machine, watched, start_at_mm, axes)
         self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
-            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces
+            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces, schedule
         )
-        if scenario is not None:
-            events = load_scenario(scenario, self._wiring.settable)
-            self._wiring.schedule(events)
-            if not self._plant.physics and (idle := sum(event.physical for event in events)):
-                what = f"{idle} of {len(events)} events push, cut or interrupt a motor phase"
-                log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+        events = schedule.events
+        if not self._plant.physics and (idle := sum(event.physical for event in events)):
+            what = f"{idle} of {len(events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+        self._restarts = 0
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
@@ -327,6 +342,11 @@ class Twin:
         return self._plant.position_mm
 
     @property
+    def step_hz(self) -> NDArray[np.float64]:
+        """float64 [axes], step frequencies at present, signed as the counters run; see `Stream.rate_hz`."""
+        return self._stream.rate_hz()
+
+    @property
     def steps(self) -> Steps:
         """The stream made since power-on, as far as it is kept: `.t_ns` int64 [n], `.delta` int8 [n, axes] or int32."""
         return self._stream.steps(self.time_ns)
@@ -348,18 +368,24 @@ class Twin:
 
     @property
     def events_without_effect(self) -> int:
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         return self._wiring.events_without_effect
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong on purpose: faults of contacts by name, motor phases lost (`phase_lost.x`), `noise`."""
+        """What is wrong on purpose: faults of contacts by name, all else by its key of an event (`noise`,
+        `phase_lost.x`); see `isel_twin.wiring.ACTS`."""
         return self._wiring.faults
 
     @property
     def settable(self) -> Mapping[str, tuple[str, ...]]:
         """Everything `set_input` takes, and the states each can be given."""
         return self._wiring.settable
+
+    @property
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals of the controller, and the contacts wired to each in series."""
+        return self._controller.terminals()
 
     @property
     def physics(self) -> bool:
@@ -397,7 +423,7 @@ class Twin:
 
     def carry_out(self, event: ScenarioEvent) -> None:
         """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
-        self._wiring.carry_out(event)
+        self._wiring.carry_out(event, self.time_ns)
         self._settle()
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
@@ -412,11 +438,11 @@ class Twin:
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        self._plant.apply_force(axis, force_n, place)
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place))
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        self._plant.set_cut(cut)
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut))
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
         """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""
@@ -479,7 +505,9 @@ class Twin:
             rounds += 1
             self._controller.advance(self.time_ns)
             self._take_events()
-            if self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels():
+            if self._wiring.settle(self.time_ns) or self._restart():
+                continue
+            if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 self._observe(changed=False)
@@ -487,9 +515,48 @@ class Twin:
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
+    def _restart(self) -> bool:
+        """The controller starts anew, or is without supply, if the wiring says so; return whether it does.
+
+        It knows what its flash holds and nothing else. A controller that the caller has handed over goes on.
+        """
+        if self._restarts == self._wiring.restarts:
+            return False
+        self._restarts = self._wiring.restarts
+        if self._outside:
+            return False
+        self._wiring.outputs_lost()
+        if self._wiring.mains:
+            controller: Controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
+        else:
+            controller = Unpowered(self._controller)
+        self._controller = controller
+        self._sources = (controller, self._line, self._wiring)
+        if isinstance(controller, UsesDrives):
+            controller.use_drives(self._position)
+        self._position.start_anew(controller)
+        self._levels = self._wiring.levels
+        controller.power_on(self.time_ns, self._levels)
+        self._take_events()
+        return True
+
+    def _read_scenario(self, scenario: str | Path | None) -> Schedule:
+        """The events of a file, none if there is none."""
+        if scenario is None:
+            return Schedule()
+        machine, own = self.machine, getattr(self._controller, "output_names", ())
+        events = load_scenario(
+            scenario,
+            settable(machine),
+            [switch.name for switch in machine.switches],
+            (*outputs(machine), *own),
+        )
+        return Schedule(events, None if self._outside else create_language(self.controller_name))
+
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
         if data:
+            self._wiring.heard(data, sent=True)
             self._controller.receive(self.time_ns, data)
             self._take_events()
         return bool(data)
@@ -518,6 +585,7 @@ class Twin:
         for event in events:
             match event:
                 case Reply(data):
+                    self._wiring.heard(data, sent=False)
                     self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
                 case Output(name, value):
                     self._wiring.output(name, value)

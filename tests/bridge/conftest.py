@@ -80,9 +80,9 @@ def serving() -> Iterator[Callable[..., Server]]:
     """serving(endpoint, ...) runs a server in a thread of this process."""
     running: list[tuple[Server, threading.Thread]] = []
 
-    def start(*endpoints: Endpoint, speed: float | None = None) -> Server:
+    def start(*endpoints: Endpoint, speed: float | None = None, **options: Any) -> Server:
         twin = Twin(plant="kinematic", line_speed=speed is not None)
-        server = Server(twin, Pacer(speed), endpoints)
+        server = Server(twin, Pacer(speed), endpoints, **options)
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append((server, thread))

@@ -185,7 +185,7 @@ def odd(tmp_path):
         (["serve", "--scenario", "{odd}/none.toml"], "none.toml"),
         (["serve", "--pty", "{odd}/there"], "there"),
         (["serve", "--record", "{odd}/out.txt"], "out.txt"),
-        (["serve", "--panel", "127.0.0.1:0"], "panel"),
+        (["serve", "--panel", "127.0.0.1:odd"], "127.0.0.1:odd"),
         (["serve", "--bogus"], "--bogus"),
         (["describe", "9999"], "9999"),
         (["motor", "nema17-perpetuum"], "nema17-perpetuum"),

@@ -16,7 +16,6 @@ from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
 from isel_twin.cli.options import (
-    STANDARD_INPUT,
     ControllerName,
     FlashPath,
     Interval,
@@ -26,6 +25,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    is_standard_input,
 )
 from isel_twin.units import SECOND_NS
 
@@ -136,10 +136,8 @@ def run(
         if repetitions and not interrupted:
             seen = []
             with interruption() as stopped:
-                for trial in repetitions(stack):
+                for trial in repetitions(stack, lambda: bool(stopped)):
                     seen.append(trial)
-                    if stopped:
-                        break
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
                 outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
@@ -151,7 +149,7 @@ def run(
 
 def _repetitions(
     call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
-) -> Callable[[ExitStack], Iterator[Trial]] | None:
+) -> Callable[[ExitStack, Callable[[], bool]], Iterator[Trial]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
     They begin with the flash memory as it is now.
@@ -162,7 +160,7 @@ def _repetitions(
         raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
     if number == 0:
         return None
-    from isel_twin.robust import check, trials
+    from isel_twin.robust import check, processes, trials
 
     check(call, number)
     flash = None
@@ -170,16 +168,10 @@ def _repetitions(
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
 
-    def make(stack: ExitStack) -> Iterator[Trial]:
-        executor = None
-        if jobs > 1:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
-
-            executor = ProcessPoolExecutor(min(jobs, number), mp_context=multiprocessing.get_context("spawn"))
-            stack.callback(executor.shutdown, cancel_futures=True)
+    def make(stack: ExitStack, stop: Callable[[], bool]) -> Iterator[Trial]:
+        executor = stack.enter_context(processes(min(jobs, number))) if jobs > 1 else None
         with _without_ctrl_c():
-            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
+            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor, stop=stop)
 
     return make
 
@@ -225,7 +217,7 @@ def _lines(job: Path, controller: str) -> list[Line]:
 
     with call_errors(_name(job)):
         language = create_language(controller)
-        data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
+        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
         try:
             lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
@@ -236,7 +228,7 @@ def _lines(job: Path, controller: str) -> list[Line]:
 
 
 def _name(job: Path) -> str:
-    return "standard input" if str(job) == STANDARD_INPUT else str(job)
+    return "standard input" if is_standard_input(job) else str(job)
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
 from isel_twin.cli.options import ControllerName, check_writable
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap import Scribe
     from isel_twin.controller import SerialFormat
+
+SWITCH_S = 0.0005
+"""A thread that writes things down gives way to one that has a byte to stamp so soon; by itself Python waits 5 ms."""
 
 
 def tap(
@@ -43,6 +46,7 @@ def tap(
     import json
 
     from isel_twin.bridge.log import log_to
+    from isel_twin.bridge.registry import registered
     from isel_twin.bridge.server import on_signals
     from isel_twin.bridge.tap import Tap
     from isel_twin.bridge.wire_log import WireLog
@@ -67,8 +71,11 @@ def tap(
         stack.enter_context(on_signals(between.stop))
         scribe = _scribe(record, device, controller, form) if record is not None else None
         between.scribe = scribe
-        print(json.dumps({**addresses(endpoints), "tap": device, "controller": controller}), flush=True)
+        who = {"tap": device, "controller": controller}
+        stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
+        print(json.dumps({**addresses(endpoints), **who}), flush=True)
         whole = True
+        sys.setswitchinterval(SWITCH_S)
         try:
             between.run()
         finally:

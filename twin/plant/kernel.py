@@ -381,12 +381,14 @@ def _look(memory):
     """Take down the least pull-out margins; of motors whose stages are on."""
     parts = _parts(memory)
     now_ns = parts.plant[0].now * parts.plant[0].substep_ns
+    supply = parts.supply[0]
+    faster = supply.source_v / max(supply.voltage_v, 1.0) if supply.on else 1.0
     for i in range(AXES):
         axis, state = parts.axes[i], parts.states[i]
         if axis.phases != OPEN:
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
-            now = margin(axis.mean_nm, lag, state.omega_rad_s, parts.available[i], axis.fraction)
+            now = margin(axis.mean_nm, lag, faster * state.omega_rad_s, parts.available[i], axis.fraction)
             axis.margin = min(axis.margin, now)
 
 
