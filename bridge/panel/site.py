@@ -66,8 +66,11 @@ HISTORY = 600
 BAD_MM = 0.1
 """Deviation of the tool that is drawn red."""
 
-TRAIL_M = 0.004
+TRAIL_M = 0.005
 """Thickness of the trail."""
+
+TRAIL_FRAMES = 4
+"""Frames from one growth of the trail to the next."""
 
 LINES = 400
 """Messages of the line that it gets."""
@@ -91,7 +94,7 @@ HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none
 
 _Handler = Callable[[ServerConnection], Awaitable[None]]
 
-_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin")
+_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
 
 class Gate:
@@ -350,6 +353,8 @@ class _Stage:
         self._server = server
         self._poses = Poses(model, [axis.name for axis in machine.axes])
         self._trail = Trail(BAD_MM)
+        self._pieces: dict[int, viser.LineSegmentsHandle] = {}
+        self._grown, self._wait = False, 0
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         scene = server.scene
         scene.configure_default_lights(cast_shadow=False)
@@ -380,12 +385,12 @@ class _Stage:
         self._look_from(model)
 
     def _look_from(self, model: Any) -> None:
-        """Put the camera where the model has its own, looking at the middle of the machine."""
+        """Put the camera in front, looking at the middle of the machine."""
         centre, extent = np.array(model.stat.center), float(model.stat.extent)
         camera = self._server.initial_camera
         camera.look_at = tuple(centre.tolist())
-        towards = np.array([-0.62, -0.88, 0.42])
-        camera.position = tuple((centre + 1.35 * extent * towards).tolist())
+        towards = np.array([-0.60, -0.86, 0.55])
+        camera.position = tuple((centre + 1.22 * extent * towards).tolist())
 
     def show(self, frame: Frame) -> None:
         """Move everything to where it is."""
@@ -397,14 +402,26 @@ class _Stage:
                 if self._shown.get(name) != (place := pose.position.tobytes() + pose.wxyz.tobytes()):
                     self._shown[name] = place
                     handle.position, handle.wxyz = pose.position, pose.wxyz
-            if self._trail.add(self._poses.tool, deviation_mm):
-                points, colours = self._trail.segments
-                self._server.scene.add_line_segments(
-                    f"/{self._poses.table_body}/trail_{self._trail.piece}",
-                    points,
-                    colours,
-                    thickness=TRAIL_M,
-                )
+            self._draw_trail(deviation_mm)
+
+    def _draw_trail(self, deviation_mm: float) -> None:
+        """Show the piece that grows: not in every frame, as all of it is sent, but before the next one begins."""
+        if self._trail.full and self._grown:
+            self._send_trail()
+        self._grown = self._trail.add(self._poses.tool, deviation_mm) or self._grown
+        self._wait -= 1
+        if self._grown and self._wait <= 0:
+            self._send_trail()
+
+    def _send_trail(self) -> None:
+        self._wait, self._grown = TRAIL_FRAMES, False
+        points, colours = self._trail.segments
+        if (handle := self._pieces.get(self._trail.piece)) is None:
+            name = f"/{self._poses.table_body}/trail_{self._trail.piece}"
+            handle = self._server.scene.add_line_segments(name, points, colours, thickness=TRAIL_M)
+            self._pieces[self._trail.piece] = handle
+        else:
+            handle.points, handle.colors = points, colours
 
 
 def _pages() -> dict[str, tuple[str, bytes]]:

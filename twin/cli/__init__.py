@@ -6,6 +6,9 @@
     drive        captured step and direction signals of a real controller
     exec         a host program in Python in virtual time
     decode       bytes of a line explained
+    replay       a recorded session once more, and what is different
+    compare      two recordings laid over each other, command by command
+    export       a recording as a file for other tools
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
@@ -30,7 +33,23 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, drive, golden, machines, motor, ports, run, serve, tap
+from isel_twin.cli import (
+    compare,
+    controllers,
+    ctl,
+    decode,
+    describe,
+    drive,
+    export,
+    golden,
+    machines,
+    motor,
+    ports,
+    replay,
+    run,
+    serve,
+    tap,
+)
 from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
@@ -51,6 +70,9 @@ for command in (
     drive.drive,
     exec_,
     decode.decode,
+    export.export,
+    replay.replay,
+    compare.compare,
     tap.tap,
     ports.ports,
     machines.machines,
@@ -73,6 +95,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
+        for line in getattr(error, "excerpt", "").splitlines():
+            print(f"    {line}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # nobody reads our output any more, for example `| head`
