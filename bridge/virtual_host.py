@@ -141,8 +141,8 @@ def run_host(
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
-    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else, which
-    may end themselves when the host goes on after it was told that it has ended.
+    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
+    which may end themselves when the host goes on after it was told that it has ended.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.

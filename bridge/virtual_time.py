@@ -112,8 +112,8 @@ class VirtualTime:
     """While this context is open, the thread in it and those it starts live in the virtual time of a twin.
 
     twin: the machine; bytes go to and come from it at its times. port: name of the serial port that it is at; None: of
-    every one that the host opens. wire: hears the line. limit_s: virtual seconds after which the host is ended; None: it
-    may go on for ever.
+    every one that the host opens. wire: hears the line. limit_s: virtual seconds after which the host is ended; None:
+    it may go on for ever.
 
     Names are replaced by `isel_twin.bridge.stand_ins` for as long. One at a time in a process: RuntimeError otherwise.
     When it is left, threads that are still there are ended: `HostEnded` is raised in them where they wait.
@@ -370,7 +370,12 @@ class VirtualTime:
         if self.ending is None or (self._exempt and task is self._main):
             return
         if task is not self._main and task.strikes >= STRIKES:
-            self._hand_over(self._main)
+            if not self._exempt:
+                self._leave(task)
+                self._inside = True
+                self._hand_over(self._choose())
+            else:
+                self._hand_over(self._main)
             task.turn.acquire()  # for ever: it will not go
         if task is self._main and task.strikes >= STRIKES**4 and self.give_up is not None:
             self.give_up()
