@@ -51,7 +51,7 @@ class Arrived(NamedTuple):
     """What has come from the controller's side."""
 
     time_ns: int
-    """Of time.monotonic_ns."""
+    """Of time.perf_counter_ns."""
     data: bytes
     note: str = ""
     """Instead of bytes: the port has gone, or is back."""
@@ -267,7 +267,7 @@ class RealPort:
                     self._gone(port, error)
                 continue
             if data:
-                self._hand_over(Arrived(time.monotonic_ns(), data))
+                self._hand_over(Arrived(time.perf_counter_ns(), data))
 
     def _hand_over(self, piece: Arrived) -> None:
         with self._changed:
@@ -285,7 +285,7 @@ class RealPort:
             self._changed.notify_all()
         port.cancel()
         port.close()
-        self._hand_over(Arrived(time.monotonic_ns(), b"", f"has gone: {error.strerror or error}"))
+        self._hand_over(Arrived(time.perf_counter_ns(), b"", f"has gone: {error.strerror or error}"))
 
     def _again(self) -> None:
         with self._changed:
@@ -297,7 +297,7 @@ class RealPort:
             return  # still away
         with self._changed:
             self._port = port
-        self._hand_over(Arrived(time.monotonic_ns(), b"", "is back"))
+        self._hand_over(Arrived(time.perf_counter_ns(), b"", "is back"))
 
     def _write(self) -> None:
         while True:

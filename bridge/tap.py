@@ -6,9 +6,9 @@
                                      v
                              Scribe: a recording, in a thread of its own
 
-Times are those of this computer's monotonic clock since the tap began: of a byte from the host when the tap has read
-it, of a byte from the controller when the reader thread has. What is written down never holds up what is passed on: a
-slow or full disk ends the recording, not the session.
+Times are those of this computer's finest monotonic clock since the tap began: of a byte from the host when the tap has
+read it, of a byte from the controller when the reader thread has. What is written down never holds up what is passed
+on: a slow or full disk ends the recording, not the session.
 
 Nothing is lost and nothing grows: whoever is faster than the other side is not read for a while (HELD_BYTES each way).
 What a host sets its port to (speed, and over RFC 2217 data bits, parity, stop bits, DTR, RTS, break) is set at the
@@ -159,7 +159,7 @@ class Tap:
             self._watched.close()
             self._wake.close()
             raise
-        self._start_ns = time.monotonic_ns()
+        self._start_ns = time.perf_counter_ns()
         for endpoint in self.endpoints:
             endpoint.attach(self)
         self._settings = [dict(endpoint.settings) for endpoint in self.endpoints]
@@ -201,7 +201,7 @@ class Tap:
         self._deliver()
         self._follow()
         if self._wire is not None:
-            self._wire.look(time.monotonic_ns() - self._start_ns)
+            self._wire.look(time.perf_counter_ns() - self._start_ns)
         watches: list[Watch] = [self._wake.watch]
         listening = not self._port.full
         for endpoint in self.endpoints:
@@ -264,7 +264,7 @@ class Tap:
                 self._port.set(changed)
                 text = ", ".join(f"{name} {value}" for name, value in changed.items())
                 log.info("%s: the host sets %s", endpoint.kind, text)
-                self._note("said", time.monotonic_ns() - self._start_ns, f"host sets {text}")
+                self._note("said", time.perf_counter_ns() - self._start_ns, f"host sets {text}")
 
     def _note(self, kind: str, time_ns: int, data: bytes | str) -> None:
         if self.scribe is not None:
@@ -280,7 +280,7 @@ class Tap:
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
         """A host of this endpoint has sent `data` just now."""
         self._deliver()  # what has come before
-        time_ns = time.monotonic_ns() - self._start_ns
+        time_ns = time.perf_counter_ns() - self._start_ns
         self._speaker = endpoint
         self._follow()
         self._port.put(data)

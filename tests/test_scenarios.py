@@ -238,7 +238,7 @@ def test_what_needs_physics_is_said_and_counted_without(
         """,
         plant,
     )
-    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut or interrupt a motor phase"
+    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut, load or break what is not there"
     assert [record.getMessage().startswith(said) for record in caplog.records] == [True] * bool(idle)
     assert (twin.events_left, twin.events_without_effect) == (3, 0)
     twin.run(2.5)

@@ -29,11 +29,13 @@ class CallError(ValueError):
     """A call cannot be carried out; the message is one line that says why and what to do.
 
     option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
+    excerpt: lines to be shown below it, such as a line of a file with a caret.
     """
 
-    def __init__(self, line: str, *, option: bool = False) -> None:
+    def __init__(self, line: str, *, option: bool = False, excerpt: str = "") -> None:
         super().__init__(line)
         self.option = option
+        self.excerpt = excerpt
 
 
 def one_line(text: str) -> str:

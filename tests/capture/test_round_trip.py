@@ -201,6 +201,7 @@ def test_a_scenario_acts_on_a_driven_machine(call: Any, tmp_path: Path) -> None:
         (["a.npz", "--set", "axes.x.led=5"], "axes.x.led"),
         (["a.npz", "--may-strike", "limit_q1"], "--may-strike limit_q1: there are limit_x1"),
         (["a.npz", "--reverse", "w"], "reverse w: there are x"),
+        (["late.npz", "--vcd", "b.vcd"], "--interval 0.01: makes 1.0e+10 samples"),
         (["a.npz", "--gap", "0"], "--gap 0: must be a time"),
         (["a.npz", "--pulse-us", "nan"], "--pulse-us nan: must be from 0"),
         (["a.npz", "--steps", "a.npz"], "named twice"),
@@ -211,6 +212,7 @@ def test_a_scenario_acts_on_a_driven_machine(call: Any, tmp_path: Path) -> None:
 def test_a_call_that_cannot_be_carried_out_is_one_line(call: Any, tmp_path: Path, words: list[str], said: str) -> None:
     np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 10), delta=np.ones((9, 3), dtype=np.int8))
     np.savez(tmp_path / "empty.npz", t_ns=np.arange(0), delta=np.ones((0, 3), dtype=np.int8))
+    np.savez(tmp_path / "late.npz", t_ns=np.array([10**17]), delta=np.ones((1, 3), dtype=np.int8))
     (tmp_path / "a.bin").write_bytes(b"x")
     code, out, err = call("drive", *words, "--plant", "kinematic")
     assert (code, out, err.count("\n")) == (2, "", 1), err

@@ -230,3 +230,33 @@ finally:
 
 def test_it_is_served(environment: dict[str, str]) -> None:
     assert python(environment, SERVED) == [frame(0x82, b"K\x00").hex()]
+
+
+RECORDED = """
+import sys
+from pathlib import Path
+from isel_twin import Twin
+from isel_twin.trace.reading import read
+from isel_twin.trace.recording import FileRecording
+from isel_twin.trace.replay import rebuilt, replay
+path = Path(sys.argv[1])
+twin = Twin(controller="card6", plant=sys.argv[2], start_mm=(100.0, 50.0, 30.0), line_speed=True)
+recording = FileRecording(path, twin, 10_000_000)
+twin.query("zero"); twin.query("move 3200 -1600 320 7 0 -9 16000")
+twin.write(twin.language.frame("move 0 0 0 0 0 0 16000")); twin.run(0.05)
+twin.query("stop"); twin.set_input("estop", "pressed"); twin.run(0.2)
+recording.close()
+again = read(path)
+steps = again.steps()
+made = twin.steps
+print(len(steps) > 10, made.t_ns.tobytes() == steps.t_ns.tobytes(), made.delta.tobytes() == steps.delta.tobytes())
+print(replay(again, rebuilt(again, path.parent)))
+"""
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_its_sessions_are_recorded_and_replayed_to_the_bit(
+    environment: dict[str, str], tmp_path: Path, plant: str
+) -> None:
+    code = RECORDED.replace("sys.argv[1]", repr(str(tmp_path / "card.mcap"))).replace("sys.argv[2]", repr(plant))
+    assert python(environment, code) == ["True True True", "None"]

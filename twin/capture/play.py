@@ -58,12 +58,12 @@ def _in_words(motion: StepRun) -> str:
 def play(
     twin: Twin,
     player: Player,
-    end_ns: int,
+    over_ns: int,
     strikes: Strikes,
     allowed: Callable[[str], bool],
     stop: Callable[[], bool] | None = None,
 ) -> Iterator[Result]:
-    """Let the twin make the motions of its player; a result each, then time passes to the end of the capture.
+    """Let the twin make the motions of its player; a result each, then time passes to over_ns.
 
     allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
     stop: asked whenever something has happened; once it returns True, the play ends.
@@ -79,7 +79,7 @@ def play(
         complete = twin.time_ns >= motion.end_ns
         if last and complete:
             ended_ns = twin.time_ns
-            twin.run_until(end_ns, stop)
+            twin.run_until(over_ns, stop)
         else:
             ended_ns = twin.time_ns
         struck = [strike.switch for strike in strikes.seen[before:]]

@@ -79,6 +79,11 @@ class Ticks:
     shift_ns: int = 0
     """What was added to the times of the file."""
 
+    @property
+    def over_ns(self) -> int:
+        """Time of the last thing that happens."""
+        return max(int(self.t_ns[-1]) if self.t_ns.size else 0, self.outputs[-1][0] if self.outputs else 0)
+
 
 def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge: str = "rising") -> Ticks:
     """The stream of a capture. signals: by role, as `parse_map` checks them. edge: which is active, or "both"."""

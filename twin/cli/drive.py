@@ -20,7 +20,7 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
-from isel_twin.cli.run import interruption, need_matplotlib, need_pyarrow
+from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
 from isel_twin.units import MICROSECOND_NS, SECOND_NS
 
 if TYPE_CHECKING:
@@ -102,6 +102,8 @@ def drive(
             )
         except WrongCallError as error:
             raise CallError(str(error), option=True) from None
+    if needs_recorder and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
+        raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import Player
@@ -125,7 +127,7 @@ def drive(
         )
         results = []
         with interruption() as stopped:
-            for result in play(twin, player, ticks.end_ns, strikes, allowed, lambda: bool(stopped)):
+            for result in play(twin, player, ticks.over_ns, strikes, allowed, lambda: bool(stopped)):
                 show.result(result)
                 results.append(result)
         interrupted = bool(stopped) and not (len(results) == len(lines) and results[-1].complete)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import call_errors
+from isel_twin.call import CallError, call_errors
 
 if TYPE_CHECKING:
     from isel_twin.bridge.server import Endpoint
 
-__all__ = ["Ptys", "Rfc2217s", "Tcps", "addresses", "open_endpoints"]
+__all__ = ["Ptys", "Rfc2217s", "Tcps", "addresses", "open_endpoints", "ports"]
 
 Ptys = Annotated[
     list[str] | None,
@@ -35,7 +36,12 @@ def open_endpoints(
     endpoints: list[Endpoint] = []
     with call_errors():
         for link in ptys or ([] if tcps or rfc2217s else [""]):
-            from isel_twin.bridge.pty import PtyEndpoint
+            try:
+                from isel_twin.bridge.pty import PtyEndpoint
+            except ImportError:  # Windows
+                raise CallError(
+                    "pty: this system has no pseudo terminals; name --tcp HOST:PORT or --rfc2217 HOST:PORT", option=True
+                ) from None
 
             endpoints.append(PtyEndpoint(link or None))
             stack.callback(endpoints[-1].close)
@@ -52,20 +58,24 @@ def open_endpoints(
     return endpoints
 
 
-def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
-    """What a command prints about them: the first of each kind under its name, and all of them as `ports`.
-
-    pty: the link if there is one; `device`: what it leads to.
-    """
-    ports: list[dict[str, str]] = []
+def ports(endpoints: Sequence[Endpoint]) -> list[dict[str, str]]:
+    """Each endpoint: kind and address, which is the link of a pseudo terminal if there is one; `device`: its device."""
+    found = []
     for endpoint in endpoints:
         link = getattr(endpoint, "link", None)
-        port = {"kind": endpoint.kind, "address": link or endpoint.address}
-        ports.append({**port, "device": endpoint.address} if link else port)
+        port = {"kind": endpoint.kind, "address": os.path.abspath(link) if link else endpoint.address}
+        found.append({**port, "device": endpoint.address} if link else port)
+    return found
+
+
+def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
+    """What a command prints: the first address of each kind under its name, and all `ports` if there are more.
+
+    pty: the link as it was given if there is one; `device`: what it leads to.
+    """
     first: dict[str, Any] = {}
-    for port in ports:
-        if port["kind"] not in first:
-            first[port["kind"]] = port["address"]
-            if "device" in port:
-                first["device"] = port["device"]
-    return {**first, "ports": ports} if len(first.keys() - {"device"}) < len(ports) else first
+    for endpoint in endpoints:
+        if endpoint.kind not in first:
+            link = getattr(endpoint, "link", None)
+            first |= {endpoint.kind: link, "device": endpoint.address} if link else {endpoint.kind: endpoint.address}
+    return {**first, "ports": ports(endpoints)} if len(first.keys() - {"device"}) < len(endpoints) else first

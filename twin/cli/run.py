@@ -16,7 +16,6 @@ from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
 from isel_twin.cli.options import (
-    STANDARD_INPUT,
     ControllerName,
     FlashPath,
     Interval,
@@ -26,7 +25,9 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    is_standard_input,
 )
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def run(
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the job.")] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
     robust: Annotated[int, Parameter(help="Repeat the job so many times on slightly different machines.")] = 0,
@@ -63,9 +65,13 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
+    `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
+    `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
+
     Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
 
-    Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1. With
+    Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
+    condition met and no step lost, else 1. With
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """
@@ -73,26 +79,32 @@ def run(
     check_seconds("timeout", timeout, 0.0)
     lines = _lines(job, controller)
     needs_recorder = vcd is not None or trace is not None or report is not None
-    if needs_recorder:
+    if needs_recorder or record is not None:
         _check_samples(lines, interval)
     if trace is not None:
         need_pyarrow()
     if report is not None:
         need_matplotlib()
-    check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
+    check_record(record)
+    check_writable(steps, vcd, trace, report, record, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
         twin = call.build()
 
         from isel_twin.cli import outputs
-        from isel_twin.job import play
+        from isel_twin.job import JobError, check_conditions, play
         from isel_twin.trace.write import write_trace
         from isel_twin.verdict import judge
         from isel_twin.warm import told_of_compiling
 
+        try:
+            check_conditions(lines, twin)
+        except JobError as error:
+            raise CallError(f"{_name(job)}: {error}", excerpt=error.excerpt) from None
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
+        recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
@@ -117,6 +129,10 @@ def run(
             if path is not None:
                 with call_errors():
                     write_trace(path, twin, recorder, kind)
+        recorded = True
+        if record is not None and recording is not None:
+            with call_errors(record):
+                recorded = keep(recording, record)
         with call_errors(report):
             if report is not None and recorder is not None:
                 from isel_twin.trace.report import write_report
@@ -136,7 +152,7 @@ def run(
             sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
-    return 0 if verdict.ok and sound else 1
+    return 0 if verdict.ok and sound and recorded else 1
 
 
 def _repetitions(
@@ -209,18 +225,18 @@ def _lines(job: Path, controller: str) -> list[Line]:
 
     with call_errors(_name(job)):
         language = create_language(controller)
-        data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
+        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
         try:
             lines = parse_job(decode_job(data), language, controller)
         except ValueError as error:
-            raise CallError(f"{_name(job)}: {error}") from None
+            raise CallError(f"{_name(job)}: {error}", excerpt=getattr(error, "excerpt", "")) from None
     if not lines:
         raise CallError(f"{_name(job)}: there is no command in it")
     return lines
 
 
 def _name(job: Path) -> str:
-    return "standard input" if str(job) == STANDARD_INPUT else str(job)
+    return "standard input" if is_standard_input(job) else str(job)
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

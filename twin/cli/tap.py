@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
 from isel_twin.cli.options import ControllerName, check_writable
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def tap(
     import json
 
     from isel_twin.bridge.log import log_to
+    from isel_twin.bridge.registry import registered
     from isel_twin.bridge.server import on_signals
     from isel_twin.bridge.tap import Tap
     from isel_twin.bridge.wire_log import WireLog
@@ -70,7 +71,9 @@ def tap(
         stack.enter_context(on_signals(between.stop))
         scribe = _scribe(record, device, controller, form) if record is not None else None
         between.scribe = scribe
-        print(json.dumps({**addresses(endpoints), "tap": device, "controller": controller}), flush=True)
+        who = {"tap": device, "controller": controller}
+        stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
+        print(json.dumps({**addresses(endpoints), **who}), flush=True)
         whole = True
         sys.setswitchinterval(SWITCH_S)
         try:

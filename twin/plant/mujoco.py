@@ -41,6 +41,9 @@ LARGEST_STEP_RATIO = 1.9
 NEAR_M = 1e-9
 """From this far before a position switch on the loop asks it itself; rounding is far below."""
 
+_LEAST_V = 5.0
+"""Supply below which no stage is known (Stage.supply_v): what a motor can do is not asked below it."""
+
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 
@@ -53,11 +56,22 @@ class PlantError(RuntimeError):
     """A joint has run away: the numbers mean nothing any more."""
 
 
+_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")
+"""What the library of the mujoco package is called on Linux, macOS and Windows."""
+
+
+def _library(folder: Path) -> Path:
+    """The library in the folder of the mujoco package. Raises FileNotFoundError if there is none."""
+    for pattern in _LIBRARIES:
+        for path in sorted(folder.glob(pattern)):
+            return path
+    raise FileNotFoundError(f"{folder}: no library of MuJoCo here ({', '.join(_LIBRARIES)})")
+
+
 @cache
 def _mj_step_address() -> int:
     """Address of mj_step in the library that the mujoco package has loaded."""
-    folder = Path(mujoco.__file__).parent
-    library = next(path for pattern in ("libmujoco.so*", "libmujoco*.dylib") for path in sorted(folder.glob(pattern)))
+    library = _library(Path(mujoco.__file__).parent)
     return ctypes.cast(ctypes.CDLL(str(library)).mj_step, ctypes.c_void_p).value or 0
 
 
@@ -155,6 +169,11 @@ class MujocoPlant:
         self._words = self._plant.view(np.int64)
         """The same as whole numbers, by place."""
         self._substep_ns = machine.timing.substep_ns
+        self._friction_n = self._axes["friction_n"].copy()
+        self._loss_n = model.dof_frictionloss.copy()
+        self._stops_m = model.jnt_range.copy()
+        self._mass_kg = model.body_mass.copy()
+        """What the machine has by itself, before anybody changes it."""
         self._joints_law, mobility = gliding(model)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
@@ -240,6 +259,74 @@ class MujocoPlant:
         self._lost[axis] = phases
         self._set_phases()
 
+    def set_friction(self, axis: int, extra_n: float) -> None:
+        """See Plant.set_friction."""
+        kernel.wake(self._memory)
+        dof = self._dof[axis]
+        self._axes["friction_n"][axis] = self._friction_n[axis] + extra_n
+        self.model.dof_frictionloss[dof] = self._loss_n[dof] + extra_n
+        self._remodel()
+
+    def set_obstacle(self, axis: int, position_mm: float | None) -> None:
+        """See Plant.set_obstacle: the joint gets another stop, unless its own comes before."""
+        kernel.wake(self._memory)
+        joint = self.model.dof_jntid[self._dof[axis]]
+        low_m, high_m = self._stops_m[joint]
+        if position_mm is not None and self._axes["x_m"][axis] < 1e-3 * position_mm:
+            high_m = min(high_m, 1e-3 * position_mm)
+        elif position_mm is not None:
+            low_m = max(low_m, 1e-3 * position_mm)
+        self.model.jnt_range[joint] = low_m, high_m
+        self._remodel()
+
+    def set_payload(self, place: str, mass_kg: float) -> None:
+        """See Plant.set_payload. What is pushed now is pushed on."""
+        kernel.wake(self._memory)
+        body = self.model.site(PLACES[place]).bodyid[0]
+        self.model.body_mass[body] = self._mass_kg[body] + mass_kg
+        self._remodel()
+        self._find_mobility()
+        self._share_pushes()
+
+    def set_undervoltage(self, missing: float) -> None:
+        """See Plant.set_undervoltage."""
+        kernel.wake(self._memory)
+        left = 1.0 - missing
+        if self._supply["on"][0]:
+            self._supply["source_v"] = left * self.machine.axes[0].stage.supply_v
+            self._supply["steady"] = 0
+        else:
+            for i, axis in enumerate(self.machine.axes):
+                self._drives["drive_v"][i] = left * axis.stage.drive_v
+                self._drives["return_v"][i] = left * axis.stage.supply_v
+        for i, axis in enumerate(self.machine.axes):
+            stage = replace(axis.stage, supply_v=max(left * axis.stage.supply_v, _LEAST_V))
+            self._available[i] = available_torque(axis.motor, stage)
+
+    def _remodel(self) -> None:
+        """The model has been changed: what follows from it, from MuJoCo's next step on."""
+        scratch = mujoco.MjData(self.model)
+        mujoco.mj_setConst(self.model, scratch)
+        law, mobility = gliding(self.model)
+        self._joints_law[:] = law
+        self._parts.mobility[:] = mobility
+
+    def _find_mobility(self) -> None:
+        """What follows from the masses, as the machine stands now."""
+        scratch = mujoco.MjData(self.model)
+        scratch.qpos[:] = self.data.qpos
+        mujoco.mj_forward(self.model, scratch)
+        mujoco.mj_fullM(self.model, scratch, self._inertia)
+        self._weight = scratch.qfrc_bias.copy()
+        self._mobility = np.linalg.inv(self._inertia)
+        self._axes["mobility_per_kg"] = np.diagonal(self._mobility)[self._dof]
+        model = self.model
+        stiffness = model.jnt_stiffness[model.dof_jntid]
+        self._springs[:] = -np.stack([self._mobility[self._dof] * of for of in (stiffness, model.dof_damping)])
+        pulls = [self._split(way) for way in (self._reach["tool"] + self._reach["table"])[:2]]
+        joints, nuts = (np.array(part) for part in zip(*pulls, strict=True))
+        self._cut_joints[:], self._cut_nuts[:] = joints, nuts
+
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """See Plant.apply_force. Raises ValueError for a force that is not a finite number.
 
@@ -254,6 +341,10 @@ class MujocoPlant:
         if not place:
             place = "tool" if self._reach["tool"][axis, self._dof[axis]] else "table"
         self._pushes[axis] = force_n * self._reach[place][axis]
+        self._share_pushes()
+
+    def _share_pushes(self) -> None:
+        """Tell sub-steps and MuJoCo's steps what each has to do with the pushes."""
         joints_n, nuts_n = self._split(self._pushes.sum(axis=0))
         self._axes["push_n"] = nuts_n
         over = self._plant["now"][0] % self._plant["window"][0]

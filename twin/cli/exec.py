@@ -1,0 +1,191 @@
+"""`isel-twin exec`: a host program in Python, unmodified, in virtual time."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.options import (
+    ControllerName,
+    FlashPath,
+    MachineName,
+    PlantName,
+    ScenarioFile,
+    Seed,
+    check_seconds,
+    check_writable,
+)
+from isel_twin.units import SECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.bridge.virtual_host import HostRun
+    from isel_twin.bridge.virtual_time import VirtualTime
+    from isel_twin.bridge.wire_log import WireLog
+    from isel_twin.twin import Twin
+
+
+def exec_(
+    *command: Annotated[str, Parameter(help="-- python host.py and its arguments.", allow_leading_hyphen=True)],
+    machine: MachineName = TwinCall.machine,
+    controller: ControllerName = TwinCall.controller,
+    plant: PlantName = TwinCall.plant,
+    seed: Seed = TwinCall.seed,
+    port: Annotated[
+        str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
+    ] = None,
+    flash: FlashPath = None,
+    scenario: ScenarioFile = None,
+    overrides: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as x.friction_n=12.", negative=()),
+    ] = None,
+    steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
+    log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
+    timeout: Annotated[
+        float | None, Parameter(help="Virtual seconds after which a host that has not ended is ended, with 1.")
+    ] = None,
+    check: Annotated[
+        bool, Parameter(help="Exit code 1 if steps were lost or a fault is left, whatever the host says.")
+    ] = False,
+    json: Annotated[bool, Parameter(help="The verdict on the machine as one line of JSON on standard output.")] = False,
+) -> int:
+    """Run a Python host program, unmodified, in this process and in virtual time.
+
+    isel-twin exec --port COM4 -- python host.py --job circle
+
+    Its serial.Serial("COM4") is the twin, and sleeps, clocks, timeouts, locks and threads follow the virtual clock: ten
+    minutes of waiting take seconds, and the same program does the same to the nanosecond every time. The verdict on the
+    machine follows on standard error.
+
+    Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
+    out, or the host does what virtual time cannot do.
+    """
+    from isel_twin.bridge.virtual_host import parse_program, run_host
+
+    if timeout is not None:
+        check_seconds("timeout", timeout, 0.0)
+    program = parse_program(command)
+    check_writable(steps, kept=(flash, scenario, program.path))
+    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=_settings(overrides))
+    twin = call.build()
+    from isel_twin.cli import outputs
+    from isel_twin.trace.write import write_trace
+    from isel_twin.warm import told_of_compiling
+
+    with ExitStack() as stack:
+        stack.enter_context(told_of_compiling())
+        wire = _wire_log(controller, stack) if log is not None else None
+        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up)
+    for note in done.notes:
+        outputs.say(note)
+    if done.reason:
+        outputs.say(done.reason)
+    if steps is not None:
+        with call_errors():
+            write_trace(steps, twin, None, ".npz")
+    if json:
+        import json as json_
+
+        print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
+    else:
+        outputs.say(told(done))
+    code = done.code or (1 if check and not done.verdict.ok else 0)
+    if done.left:
+        outputs.say(f"threads of the host that go on after its end are left: {', '.join(done.left)}")
+        _leave(code)
+    return code
+
+
+def _wire_log(controller: str, stack: ExitStack) -> WireLog:
+    """The traffic on standard error until the stack is unwound."""
+    import logging
+
+    from isel_twin.bridge.wire_log import WireLog
+    from isel_twin.language import create_language
+
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("isel-twin: %(message)s"))
+    logger = logging.getLogger("isel_twin.wire")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+    logger.propagate = False
+    wire = WireLog(create_language(controller))
+    stack.callback(logger.removeHandler, handler)
+    stack.callback(wire.close)
+    return wire
+
+
+def _give_up(time: VirtualTime) -> None:
+    """The host's main thread will not end: say why it has to, and end without it."""
+    from isel_twin.cli import outputs
+
+    reason = time.ending.reason if time.ending is not None else ""
+    outputs.say(f"{reason}; its main thread will not end, and there is no verdict")
+    _leave(2 if time.ending is not None and time.ending.kind == "refused" else 1)
+
+
+def _leave(code: int) -> None:
+    """End the process without waiting for anything that the host has left."""
+    import os
+
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _settings(pairs: list[str] | None) -> dict[str, Any]:
+    """Machine parameters of KEY=VALUE texts, values as TOML has them. Raises CallError."""
+    import tomllib
+
+    settings = {}
+    for pair in pairs or ():
+        key, equals, text = pair.partition("=")
+        if not equals or not key:
+            raise CallError(f"set {pair}: must be KEY=VALUE, such as x.friction_n=12", option=True)
+        try:
+            settings[key.strip()] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            settings[key.strip()] = text
+    return settings
+
+
+def summary(done: HostRun, twin: Twin) -> dict[str, Any]:
+    """What became of a host and its machine, in JSON's types."""
+    verdict = done.verdict.summary()
+    for about_commands in ("commands", "refused", "unsent", "interrupted", "margin"):
+        del verdict[about_commands]
+    return {
+        "summary": True,
+        **verdict,
+        "ok": done.ok,
+        "machine_ok": done.verdict.ok,
+        "code": done.code,
+        "ending": done.ending,
+        "reason": done.reason,
+        "virtual_s": (done.ended_ns - done.began_ns) / SECOND_NS,
+        "struck": list(done.struck),
+        "was_struck": list(done.was_struck),
+        "notes": list(done.notes),
+    }
+
+
+def told(done: HostRun) -> str:
+    """The same in one line for people."""
+    verdict = done.verdict
+    where = ", ".join(f"{name} {value:.3f}" for name, value in zip("XYZ", verdict.position_mm, strict=False))
+    lost = any(verdict.lost) or any(verdict.halfway)
+    parts = [
+        "all well" if verdict.ok else "the machine is not well",
+        f"lost steps {', '.join(f'{steps:.3g}' for steps in verdict.lost_steps)}" if lost else "no step lost",
+        *(["steps were lost before a reference run"] if any(verdict.forgotten_steps) else []),
+        *(["the controller shows a fault"] if verdict.controller_fault else []),
+        f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
+        f"at {where} mm",
+        f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",
+    ]
+    return "; ".join(parts)
