@@ -1,9 +1,9 @@
 """Findings for others to read: JUnit XML, SARIF, JSON, annotations of a pull request.
 
-    JUnit    one suite, one case a job; what is wrong with it as one failure, warnings in system-out
-    SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
-    JSON     one object a job
-    ::error  commands in the log of a GitHub-style runner, which shows them at the line
+JUnit    one suite, one case a job; what is wrong with it as one failure, warnings in system-out
+SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
+JSON     one object a job
+::error  commands in the log of a GitHub-style runner, which shows them at the line
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.golden import Golden, Scribe, differences
 from isel_twin.job import Line, Result, play
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.verdict import Verdict, halfway, judge, lost
+from isel_twin.verdict import Verdict, judge, lost
 
 if TYPE_CHECKING:
     from isel_twin.call import TwinCall
@@ -112,11 +112,18 @@ class Report:
     verdict: Verdict
     run: Golden
     """For whoever writes it down; without its call."""
+    spans_ns: tuple[tuple[tuple[int, int], ...], ...] = ()
+    """As `Scribe.spans_ns`."""
 
     @property
     def ok(self) -> bool:
         """Nothing is wrong, warnings aside."""
         return all(finding.warning for finding in self.findings)
+
+    def compared(self, golden: Golden, run: Golden) -> Report:
+        """With what is not as it was, as findings of the rule `golden`; run: this one with its call."""
+        found = [Finding("golden", each.what, each.line) for each in differences(golden, run, self.spans_ns)]
+        return dataclasses.replace(self, run=run, findings=_few([*self.findings, *found]))
 
     @property
     def cycle_s(self) -> float:
@@ -188,12 +195,8 @@ def check_job(
     call: TwinCall,
     lines: Sequence[Line],
     bounds: Bounds | None = None,
-    golden: Golden | None = None,
-    head: Mapping[str, Any] | None = None,
 ) -> Report:
-    """Play a job on a twin of its own and say what is wrong with it.
-
-    golden: what it has to do; head: its call as a golden run has it, see `Golden.call`.
+    """Play a job on a twin of its own and say what is wrong with it; `Report.compared` adds what it did otherwise once.
 
     Raises CallError for a call that cannot be carried out.
     """
@@ -223,13 +226,11 @@ def check_job(
         ]
         gone |= now
     verdict = judge(twin, results, len(lines) - len(results))
-    run = Golden.of({} if head is None else head, moves, verdict)
+    run = Golden.of({}, moves, verdict)
     findings += _of_verdict(verdict, gone, results, bounds)
-    if golden is not None:
-        findings += [Finding("golden", each.what, each.line) for each in differences(golden, run, scribe.spans_ns)]
     if bounds.robust:
         findings += _of_repetitions(call, lines, verdict, bounds)
-    return Report(str(job), _known(lines, _few(findings)), verdict, run)
+    return Report(str(job), _few(findings), verdict, run, tuple(scribe.spans_ns))
 
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
@@ -253,9 +254,7 @@ def _of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     ]
 
 
-def _of_verdict(
-    verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds
-) -> list[Finding]:
+def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
     """What only the end shows."""
     last = results[-1].number if results else None
     found = [
@@ -300,7 +299,7 @@ def _of_repetitions(call: TwinCall, lines: Sequence[Line], verdict: Verdict, bou
     return [Finding("luck", f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}")]
 
 
-def _few(findings: Sequence[Finding]) -> list[Finding]:
+def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """At most MOST of each rule, in the order of lines, and how many there are beside."""
     kept: list[Finding] = []
     for rule in RULES:
@@ -309,13 +308,4 @@ def _few(findings: Sequence[Finding]) -> list[Finding]:
         if len(own) > MOST:
             kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
     last = max((finding.line or 0 for finding in kept), default=0) + 1
-    return sorted(kept, key=lambda finding: (finding.line or last, finding.time_ns or 0))
-
-
-def _known(lines: Sequence[Line], findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings at lines that the job has; one that names none stands at none."""
-    numbers = {line.number for line in lines}
-    return tuple(
-        finding if finding.line is None or finding.line in numbers else dataclasses.replace(finding, line=None)
-        for finding in findings
-    )
+    return tuple(sorted(kept, key=lambda finding: (finding.line or last, finding.time_ns or 0)))
