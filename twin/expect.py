@@ -282,8 +282,8 @@ class Condition:
 
     def _holds(self, value: float) -> bool:
         wanted = float(self.value)
-        if self.comparison == "==":  # a number that is written has few digits, what is measured has all of them
-            return abs(value - wanted) <= self.tolerance + 1e-12 * max(abs(wanted), 1.0)
+        if self.comparison == "==":
+            return abs(value - wanted) <= self.tolerance * (1.0 + 1e-9)  # 50.03 - 50 is more than 0.03 in binary
         return not math.isnan(value) and _COMPARE[self.comparison](value, wanted)
 
     def _kind(self, twin: Twin) -> str:

@@ -217,3 +217,16 @@ def test_a_call_that_cannot_be_carried_out_is_one_line(call: Any, tmp_path: Path
     code, out, err = call("drive", *words, "--plant", "kinematic")
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert said in err
+
+
+def test_full_steps_of_a_half_step_stage_are_pulses_of_two(tmp_path: Path) -> None:
+    """The iSMIF counts half steps; in full-step mode a pulse is two of them, which the dump says beside it."""
+    twin = Twin(controller="ismif", plant="kinematic", seed=5)
+    job = "$HZXY<1>\nF1\nL1,x400,y101<1>\nF0\nL1,x101,y30<1>\n"
+    with Recorder(twin, 10_000_000) as recorder:
+        list(play(twin, parse_job(job, twin.language, "ismif"), 600.0))
+        write_vcd(tmp_path / "job.vcd", twin.steps, recorder)
+    assert set(np.unique(np.abs(twin.steps.delta))) == {0, 1, 2}
+    ticks = load(tmp_path / "job.vcd")
+    np.testing.assert_array_equal(ticks.t_ns, twin.steps.t_ns)
+    np.testing.assert_array_equal(ticks.delta, twin.steps.delta)
