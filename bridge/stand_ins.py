@@ -16,6 +16,7 @@ from __future__ import annotations
 import _thread
 import atexit
 import datetime
+import importlib
 import os
 import queue
 import select
@@ -24,6 +25,7 @@ import sys
 import threading
 import time
 import typing
+import warnings
 from collections.abc import Callable, Sequence
 from types import FrameType, ModuleType
 from typing import Any
@@ -105,7 +107,7 @@ def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
     def virtual(active: VirtualTime, *args: Any) -> Any:
         if len(args) <= position or args[position] is None:
             present: Any = _epoch_s(active)
-            if real is time.strftime or real is time.asctime:
+            if real.__name__ in ("strftime", "asctime"):
                 present = time.localtime(present)
             args = (*args[:position], present)
         return real(*args)
@@ -238,6 +240,9 @@ class VirtualRLock:
         self.release()
 
     # what threading.Condition wants of it
+
+    def _recursion_count(self) -> int:
+        return self._count if self._owner == _thread.get_ident() else 0
 
     def _is_owned(self) -> bool:
         return self._owner == _thread.get_ident()
@@ -379,6 +384,8 @@ def _refused(what: str) -> Callable[..., Any]:
             "concurrent": "a pool of processes",
             "subprocess": "subprocess",
         }
+        if by == "asyncio":
+            warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
         refuse(told.get(by or "", what), SERVE)
 
     return virtual
@@ -397,7 +404,9 @@ _REFUSED: dict[str, tuple[str, ...]] = {
 _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
     ("socket", "socket"): ("connect", "connect_ex", "accept", "bind", "listen", "recv", "recvfrom", "sendto"),
     ("selectors", "_BaseSelectorImpl"): ("__init__",),
+    ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
 }
+"""Methods that are refused, by module and class."""
 
 REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})
 """Packages whose main loops wait in real time."""
@@ -435,6 +444,7 @@ def host_line(frame: FrameType | None) -> str:
 
 def _signal(active: VirtualTime, number: int, handler: Any, /) -> Any:
     before = signal_function(number, active.deferred(handler) if callable(handler) else handler)
+    active.handlers.setdefault(number, before)
     return getattr(before, "__wrapped__", before)
 
 
@@ -489,8 +499,6 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
         (atexit.register, StandIn(atexit.register, _register)),
         (atexit.unregister, StandIn(atexit.unregister, _unregister)),
     ]
-    import socket  # noqa: F401  (so that its functions are refused)
-
     for module, names in _REFUSED.items():
         for name in names:
             if (real := getattr(sys.modules.get(module), name, None)) is not None:
@@ -504,7 +512,8 @@ _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_boo
 
 def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
     """Put the stand-ins in place, and `more` pairs of what is real and what stands in; return what undoes it."""
-    import _posixsubprocess  # noqa: F401
+    for module_name, _ in _REFUSED_METHODS:
+        importlib.import_module(module_name)
 
     table = _stand_ins() | {id(real): (real, stand_in) for real, stand_in in more}
     undo: list[tuple[Any, str, Any]] = []
@@ -532,7 +541,7 @@ def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Ca
         owner = getattr(sys.modules[module_name], class_name)
         for name in names:
             real = getattr(owner, name)
-            put(owner, name, _method(real, f"{class_name}.{name}"))
+            put(owner, name, _method(real, f"{module_name}.{class_name}.{name}"))
     finder = _Finder()
     sys.meta_path.insert(0, finder)
 
@@ -553,10 +562,12 @@ _ABSENT = object()
 
 
 def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
-    virtual = _refused(what)
+    virtual = _refused(what.removesuffix(".__init__"))
 
     def method(self: Any, *args: Any, **kwargs: Any) -> Any:
         active = here()
-        return real(self, *args, **kwargs) if active is None else virtual(active, *args, **kwargs)
+        if active is not None:
+            virtual(active)
+        return real(self) if real is object.__new__ else real(self, *args, **kwargs)
 
     return method

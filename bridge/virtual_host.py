@@ -13,6 +13,7 @@ How it ends                                          code
     an exception that nobody has caught              1, traceback printed
     Ctrl-C that nobody has caught                    130
     all threads wait for what cannot come            1, and `reason` says who waits where
+    more virtual time than it was given              1, and `reason` says so
     something virtual time cannot do                 2, and `reason` says what, where, and what to do
 
 What virtual time is, and what a look costs: `isel_twin.bridge.virtual_time`.
@@ -29,7 +30,8 @@ import sys
 import threading
 import traceback
 import types
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,9 +72,9 @@ class HostRun:
     code: int
     """Exit code of the host."""
     ending: str
-    """`exit`, `exception`, `interrupt`, `deadlock` or `refused`."""
+    """`exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`."""
     reason: str
-    """One line for people, if it was a deadlock or refused."""
+    """One line for people, if it was one of the last three."""
     began_ns: int
     ended_ns: int
     """Virtual time when the last thread of the host had ended."""
@@ -84,6 +86,8 @@ class HostRun:
     """End switches that were struck at any time, in reference runs too."""
     notes: tuple[str, ...] = field(default=())
     """What a real machine would not have taken."""
+    left: tuple[str, ...] = ()
+    """Threads that went on after the host had ended; they stand still for good."""
 
     @property
     def ok(self) -> bool:
@@ -130,11 +134,15 @@ def run_host(
     port: str | None = None,
     *,
     wire: Wire | None = None,
+    limit_s: float | None = None,
+    give_up: Callable[[VirtualTime], object] | None = None,
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
+    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
+    which may end themselves when the host goes on after it was told that it has ended.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -142,13 +150,15 @@ def run_host(
     program = argv if isinstance(argv, Program) else parse_program(argv)
     began_ns = twin.time_ns
     struck = _Struck(twin)
-    with _put_back(), VirtualTime(twin, port, wire=wire) as time:
+    with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
+        if give_up is not None:
+            time.give_up = lambda: give_up(time)
         code, ending = _run(program, time)
     if time.broken is not None:
         raise time.broken
     ended_ns = twin.time_ns
     reason = ""
-    if time.ending is not None and time.ending.kind in ("deadlock", "refused"):
+    if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
         ending, reason = time.ending.kind, time.ending.reason
         code = 2 if ending == "refused" else 1
     verdict = judge(twin, ())
@@ -162,6 +172,7 @@ def run_host(
         struck=struck.now(twin),
         was_struck=tuple(sorted(struck.seen)),
         notes=tuple(time.ports.notes),
+        left=tuple(time.left),
     )
 
 
@@ -183,7 +194,7 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
     """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
-        rest_code, rest_ending = _guarded(time.wait_for_threads, time)
+        rest_code, rest_ending = _guarded(lambda: _wait_for_threads(time), time)
         if rest_ending != "exit":
             code, ending = rest_code, rest_ending
     while time.at_exit and time.ending is None:
@@ -193,6 +204,23 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
         if stream is not None:
             stream.flush()
     return code, ending
+
+
+def _wait_for_threads(time: VirtualTime) -> None:
+    """Wait for the threads of the host, those of executors told before that nothing more will come."""
+    pools: Any = sys.modules.get("concurrent.futures.thread")
+    if pools is not None:
+        workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if time.task_of(thread)]
+        if workers:
+            pools._shutdown = True
+            try:
+                for _, work in workers:
+                    work.put(None)
+                for thread, _ in workers:
+                    thread.join()
+            finally:
+                pools._shutdown = False
+    time.wait_for_threads()
 
 
 def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
@@ -289,8 +317,10 @@ def _put_back() -> Iterator[None]:
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
+    sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
     try:
-        yield
+        with warnings.catch_warnings():
+            yield
     finally:
         random.setstate(chance)
         for name in set(sys.modules) - before:

@@ -179,7 +179,7 @@ def test_under_voltage_takes_the_torque_of_fast_moves() -> None:
 
 
 def test_under_voltage_of_a_common_supply_drops_the_stages() -> None:
-    """48 V less 65 % is below the lockout of 20 V once the capacitor is empty; back above 24 V they hold."""
+    """48 V less 65 % is below the lockout of 20 V once the capacitor has given what it had; above 24 V they hold."""
     twin = home(build(overrides={"supply.enabled": True}))
     assert twin.supply_v == pytest.approx(48.0, rel=0.02)
     happen(twin, undervoltage=0.65)

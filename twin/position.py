@@ -99,6 +99,13 @@ class Position:
         return self._sense * beyond_mm if self._mirrored else beyond_mm
 
     @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in the direction of the counters."""
+        self.follow_direction()
+        velocity_mm_s = self._plant.velocity_mm_s
+        return self._sense * velocity_mm_s if self._mirrored else velocity_mm_s.copy()
+
+    @property
     def error_mm(self) -> NDArray[np.float64]:
         """float64 [3], true position minus counter: lag, lost steps, backlash, load and errors of the screw."""
         return position_error_mm(self.position_mm, self.counts, self.step_mm)

@@ -64,8 +64,8 @@ def serve() -> Iterator[Callable[..., Served]]:
     """serve(*arguments) starts a process and waits until it listens. Protocol only, as fast as possible by default."""
     started: list[Served] = []
 
-    def start(*arguments: str, speed: str = "max") -> Served:
-        started.append(Served(("--plant", "kinematic", "--speed", speed, *arguments)))
+    def start(*arguments: str, speed: str = "max", plant: str = "kinematic") -> Served:
+        started.append(Served(("--plant", plant, "--speed", speed, *arguments)))
         return started[-1]
 
     yield start

@@ -248,7 +248,7 @@ def test_what_serve_records_must_be_a_kind_of_trace(tmp_path, capsys):
     with pytest.raises(SystemExit) as caught:
         main(["serve", "--record", str(tmp_path / "out.txt")])
     assert caught.value.code == 2
-    line = f"isel-twin: --record {tmp_path}/out.txt: the name must end in .npz, .vcd or .parquet\n"
+    line = f"isel-twin: --record {tmp_path}/out.txt: the name must end in .mcap, .npz, .vcd, .parquet or .csv\n"
     assert capsys.readouterr() == ("", line)
 
 

@@ -294,7 +294,8 @@ class Watch:
                 raise Broken(f"{terminal} is {_word(levels[terminal])}, and the controller was told {_word(told)}")
         closed = {name: _closed(contact, sight) for name, contact in self._contacts.items()}
         for terminal, contacts in self._wired.items():
-            if sight.bouncing and any(contact.kind == "switch" for contact in contacts):
+            worn = any(sight.inputs.get(contact.name) == "bounce" for contact in contacts)
+            if worn or (sight.bouncing and any(contact.kind == "switch" for contact in contacts)):
                 continue
             high = all(closed[contact.name] != contact.inverted for contact in contacts)
             if levels[terminal] != high:

@@ -139,6 +139,7 @@ def test_break_a_switch_and_heal_it_and_flip_bits(bench, open_panel):
     expect(page['.wrong[data-fault="limit_x2"]']).to_contain_text("broken")
     expect(page["#faulty"]).to_have_text("1")
     noise = page['.act[data-act="noise"]']
+    noise.locator("summary").click()
     noise.get_by_label("noise: value").fill("0.25")
     noise.get_by_role("button", name="begin").click()
     expect(page['.wrong[data-fault="noise"]']).to_contain_text("0.25")

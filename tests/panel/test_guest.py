@@ -75,6 +75,14 @@ def test_who_types_does_not_take_the_line_from_a_host_that_holds_it(bench, brows
     assert "ok" in page.request(say="@0P")
 
 
+def test_what_is_typed_while_time_stands_still_is_bounded(bench, browser):
+    page = browser(bench(speed=1.0))
+    page.ask(pause=True)
+    answers = [page.request(say="@0P\n" * 1000) for _ in range(3)]
+    assert [answer.keys() for answer in answers[:1]] == [{"ok"}]
+    assert "the line is full" in answers[-1]["error"]
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -164,7 +172,7 @@ class NoSite:
         self.watched = watched
         self.frames: list[dict[str, object]] = []
 
-    def start(self, about: object, machine: object) -> None: ...
+    def start(self, about: object, machine: object, recording: object) -> None: ...
     def show(self, frame: dict[str, object]) -> None:
         self.frames.append(frame)
 

@@ -6,6 +6,10 @@
     drive        captured step and direction signals of a real controller
     exec         a host program in Python in virtual time
     decode       bytes of a line explained
+    replay       a recorded session once more, and what is different
+    compare      two recordings laid over each other, command by command
+    export       a recording as a file for other tools
+    check        jobs against their bounds
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
@@ -31,7 +35,24 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, drive, golden, machines, motor, ports, run, serve, tap
+from isel_twin.cli import (
+    check,
+    compare,
+    controllers,
+    ctl,
+    decode,
+    describe,
+    drive,
+    export,
+    golden,
+    machines,
+    motor,
+    ports,
+    replay,
+    run,
+    serve,
+    tap,
+)
 from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
@@ -51,7 +72,11 @@ for command in (
     run.run,
     drive.drive,
     exec_,
+    check.check,
     decode.decode,
+    export.export,
+    replay.replay,
+    compare.compare,
     tap.tap,
     ports.ports,
     machines.machines,

@@ -26,6 +26,7 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def run(
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the job.")] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
     robust: Annotated[int, Parameter(help="Repeat the job so many times on slightly different machines.")] = 0,
@@ -76,13 +78,14 @@ def run(
     check_seconds("timeout", timeout, 0.0)
     lines = read_job(job, controller)
     needs_recorder = vcd is not None or trace is not None or report is not None
-    if needs_recorder:
+    if needs_recorder or record is not None:
         _check_samples(lines, interval)
     if trace is not None:
         need_pyarrow()
     if report is not None:
         need_matplotlib()
-    check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
+    check_record(record)
+    check_writable(steps, vcd, trace, report, record, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
@@ -97,6 +100,7 @@ def run(
         check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
+        recording = None if record is None else begin(record, twin, interval, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
@@ -121,6 +125,10 @@ def run(
             if path is not None:
                 with call_errors():
                     write_trace(path, twin, recorder, kind)
+        recorded = True
+        if record is not None and recording is not None:
+            with call_errors(record):
+                recorded = keep(recording, record)
         with call_errors(report):
             if report is not None and recorder is not None:
                 from isel_twin.trace.report import write_report
@@ -140,7 +148,7 @@ def run(
             sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
-    return 0 if verdict.ok and sound else 1
+    return 0 if verdict.ok and sound and recorded else 1
 
 
 def _repetitions(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
@@ -22,6 +21,7 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.recording import MCAP, RecordPath, check_record
 
 if TYPE_CHECKING:
     from isel_twin.bridge.control_port import ControlPort
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from isel_twin.bridge.server import Guest, WireTap
 
 KEPT_MOTIONS = 1000
-"""Motions in the record of a server that records nothing: what its panel or a visitor may want to look back at."""
+"""Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
 
 
 PANEL = "127.0.0.1:8217"
@@ -63,9 +63,7 @@ def serve(
     ] = False,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
-    record: Annotated[
-        Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
-    ] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
@@ -80,12 +78,12 @@ def serve(
     from isel_twin.bridge.keeping import serve_and_keep
     from isel_twin.bridge.log import log_to
     from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.recording import Freshness, TimeTap
     from isel_twin.bridge.registry import registered
     from isel_twin.bridge.server import Server, on_signals
     from isel_twin.bridge.wire_log import Taps, WireLog
-    from isel_twin.cli import outputs
+    from isel_twin.cli.recording import begin, keep
     from isel_twin.language import create_language
-    from isel_twin.trace.write import trace_kind, write_trace
     from isel_twin.warm import warm_up
 
     check_seconds("interval", interval, 1e-9)
@@ -95,11 +93,7 @@ def serve(
         raise CallError("panel-token: goes with --panel, and is not empty", option=True)
     with call_errors():
         factor = parse_speed(speed)
-    if record is not None:
-        try:
-            trace_kind(record)
-        except ValueError as error:
-            raise CallError(f"record {error}", option=True) from None
+    check_record(record)
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
@@ -109,12 +103,17 @@ def serve(
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
         page = _panel(panel, panel_token, stack)
-        twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
+        twin = call.build(keep_motions=KEPT_MOTIONS)
+        recording = None if record is None else begin(record, twin, interval, {"speed": speed}, stack)
+        if page is not None and recording is not None:
+            page.recording = recording.path
         warm_up(plant)
-        recorder = outputs.record(twin, interval, stack) if record is not None else None
         taps: list[WireTap] = [WireLog(create_language(controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page) if guest is not None]
+        if recording is not None:
+            taps.append(TimeTap(recording))
+            guests.append(Freshness(recording))
         server = Server(twin, Pacer(factor, twin.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
         where = addresses(endpoints)
@@ -127,7 +126,12 @@ def serve(
         who = {"machine": twin.machine.name, "controller": controller}
         stack.enter_context(registered({"command": "serve", **who, "ports": ports(endpoints)}))
         print(json.dumps({**where, **who}), flush=True)
-        return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+        if record is None or recording is None:
+            return serve_and_keep(server)
+        if record.suffix == MCAP:
+            code = serve_and_keep(server)
+            return code if recording.close() else 1
+        return serve_and_keep(server, record, lambda path: keep(recording, path))
 
 
 def _control_port(address: str | None, token: str | None, stack: ExitStack) -> ControlPort | None:

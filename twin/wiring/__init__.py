@@ -16,7 +16,14 @@ from isel_twin.wiring.acts import ACTS, Act, check_input
 from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import EVENT_KEYS, ScenarioError, ScenarioEvent, event_now, load_scenario
+from isel_twin.wiring.scenario import (
+    EVENT_KEYS,
+    ScenarioError,
+    ScenarioEvent,
+    cut_table,
+    event_now,
+    load_scenario,
+)
 from isel_twin.wiring.schedule import Condition, Schedule
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
@@ -36,6 +43,7 @@ __all__ = [
     "SerialLine",
     "Wiring",
     "check_input",
+    "cut_table",
     "event_now",
     "load_scenario",
     "outputs",

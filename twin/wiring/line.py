@@ -14,6 +14,7 @@ what is on its way and arrives later is not.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -28,7 +29,8 @@ class _Direction:
         self.due = 0
         self._free_ns = 0
 
-    def send(self, t_ns: int, data: bytes, byte_ns: int) -> None:
+    def send(self, t_ns: int, data: bytes, byte_ns: int) -> int:
+        """Put bytes on the line; return when the last of them arrives."""
         arrival = max(t_ns, self._free_ns)
         if byte_ns:
             for number in range(len(data)):
@@ -38,6 +40,7 @@ class _Direction:
             self.queue.append((arrival, data))
         self.due += len(data)
         self._free_ns = arrival
+        return arrival
 
     def receive(self, t_ns: int) -> bytes:
         data = b""
@@ -55,10 +58,13 @@ class _Direction:
         while self.queue and self.queue[0][0] <= t_ns:
             self.landed.append(self.queue.popleft())
 
-    def lose(self, t_ns: int) -> None:
-        """What would arrive by t_ns does not."""
+    def lose(self, t_ns: int) -> list[tuple[int, bytes]]:
+        """What would arrive by t_ns does not; return it."""
+        lost = []
         while self.queue and self.queue[0][0] <= t_ns:
-            self.due -= len(self.queue.popleft()[1])
+            lost.append(self.queue.popleft())
+            self.due -= len(lost[-1][1])
+        return lost
 
     @property
     def next_ns(self) -> int | None:
@@ -74,6 +80,10 @@ class SerialLine:
         self._random = random
         self.noise = 0.0
         """Chance of one flipped bit in each byte."""
+        self.on_reply: Callable[[int, bytes, int], None] | None = None
+        """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
+        self.on_lost: Callable[[int, bytes], None] | None = None
+        """Called with what was on its way to the host and does not arrive: when it would have."""
         self.dropped = 0.0
         """Chance that a byte is lost."""
         self.doubled = 0.0
@@ -91,7 +101,10 @@ class SerialLine:
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
-        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
+        data, spacing_ns = self._disturbed(data), byte_ns if self.timed else 0
+        arrival_ns = self._to_host.send(t_ns, data, spacing_ns)
+        if data and self.on_reply is not None:
+            self.on_reply(arrival_ns, data, spacing_ns)
 
     def at_controller(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the controller by t_ns. To be called at each `next_ns`."""
@@ -139,7 +152,9 @@ class SerialLine:
 
     def _lose(self, t_ns: int) -> None:
         self._to_controller.lose(t_ns)
-        self._to_host.lose(t_ns)
+        for arrival_ns, data in self._to_host.lose(t_ns):
+            if self.on_lost is not None:
+                self.on_lost(arrival_ns, data)
 
     def _disturbed(self, data: bytes) -> bytes:
         if self.noise > 0.0 and data:

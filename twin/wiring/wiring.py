@@ -16,7 +16,7 @@ nothing is due.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -102,6 +102,8 @@ class Wiring:
         self._cabinet = CABINETS[machine.cabinet]()
         self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
+        self.on_event: Callable[[ScenarioEvent], None] | None = None
+        """Called with each event of the scenario just before it happens."""
         self.settable = settable(machine)
         """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
         self._schedule = Schedule() if schedule is None else schedule
@@ -147,6 +149,8 @@ class Wiring:
             return True
         event = self._schedule.take(t_ns)
         if event is not None:
+            if self.on_event is not None:
+                self.on_event(event)
             self.carry_out(event, t_ns)
         return event is not None
 
@@ -271,7 +275,10 @@ class Wiring:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
             self._look()
-        return self._contacts.advance(t_ns) or bool(changed)
+        bounced = self._contacts.advance(t_ns)
+        if bounced:  # a worn contact of the cabinet chatters, too
+            self._settle_cabinet()
+        return bounced or bool(changed)
 
     @property
     def _places(self) -> int:
