@@ -92,7 +92,7 @@ def exec_(
         import json as json_
 
         print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
-    else:
+    elif done.ending != "refused":
         outputs.say(told(done))
     code = done.code or (1 if check and not done.verdict.ok else 0)
     if done.left:
