@@ -32,6 +32,10 @@ quick: $(READY)      ## tests of single parts, in about a minute
 bench: $(READY)      ## speed and memory, as ratios measured side by side
 	$(BIN)/python -m pytest tests/bench/bench_*.py --benchmark-only --benchmark-columns=median,ops --benchmark-sort=name
 
+.PHONY: browser
+browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped
+	@$(BIN)/python -m tests.panel.chromium
+
 .PHONY: reliability
 reliability: $(READY) ## what a server that runs for weeks must hold; takes half an hour of a quiet computer
 	$(BIN)/python -m tests.reliability

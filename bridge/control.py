@@ -226,6 +226,8 @@ class Operator:
             "levels": {terminal: int(level) for terminal, level in twin.levels.items()},
             "faults": dict(twin.faults),
             "events_left": twin.events_left,
+            "serial_format": str(twin.serial_format),
+            "ports": self._server.ports(),
             "remarks": [[time_ns / SECOND_NS, text] for time_ns, text in list(twin.remarks)[-REMARKS:]],
         }
 
@@ -268,7 +270,8 @@ class Operator:
 
     def _mind(self) -> None:
         """Have the pacer ask only while somebody waits."""
-        self._pacer.onlooker = self if self._pending else None
+        if bool(self._pending) != (self in self._pacer.onlookers):
+            (self._pacer.onlookers.append if self._pending else self._pacer.onlookers.remove)(self)
 
     def _judge(self, pending: Pending) -> None:
         if pending.condition.met():

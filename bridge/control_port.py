@@ -3,7 +3,7 @@
     {"set": {"estop": "pressed"}}      --->
                                        <---      {"ok": {"time_s": 12.5, "time_ns": 12500000000, "inputs": {...}}}
     {"set": {"estop": "half"}}         --->
-                                       <---      {"error": "request: input 'estop' cannot be 'half'; ..."}
+                                       <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
 
 What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
 meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
@@ -16,11 +16,8 @@ Who may: whoever reaches a port of the loopback interface. Beyond it a token is 
 
 from __future__ import annotations
 
-import hmac
-import ipaddress
 import json
 import logging
-import secrets
 import selectors
 import socket
 from collections.abc import Iterable, Iterator
@@ -30,7 +27,8 @@ from typing import Any, NoReturn
 
 from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.server import Outbox, Server, Watch
-from isel_twin.bridge.tcp import Spare, lacks_files, listen, parse_address
+from isel_twin.bridge.tcp import Spare, lacks_files, listen
+from isel_twin.bridge.token import is_token, token_for
 from isel_twin.twin import Twin
 
 __all__ = ["LINE_BYTES", "ControlPort", "parse_request"]
@@ -126,8 +124,7 @@ class ControlPort:
     def __init__(self, address: str, token: str | None = None) -> None:
         """token: what clients have to know; None: nothing on the loopback interface, elsewhere one is made up."""
         self._listener, self.address = listen(address)
-        local = ipaddress.ip_address(parse_address(self.address)[0].partition("%")[0]).is_loopback
-        self.token = token or (None if local else secrets.token_urlsafe(16))
+        self.token = token_for(self.address, token)
         self._spare = Spare()
         self._clients: list[_Client] = []
         self._operator: Operator | None = None
@@ -260,11 +257,7 @@ class ControlPort:
 
     def _admit(self, client: _Client, request: dict[str, Any]) -> dict[str, Any]:
         given = request["token"]
-        right = self.token is None or (
-            isinstance(given, str)
-            and hmac.compare_digest(given.encode("utf-8", "surrogatepass"), self.token.encode("utf-8"))
-        )
-        if not right or len(request) > 1:
+        if not is_token(given, self.token) or len(request) > 1:
             client.leaving = True
             client.buffer.clear()
             return _error("request: token: not the one of this server; allowed: the one it was started with, alone")

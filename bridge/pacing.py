@@ -100,13 +100,15 @@ def parse_speed(text: str) -> float | None:
 class Pacer:
     """Keeps a twin at its place in wall time. `speed`: times real time, or None for as fast as possible."""
 
-    def __init__(self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.perf_counter_ns
+    ) -> None:
         self.speed = speed
         self.behind = False
         """The speed is not kept at present."""
         self.reached = 0.0
         """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
-        self.onlooker: Onlooker | None = None
+        self.onlookers: list[Onlooker] = []
         self._clock = clock
         self._hold_ns: int | None = None
         """Virtual time that must not be passed, while paused."""
@@ -206,11 +208,11 @@ class Pacer:
         """Advance at most to until_ns, for about a tick of wall time, in slices whose length adapts to that."""
         end = self._clock() + TICK_NS
 
-        onlooker, told = self.onlooker, False
+        onlookers, told = tuple(self.onlookers), False
 
         def over() -> bool:
             nonlocal told
-            told = told or (onlooker is not None and onlooker.look())
+            told = told or any([onlooker.look() for onlooker in onlookers])  # each of them, told or not
             return told or stop() or self._clock() >= end
 
         while twin.time_ns < until_ns and not over():
@@ -220,8 +222,9 @@ class Pacer:
             aim_ns = min(until_ns, start_ns + slice_ns)
             if event is not None and not near:
                 aim_ns = min(aim_ns, event)
-            if onlooker is not None and (look_ns := onlooker.look_ns()) is not None:
-                aim_ns = min(aim_ns, max(look_ns, start_ns))
+            for onlooker in onlookers:
+                if (look_ns := onlooker.look_ns()) is not None:
+                    aim_ns = min(aim_ns, max(look_ns, start_ns))
             twin.run_until(aim_ns, over)
             took_ns = self._clock() - began
             if took_ns > TICK_NS:

@@ -3,24 +3,31 @@
     serial.serial_for_url("rfc2217://127.0.0.1:PORT")
 
 The negotiation is pySerial's own `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set;
-they change nothing, just as those of a pseudo terminal.
+what they mean for the bytes is the line's business (server.py, tap.py), as for those of a pseudo terminal.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import serial
 from serial.rfc2217 import PortManager
 
 from isel_twin.bridge.tcp import ProtocolError
+from isel_twin.controller import SerialFormat
 
 __all__ = ["Rfc2217Codec"]
 
 SUBOPTION_BYTES = 256
 """Longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes."""
+
+SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
+"""What a client may set and a serial port can be told."""
+
+DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS)
 
 
 @dataclass
@@ -41,6 +48,12 @@ class LineSettings:
     ri: bool = False
     cd: bool = True
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What no port can be set to raises ValueError, which `PortManager` answers with what there was."""
+        if (name == "bytesize" and value not in DATA_BITS) or (name == "baudrate" and value <= 0):
+            raise ValueError(f"{name} {value}")
+        super().__setattr__(name, value)
+
     def reset_input_buffer(self) -> None:
         """A client purges what it has not read: nothing is kept back here."""
 
@@ -54,10 +67,19 @@ class _Connection:
 
 
 class Rfc2217Codec:
-    """Telnet with the com port option on one connection. `send`: sends bytes to the client directly."""
+    """Telnet with the com port option on one connection.
 
-    def __init__(self, send: Callable[[bytes], None]) -> None:
-        self._manager = PortManager(LineSettings(), _Connection(send))
+    `send`: sends bytes to the client directly. `form`: of the controller's line, and so of the port until it is set.
+    """
+
+    def __init__(self, send: Callable[[bytes], None], form: SerialFormat = SerialFormat(19_200)) -> None:  # noqa: B008
+        self._port = LineSettings(form.baud, form.data_bits, form.parity, form.stop_bits)
+        self._manager = PortManager(self._port, _Connection(send))
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What the client has set: attributes of a pySerial port."""
+        return {name: value for name, value in asdict(self._port).items() if name in SETTINGS}
 
     def decode(self, data: bytes) -> bytes:
         """Bytes for the line; negotiation is answered on the way. Raises ProtocolError for malformed Telnet."""

@@ -19,18 +19,30 @@ from __future__ import annotations
 import gc
 import logging
 import math
-import selectors
 import signal
-import socket
-import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
+from isel_twin.bridge.loop import Wake, Watch, Watched, woken_by_signals
 from isel_twin.bridge.pacing import Clocked, Pacer
+from isel_twin.bridge.uart import heard
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Endpoint", "Guest", "Outbox", "SerialTwin", "Server", "Watch", "WireTap", "on_signals"]
+__all__ = [
+    "OUTBOX_BYTES",
+    "Endpoint",
+    "Guest",
+    "Line",
+    "Outbox",
+    "SerialTwin",
+    "Server",
+    "Watch",
+    "WireTap",
+    "claimed",
+    "host_format",
+    "on_signals",
+]
 
 log = logging.getLogger("isel_twin")
 
@@ -96,19 +108,22 @@ class Guest(Protocol):
         """The server ends: say so, let go of everything."""
 
 
-class Watch(NamedTuple):
-    """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).
+class Line(Protocol):
+    """What endpoints are attached to: the controller's line, a twin's (`Server`) or a real one's (tap.py)."""
 
-    Another handler may have been called in between, so it must bear with a file that is gone or not ready any more.
-    """
+    @property
+    def serial_format(self) -> SerialFormat:
+        """How the controller's bytes go over the line."""
 
-    file: Any
-    events: int
-    handler: Callable[[], None]
+    def receive(self, endpoint: Endpoint, data: bytes) -> None:
+        """A host of this endpoint has sent `data` just now."""
+
+    def claim(self, endpoint: Endpoint) -> bool:
+        """A network client of this endpoint asks for the line; True if it may have it."""
 
 
 class Endpoint(Protocol):
-    """A place where hosts connect. It is given its `Server` by `attach`, and from then on watched."""
+    """A place where hosts connect. It is given its `Line` by `attach`, and from then on watched."""
 
     kind: str
     """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
@@ -121,8 +136,16 @@ class Endpoint(Protocol):
     def busy(self) -> bool:
         """True while a network client holds the line here."""
 
-    def attach(self, server: Server) -> None:
-        """The server that will watch this endpoint, to be told what hosts send."""
+    @property
+    def waiting(self) -> int:
+        """Bytes for the host that it has not taken yet."""
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """How the host has set the port, as far as that can be seen: attributes of a pySerial port, baudrate first."""
+
+    def attach(self, line: Line) -> None:
+        """The line that will watch this endpoint, to be told what hosts send."""
 
     def watches(self, listening: bool) -> Iterable[Watch]:
         """Files to wait for now; no host is to be read while not `listening`: the line is full."""
@@ -179,23 +202,6 @@ def on_signals(action: Callable[[], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-@contextmanager
-def _woken_by_signals(wake: socket.socket) -> Iterator[None]:
-    """While the block lasts each signal writes a byte to `wake`.
-
-    Python runs handlers in the main thread between two instructions. A signal that another thread gets, or that comes
-    just before the main thread falls asleep, does not end that sleep by itself.
-    """
-    if threading.current_thread() is not threading.main_thread():  # signals are none of its business
-        yield
-        return
-    before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(before)
-
-
 class _Piece:
     """Replies of a paced line, gathered until it falls silent."""
 
@@ -223,39 +229,35 @@ class _Piece:
         return data
 
 
-class _Watched:
-    """The files waited for now. Registers with the operating system only what has changed since the last time."""
-
-    def __init__(self) -> None:
-        self._selector = selectors.DefaultSelector()
-        self._watches: list[Watch] = []
-        self._files: dict[int, Watch] = {}
-
-    def wait(self, watches: list[Watch], timeout_s: float | None) -> None:
-        """Sleep until one of the files is ready, then call the handlers of those that are."""
-        if watches != self._watches:
-            self._change(watches)
-        for key, _ in self._selector.select(timeout_s):
-            self._files[key.fd].handler()
-
-    def _change(self, watches: list[Watch]) -> None:
-        now = {_descriptor(watch.file): watch for watch in watches}
-        for number, old in self._files.items():
-            if (new := now.get(number)) is None or new.file is not old.file:
-                self._selector.unregister(number)
-            elif new.events != old.events:
-                self._selector.modify(number, new.events)
-        for number, watch in now.items():
-            if number not in self._selector.get_map():
-                self._selector.register(number, watch.events)
-        self._watches, self._files = watches, now
-
-    def close(self) -> None:
-        self._selector.close()
+def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
+    """How a host has set its port; what cannot be seen is taken to be as on the line."""
+    settings = endpoint.settings
+    return SerialFormat(
+        settings.get("baudrate", line.baud),
+        settings.get("bytesize", line.data_bits),
+        settings.get("parity", line.parity),
+        math.ceil(settings.get("stopbits", line.stop_bits)),
+    )
 
 
-def _descriptor(file: Any) -> int:
-    return file if isinstance(file, int) else file.fileno()
+def _name(endpoint: Endpoint) -> str:
+    """What a host knows it by."""
+    return getattr(endpoint, "link", None) or endpoint.address
+
+
+def _needed(form: SerialFormat) -> tuple[int, int, str]:
+    """What both sides must agree on."""
+    return form.baud, form.data_bits, form.parity
+
+
+def claimed(endpoints: Iterable[Endpoint]) -> bool:
+    """Whether a network client may have the line that these endpoints share; one that has left gives way to it."""
+    endpoints = tuple(endpoints)
+    if any(endpoint.busy for endpoint in endpoints):
+        return False
+    for endpoint in endpoints:
+        endpoint.give_way()
+    return True
 
 
 class Server:
@@ -268,22 +270,27 @@ class Server:
         endpoints: Sequence[Endpoint],
         wire: WireTap | None = None,
         guests: Sequence[Guest] = (),
+        strict_baud: bool = False,
     ) -> None:
-        """wire: follows the traffic in both directions, in virtual time."""
+        """wire: follows the traffic in both directions, in virtual time.
+
+        strict_baud: a host whose port is set otherwise than the controller's line hears and is heard as over a real
+        one (uart.py). What it sends at once goes without a pause; what it hears is handed on once the line is silent.
+        """
         self.twin = twin
         self.pacer = pacer
         self.endpoints = tuple(endpoints)
         self._wire = wire
+        self._strict_baud = strict_baud
+        self._warned: dict[Endpoint, SerialFormat] = {}
+        """Settings of hosts that do not fit, as they were told."""
         self._speaker: Endpoint | None = None
         self._line_free_ns = 0
         self._piece = _Piece()
         self._behind = False
         self._stopped = False
-        self._watched = _Watched()
-        self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_in.setblocking(False)
-        self._wake_out.setblocking(False)
-        self._wake_watch = Watch(self._wake_out, selectors.EVENT_READ, self._awake)
+        self._watched = Watched()
+        self._wake = Wake()
         self._guests = tuple(guests)
         self._unheard = 0
         """Bytes of hosts taken while virtual time stands still."""
@@ -299,14 +306,13 @@ class Server:
 
     def wake(self) -> None:
         """End the present sleep of `run`. May be called from a signal handler or another thread."""
-        with suppress(OSError):  # awake already, or closed already
-            self._wake_in.send(b"\0")
+        self._wake()
 
     def run(self) -> None:
         """Serve until `stop`; then let go of the endpoints, also if something in it raises."""
         gc.freeze()  # or every now and then the collector looks at all there is, which takes tens of milliseconds
         try:
-            with _woken_by_signals(self._wake_in):
+            with woken_by_signals(self._wake):
                 while not self._stopped:
                     self._step()
             self._hand_on()
@@ -319,8 +325,7 @@ class Server:
                 with suppress(OSError):  # the others must be let go of, too
                     close()
             self._watched.close()
-            self._wake_in.close()
-            self._wake_out.close()
+            self._wake.close()
 
     def _step(self) -> None:
         self.pacer.advance(self.twin)
@@ -348,8 +353,8 @@ class Server:
             )
 
     def _watches(self) -> list[Watch]:
-        watches = [self._wake_watch]
-        listening = self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
+        watches = [self._wake.watch]
+        listening = self.listening
         for endpoint in self.endpoints:
             watches += endpoint.watches(listening)
         for guest in self._guests:
@@ -373,6 +378,11 @@ class Server:
         room_ns = LINE_BYTES * self.twin.serial_format.byte_ns
         return self.pacer.until_s(self._line_free_ns - room_ns)
 
+    @property
+    def listening(self) -> bool:
+        """Whether the line has room for what a host says now."""
+        return self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
+
     def _replies_pile_up(self) -> bool:
         """Whether the line to the host is so far behind that no more questions should be asked."""
         return self.twin.replies_due > LINE_BYTES
@@ -382,10 +392,6 @@ class Server:
         if not self.pacer.paused:
             self._unheard = 0
         return self._unheard > LINE_BYTES
-
-    def _awake(self) -> None:
-        with suppress(BlockingIOError):
-            self._wake_out.recv(4096)
 
     def _reply(self) -> None:
         """Hand what has arrived to the host, in pieces or as it comes."""
@@ -410,15 +416,24 @@ class Server:
     @property
     def _gathering(self) -> bool:
         listener = self._listener
-        return self.pacer.speed is not None and listener is not None and listener.gathers
+        if self.pacer.speed is None or listener is None:
+            return False
+        return listener.gathers or (self._strict_baud and not self.fits(listener))
 
     def _hand_on(self) -> None:
         """Send the piece gathered so far."""
         data, listener = self._piece.take(), self._listener
         if data and listener is not None:
+            if self._strict_baud and not self.fits(listener):
+                data = heard(data, self.serial_format, host_format(listener, self.serial_format)).data
             listener.send(data)
 
     # called by endpoints
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        """How the controller's bytes go over the line."""
+        return self.twin.serial_format
 
     def receive(self, endpoint: Endpoint, data: bytes) -> None:
         """A host of this endpoint has sent `data` just now."""
@@ -426,6 +441,11 @@ class Server:
         if endpoint is not self._speaker:
             self._hand_on()
             self._speaker = endpoint
+        self._compare(endpoint)
+        if self._strict_baud and not self.fits(endpoint):
+            data = heard(data, host_format(endpoint, self.serial_format), self.serial_format).data
+            if not data:
+                return
         if self._wire is not None:
             self._wire.carry(self.twin.time_ns, data, sent=True)
         self.twin.write(data)
@@ -436,7 +456,45 @@ class Server:
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 
+    def fits(self, endpoint: Endpoint) -> bool:
+        """Whether the host has set its port there as the controller's line is, as far as that matters and can be seen.
+
+        A second stop bit is a pause, which nobody minds.
+        """
+        return _needed(host_format(endpoint, self.serial_format)) == _needed(self.serial_format)
+
+    def _compare(self, endpoint: Endpoint) -> None:
+        """Tell a host's settings that do not fit, once."""
+        if self.fits(endpoint):
+            self._warned.pop(endpoint, None)
+            return
+        host = host_format(endpoint, self.serial_format)
+        if self._warned.get(endpoint) == host:
+            return
+        self._warned[endpoint] = host
+        what = "as here" if self._strict_baud else "here it does not matter (--strict-baud: as on a real line)"
+        log.warning(
+            "%s %s: the host's port is set to %s, the controller's line has %s; a real line would garble each byte, %s",
+            endpoint.kind,
+            _name(endpoint),
+            host,
+            self.serial_format,
+            what,
+        )
+
     # called by guests
+
+    def ports(self) -> list[dict[str, Any]]:
+        """Each endpoint, and what its host has set: `host` is its format, `fits` whether that is the line's."""
+        return [
+            {
+                "kind": endpoint.kind,
+                "address": _name(endpoint),
+                "host": str(host_format(endpoint, self.serial_format)),
+                "fits": self.fits(endpoint),
+            }
+            for endpoint in self.endpoints
+        ]
 
     def present(self) -> None:
         """Bring the twin to the present, because somebody wants to do something to it or to its time."""
@@ -458,8 +516,4 @@ class Server:
 
         A client that has closed its sending side and only waits for its last replies gives way.
         """
-        if any(other.busy for other in self.endpoints):
-            return False
-        for other in self.endpoints:
-            other.give_way()
-        return True
+        return claimed(self.endpoints)

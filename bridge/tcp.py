@@ -22,12 +22,13 @@ import select
 import selectors
 import socket
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
-from isel_twin.bridge.server import Outbox, Server, Watch
+from isel_twin.bridge.server import Line, Outbox, Watch
+from isel_twin.controller import SerialFormat
 
 __all__ = ["Codec", "ProtocolError", "RawCodec", "Spare", "TcpEndpoint", "lacks_files", "listen", "parse_address"]
 
@@ -56,11 +57,17 @@ class Codec(Protocol):
     def encode(self, data: bytes) -> bytes:
         """Bytes for the connection out of bytes of the line."""
 
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """How the client has set the port; empty if it cannot."""
+
 
 class RawCodec:
-    """Nothing in between. `send`: sends bytes to the client directly."""
+    """Nothing in between. `send`: sends bytes to the client directly; `form`: of the controller's line."""
 
-    def __init__(self, send: Callable[[bytes], None]) -> None:
+    settings: Mapping[str, Any] = {}
+
+    def __init__(self, send: Callable[[bytes], None], form: SerialFormat) -> None:
         pass
 
     def decode(self, data: bytes) -> bytes:
@@ -154,26 +161,28 @@ def _keep_alive(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
+CodecMaker = Callable[[Callable[[bytes], None], SerialFormat], Codec]
+
+
 class _Client:
     """The client that holds the line."""
 
-    def __init__(self, connection: socket.socket, codec: Callable[[Callable[[bytes], None]], Codec]) -> None:
+    def __init__(self, connection: socket.socket, codec: CodecMaker, form: SerialFormat) -> None:
         self.connection = connection
         self.outbox = Outbox(connection.send)
         self.departing = False  # has closed its sending side
-        self.codec = codec(self.outbox.put)
+        self.codec = codec(self.outbox.put, form)
 
 
 class TcpEndpoint:
     """A listening TCP socket. Raises ValueError for a bad address and OSError if it cannot listen there."""
 
-    def __init__(
-        self, address: str, kind: str = "tcp", codec: Callable[[Callable[[bytes], None]], Codec] = RawCodec
-    ) -> None:
+    def __init__(self, address: str, kind: str = "tcp", codec: CodecMaker = RawCodec) -> None:
         self.kind = kind
         self.gathers = True
         self._codec = codec
         self._client: _Client | None = None
+        self._listening = True
         self._refused: deque[socket.socket] = deque()
         self._listener, self.address = listen(address)
         self._spare = Spare()
@@ -182,13 +191,22 @@ class TcpEndpoint:
     def busy(self) -> bool:
         return self._client is not None and not self._client.departing and not _hung_up(self._client.connection)
 
-    def attach(self, server: Server) -> None:
-        self._server = server
+    @property
+    def waiting(self) -> int:
+        return len(self._client.outbox) if self._client is not None else 0
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        return self._client.codec.settings if self._client is not None else {}
+
+    def attach(self, line: Line) -> None:
+        self._line = line
 
     def watches(self, listening: bool) -> Iterable[Watch]:
         yield Watch(self._listener, selectors.EVENT_READ, self._accept)
         for connection in self._refused:
             yield Watch(connection, selectors.EVENT_READ, partial(self._drain, connection))
+        self._listening = listening
         if (client := self._client) is not None:
             reading = listening and not client.departing
             events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
@@ -203,13 +221,13 @@ class TcpEndpoint:
                 self._spare.turn_away(self._listener, self.kind)
             return  # else it has gone already
         connection.setblocking(False)
-        if not self._server.claim(self):
+        if not self._line.claim(self):
             self._refuse(connection)
             return
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             _keep_alive(connection)
-            self._client = _Client(connection, self._codec)
+            self._client = _Client(connection, self._codec, self._line.serial_format)
         except OSError:
             connection.close()  # it has gone already
         else:
@@ -245,7 +263,7 @@ class TcpEndpoint:
             return
         try:
             client.outbox.flush()
-            if client.departing:
+            if client.departing or not self._listening:
                 return
             data = client.connection.recv(4096)
             line = client.codec.decode(data)
@@ -257,7 +275,7 @@ class TcpEndpoint:
         if not data:
             client.departing = True
         if line:
-            self._server.receive(self, line)
+            self._line.receive(self, line)
 
     def send(self, data: bytes) -> None:
         if self._client is not None:
@@ -268,6 +286,7 @@ class TcpEndpoint:
 
     def give_way(self) -> None:
         client = self._client
+        self._listening = True
         while client is not None and self._client is client and not client.departing:
             self._ready()  # what it has sent before it left must not be lost
         self._disconnect("closed by the client")

@@ -12,12 +12,13 @@ hexadecimal, as they came, up to a silence of SILENCE_NS or to a byte from the o
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
-from typing import Protocol
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, Protocol
 
+from isel_twin.bridge.server import WireTap
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
-__all__ = ["Meaning", "MeaningMessage", "WireLog"]
+__all__ = ["Meaning", "MeaningMessage", "Taps", "WireLine", "WireLog", "print_line"]
 
 log = logging.getLogger("isel_twin.wire")
 
@@ -49,11 +50,67 @@ class Meaning(Protocol):
         """The message of one direction that has been begun and not ended."""
 
 
-class WireLog:
-    """Prints the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal."""
+class WireLine(NamedTuple):
+    """A message, or what somebody beside the host has done."""
 
-    def __init__(self, language: Meaning | None) -> None:
+    time_s: float
+    """Virtual time."""
+    who: str
+    """`host`, or what the controller and others are called."""
+    text: str
+    meaning: str
+
+
+def print_line(line: WireLine) -> None:
+    """Into the log, as one line."""
+    text = f"{line.time_s:12.6f} s  {line.who:<4}  {line.text:<24}  {line.meaning}".rstrip()
+    log.info("%s", text, extra={"each": True})
+
+
+class Taps:
+    """Several who follow the traffic, as one: a `WireTap` of the server."""
+
+    def __init__(self, taps: Sequence[WireTap]) -> None:
+        self._taps = tuple(taps)
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.carry(time_ns, data, sent)
+
+    def look(self, time_ns: int) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.look(time_ns)
+
+    def act(self, time_ns: int, text: str) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.act(time_ns, text)
+
+    def close(self) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.close()
+
+
+class WireLog:
+    """Follows the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal. `say` is told each line.
+
+    controller, others: what the controller and whoever is no host are called, in up to four letters.
+    """
+
+    def __init__(
+        self,
+        language: Meaning | None,
+        controller: str = "twin",
+        others: str = "ctl",
+        say: Callable[[WireLine], None] = print_line,
+    ) -> None:
+        self._controller = controller
+        self._others = others
         self._language = language
+        self._say = say
         self._begun = bytearray()
         self._sent = True
         self._time_ns = 0
@@ -79,9 +136,9 @@ class WireLog:
             self._print_begun()
 
     def act(self, time_ns: int, text: str) -> None:
-        """Somebody has done something through the control port."""
+        """See WireTap."""
         self._print_begun()
-        log.info("%s", f"{time_ns / SECOND_NS:12.6f} s  ctl   {text}", extra={"each": True})
+        self._say(WireLine(time_ns / SECOND_NS, self._others, text, ""))
 
     def close(self) -> None:
         """Print what has been begun and not ended."""
@@ -97,8 +154,7 @@ class WireLog:
             self._begun.clear()
 
     def _print(self, time_ns: int, sent: bool, text: str, explanation: str = "") -> None:
-        line = f"{time_ns / SECOND_NS:12.6f} s  {'host' if sent else 'twin'}  {text:<24}  {explanation}".rstrip()
-        log.info("%s", line, extra={"each": True})
+        self._say(WireLine(time_ns / SECOND_NS, "host" if sent else self._controller, text, explanation))
 
 
 def _hex(data: bytes | bytearray) -> str:

@@ -103,6 +103,32 @@ def test_the_supply_of_an_ismif_is_that_of_its_own_stages() -> None:
     assert all(30.4 <= volts <= 33.6 for volts in supplies)
 
 
+def test_what_the_caller_says_of_the_supply_goes_before_what_the_controller_wishes() -> None:
+    """24 V, neither the 32 V of an iSMIF's own stages nor the machine's 48."""
+    machine = robust._machine(TwinCall(controller="ismif", overrides={"axes.all.stage.supply": 24.0}))
+    assert {axis.stage.supply_v for axis in machine.axes} == {24.0}
+
+
+def test_repetitions_have_scenario_line_and_machine_of_the_call(tmp_path: Path) -> None:
+    """A reference run of 100 full steps away is stopped by the emergency stop after a tenth of a second; 16 bytes take
+    their time at 19200 bit/s; a turn of 400 microsteps makes 1600 of them 20 mm."""
+
+    def first(**called: Any) -> Any:
+        lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+        return next(robust.trials(TwinCall(**called), lines, 1, timeout_s=60.0)).verdict
+
+    plain = first()
+    scenario = tmp_path / "stop.toml"
+    scenario.write_text('[[event]]\nat = 0.1\nset = { estop = "pressed" }\n')
+    assert plain.ok
+    assert not first(scenario=scenario).ok
+    byte_s = 10 / 19200
+    least_ns = byte_s * 1e9 * len(SOUND.encode())
+    assert least_ns <= first(line_speed=True).ended_ns - plain.ended_ns < 3.0 * least_ns
+    turned = first(overrides={"axes.all.steps_per_rev": 400}).position_mm[0]
+    assert turned == pytest.approx(4.0 * plain.position_mm[0], rel=0.02)
+
+
 # What comes of it ---
 
 
@@ -170,6 +196,49 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     assert file.read_bytes() == stored
 
 
+# Other ways to say the job, and to read of it ---
+
+
+def command(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    words = (sys.executable, "-m", "isel_twin.cli", "run", *words)
+    return subprocess.run(words, cwd=folder, input=stdin, capture_output=True, text=True, timeout=240, check=False)
+
+
+def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> None:
+    """In other processes too, which have no standard input of it."""
+    (tmp_path / "job.txt").write_text(SOUND)
+    words = ("--robust", "2", "--jobs", "2", "--json")
+    from_file, from_input = command(tmp_path, "job.txt", *words), command(tmp_path, "-", *words, stdin=SOUND)
+    assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
+    assert from_file.stdout == from_input.stdout
+    assert json.loads(from_input.stdout.splitlines()[-1])["trials"] == 2
+
+
+def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None:
+    """The emergency stop is hit in the reference run, or never."""
+    (tmp_path / "stop.toml").write_text('[[event]]\nat = 0.1\nset = { estop = "pressed" }\n')
+    code, out, _ = run(SOUND, "--robust", "2", "--scenario", "stop.toml", "--json")
+    *_, job, first, second, last = (json.loads(line) for line in out)
+    assert (code, last["robust"], last["other"]) == (1, False, 0)
+    assert [seen["ok"] for seen in (job, first, second)] == [False] * 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes there do not break like that")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
+    """As `| head -1` does: no traceback, no thousand repetitions, and no success."""
+    (tmp_path / "job.txt").write_text(SOUND)
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs, "--json"]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, cwd=tmp_path, **pipes) as child:
+        assert child.stdout is not None
+        assert child.stderr is not None
+        assert json.loads(child.stdout.readline())["number"] == 1
+        child.stdout.close()
+        assert child.wait(timeout=60) != 0
+        assert "Traceback" not in child.stderr.read()
+
+
 # Ctrl-C ---
 
 
@@ -190,6 +259,34 @@ def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(
     assert "Traceback" not in err
     assert re.search(r"job.txt: interrupted after \d+ of 1000 repetitions", err)
     assert out.splitlines()[-1].startswith("unclear: ")
+
+
+def test_a_repetition_in_progress_is_given_up() -> None:
+    """Two thousand moves; asked whether to stop at every event, the answer is yes from the 40th time on."""
+    call = TwinCall()
+    lines = parse_job("@07\n@0R7\n" + "@0A800,5000,0,30,0,30,0,30\n" * 2000, create_language("imc-s8"), "imc-s8")
+    asked = 0
+
+    def stop() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > 40
+
+    assert list(robust.trials(call, lines, 3, timeout_s=60.0, stop=stop)) == []
+    assert asked < 100
+
+
+def test_other_processes_give_up_what_they_are_at() -> None:
+    """Two hours of moves each, which take a minute to compute."""
+    there, back = "@0A72000,10000,0,30,0,30,0,30\n", "@0A-72000,10000,0,30,0,30,0,30\n"
+    lines = parse_job("@07\n@0R7\n" + (there + back) * 500, create_language("imc-s8"), "imc-s8")
+    begin_s = time.monotonic()
+    with robust.processes(2) as pool:
+        trials = robust.trials(
+            TwinCall(), lines, 2, timeout_s=60.0, executor=pool, stop=lambda: time.monotonic() > begin_s + 3.0
+        )
+        assert list(trials) == []
+    assert time.monotonic() < begin_s + 20.0
 
 
 # Refusals ---

@@ -11,7 +11,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.plant import Cut
-from isel_twin.wiring import ScenarioError
+from isel_twin.wiring import ScenarioError, ScenarioEvent
 
 MOVE = "@0A32000,5000,0,30,0,30,0,30"  # 100 mm, 6.4 s
 START_MM = (30.0, 30.0, 30.0)
@@ -238,13 +238,26 @@ def test_what_needs_physics_is_said_and_counted_without(
         """,
         plant,
     )
-    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut or interrupt a motor phase"
+    said = f"{tmp_path}/scenario.toml: 2 of 3 events push, cut, load or break what is not there"
     assert [record.getMessage().startswith(said) for record in caplog.records] == [True] * bool(idle)
     assert (twin.events_left, twin.events_without_effect) == (3, 0)
     twin.run(2.5)
     assert (twin.events_left, twin.events_without_effect) == (1, min(idle, 1))
     twin.run(2.5)
     assert (twin.events_left, twin.events_without_effect) == (0, idle)
+
+
+@pytest.mark.parametrize(("plant", "idle"), [("kinematic", 3), ("mujoco", 0)])
+def test_what_needs_physics_is_counted_whoever_does_it(plant: str, idle: int) -> None:
+    """By a call of its own or as an event; what only ends something is not counted."""
+    twin = Twin(plant=plant)
+    twin.apply_force(0, 50.0)
+    twin.apply_force(0, 0.0)
+    twin.set_cut(Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=3600.0, kc_n_mm2=800.0))
+    twin.set_cut(None)
+    twin.carry_out(ScenarioEvent(0, force_n={1: 20.0}, phase_lost={1: "a"}))
+    twin.carry_out(ScenarioEvent(0, inputs={"hood": "open"}))
+    assert twin.events_without_effect == idle
 
 
 CUT = """

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from isel_twin.controller import Controller
     from isel_twin.twin import Twin
 
 __all__ = ["CallError", "TwinCall", "call_errors", "one_line"]
@@ -28,11 +29,13 @@ class CallError(ValueError):
     """A call cannot be carried out; the message is one line that says why and what to do.
 
     option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
+    excerpt: lines to be shown below it, such as a line of a file with a caret.
     """
 
-    def __init__(self, line: str, *, option: bool = False) -> None:
+    def __init__(self, line: str, *, option: bool = False, excerpt: str = "") -> None:
         super().__init__(line)
         self.option = option
+        self.excerpt = excerpt
 
 
 def one_line(text: str) -> str:
@@ -73,11 +76,13 @@ class TwinCall:
     """Bytes take their time on the serial line."""
     overrides: Mapping[str, Any] = field(default_factory=dict)
     """Machine parameters to change, see `isel_twin.machine.with_overrides`."""
+    start_mm: tuple[float, ...] | None = None
+    """Carriage positions at power-on in machine coordinates; None: drawn from the seed."""
 
-    def build(self, keep_motions: int | None = None) -> Twin:
+    def build(self, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
         """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
 
-        keep_motions: see `Twin`.
+        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named.
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
@@ -93,13 +98,14 @@ class TwinCall:
         with call_errors(self.scenario):
             twin = Twin(
                 self.machine,
-                self.controller,
+                controller or self.controller,
                 self.plant,
                 self.seed,
                 flash=image,
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,
+                start_mm=self.start_mm,
                 keep_motions=keep_motions,
             )
         if keeper is not None:

@@ -51,11 +51,11 @@ if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the com
 
 @dataclass(frozen=True)
 class SerialFormat:
-    """How a byte goes over the line: speed in bit/s, data bits, parity (N, E, O), stop bits."""
+    """How a byte goes over the line: speed in bit/s, data bits, parity (none, even, odd, mark, space), stop bits."""
 
     baud: int
     data_bits: int = 8
-    parity: Literal["N", "E", "O"] = "N"
+    parity: Literal["N", "E", "O", "M", "S"] = "N"
     stop_bits: int = 1
 
     @property
@@ -79,12 +79,31 @@ class Reply:
     data: bytes
 
 
+OUTPUTS: Mapping[str, int] = {
+    "stages": 0,
+    "power_request": 0,
+    "current_lowering": 0,
+    "brake": 0,
+    "moving": 0,
+    "spindle": 0,
+    "hood_release": 1,
+    "analog": 0,
+    "lamp_start": 0,
+    "lamp_stop": 0,
+    "lamp_fault": 0,
+    "software_ok": 0,
+    "user": 0,
+    "flash_fault": 0,
+}
+"""Outputs that every controller may use, and what each is until the controller says otherwise; see `Output`."""
+
+
 @dataclass(frozen=True)
 class Output:
     """A new level of a named output.
 
-    Names every controller may use, so that drives and cabinet understand them; all of them are 0 until it says so,
-    `hood_release` alone is 1: `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
+    Names every controller may use, so that drives and cabinet understand them, as in OUTPUTS until it says so:
+    `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
     opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
@@ -227,6 +246,15 @@ class UsesDrives(Protocol):
 
     def use_drives(self, drives: Drives) -> None:
         """The drives to be asked during later calls. Handed over once, before `power_on`."""
+
+
+@runtime_checkable
+class NamesOutputs(Protocol):
+    """What a controller offers beside `Controller` if it has outputs beyond OUTPUTS: events can wait for them."""
+
+    @property
+    def output_names(self) -> Sequence[str]:
+        """Their names."""
 
 
 ControllerFactory = Callable[..., Controller]

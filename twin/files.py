@@ -38,6 +38,8 @@ FLASH_BYTES = 1 << 24
 
 _numbers = itertools.count()
 
+_WINDOWS = os.name == "nt"
+
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
@@ -76,7 +78,9 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 def _flush(path: Path) -> None:
     """Wait until a file or folder is on the disk."""
-    handle = os.open(path, os.O_RDONLY)
+    if _WINDOWS and path.is_dir():
+        return  # nor can one be opened there; its file system keeps a journal of names
+    handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # only what can be written is flushed there
     try:
         os.fsync(handle)
     finally:

@@ -287,6 +287,14 @@ def load_machine(name_or_path: str | Path) -> Machine:
     return _build(tree, file)
 
 
+def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
+    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be.
+
+    Raises MachineError as `load_machine` does.
+    """
+    return _build(copy.deepcopy(dict(tree)), file)
+
+
 def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     """The machine with some of its numbers changed, for experiments.
 

@@ -176,9 +176,22 @@ def _fields(cls: type[Any]) -> Iterator[tuple[str, dataclasses.Field[Any]]]:
 
 def read_toml(place: Place) -> dict[str, Any]:
     """The tree of a whole file. Raises OSError if it cannot be opened."""
+    return parse_toml(read_text(place), place)
+
+
+def read_text(place: Place) -> str:
+    """The text of a whole file. Raises OSError if it cannot be opened."""
     try:
-        return tomllib.loads(Path(place.file).read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return Path(place.file).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise place.wrong(f"not a TOML file: {error}") from None
+
+
+def parse_toml(content: str, place: Place) -> dict[str, Any]:
+    """The tree of a text."""
+    try:
+        return tomllib.loads(content)
+    except tomllib.TOMLDecodeError as error:
         raise place.wrong(f"not a TOML file: {error}") from None
 
 

@@ -61,6 +61,12 @@ class Position:
         self._zero_mm = self._zeros()
         self._sense, self._mirrored = self._senses()
 
+    def start_anew(self, controller: Controller) -> None:
+        """Another controller counts from now on, the same axes: where the carriages stand is where its counters say."""
+        self._controller = controller
+        for axis, count in enumerate(controller.counts):
+            self.counter_set(axis, count)
+
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
         self.follow_direction()
@@ -91,6 +97,13 @@ class Position:
         self.follow_direction()
         beyond_mm: NDArray[np.float64] = self._plant.position_mm - self._zero_mm
         return self._sense * beyond_mm if self._mirrored else beyond_mm
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in the direction of the counters."""
+        self.follow_direction()
+        velocity_mm_s = self._plant.velocity_mm_s
+        return self._sense * velocity_mm_s if self._mirrored else velocity_mm_s.copy()
 
     @property
     def error_mm(self) -> NDArray[np.float64]:

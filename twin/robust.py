@@ -15,8 +15,10 @@ A job is robust if all repetitions end as the job itself does: accepted or not, 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +32,7 @@ from isel_twin.verdict import Verdict, judge
 if TYPE_CHECKING:
     from isel_twin.job import Line
 
-__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "trials"]
+__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "processes", "trials"]
 
 SUPPLY = 0.05
 """Largest part by which the supply of the stages differs."""
@@ -38,6 +40,9 @@ FRICTION = 0.2
 """Largest part by which the friction of an axis differs."""
 LOAD = 0.1
 """Largest part by which each mass differs."""
+
+POLL_S = 0.1
+"""How often one that waits for processes asks whether it should."""
 
 _FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
@@ -104,22 +109,68 @@ def trials(
     timeout_s: float,
     flash: bytes | None = None,
     executor: Executor | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> Iterator[Trial]:
     """Repeat a job so many times with small perturbations; in the order of their numbers, whatever runs them.
 
     flash: image of the controller's flash memory at the beginning of the job; nothing is written to the call's file.
-    executor: None: here, one by one, each when it is asked for.
+    executor: None: here, one by one, each when it is asked for. stop: asked now and then; once it returns True the
+    repetitions end, and those that have begun are given up (in other processes if these are of `processes`).
     """
     numbers = range(1, number + 1)
     if executor is None:
-        return (_trial(call, lines, n, timeout_s, flash) for n in numbers)
-    futures = [executor.submit(_trial, call, lines, n, timeout_s, flash) for n in numbers]
-    return (future.result() for future in futures)
+        begun = (_trial(call, lines, n, timeout_s, flash, stop) for n in numbers)
+    else:
+        futures = [executor.submit(_trial, call, lines, n, timeout_s, flash) for n in numbers]
+        begun = (_wait(future, stop) for future in futures)
+    return _until_none(begun)
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor]:
+    """Processes that repeat jobs, begun when they are needed; at the end they give up what they are at."""
+    context = multiprocessing.get_context("spawn")
+    given_up = context.Event()
+    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_serve, initargs=(given_up,))
+    try:
+        yield executor
+    finally:
+        given_up.set()
+        executor.shutdown(cancel_futures=True)
+
+
+_given_up: Callable[[], bool] | None = None
+"""In a process of `processes`: whether to go on; no result depends on it."""
+
+
+def _serve(given_up: Any) -> None:
+    """Begin as a process that repeats jobs."""
+    global _given_up
+    _given_up = given_up.is_set
+
+
+def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
+    """A repetition in another process, None if it is to be waited for no longer."""
+    while stop is None or not stop():
+        try:
+            return future.result(None if stop is None else POLL_S)
+        except TimeoutError:
+            if future.done():
+                raise
+    return future.result() if future.done() and not future.cancelled() else None
+
+
+def _until_none(begun: Iterator[Trial | None]) -> Iterator[Trial]:
+    for trial in begun:
+        if trial is None:
+            return
+        yield trial
 
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
-    """Whether two runs of a job ended alike: accepted or not, and lost or not on each axis."""
-    return (verdict.ok, verdict.refused, verdict.lost) == (other.ok, other.refused, other.lost)
+    """Whether two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
+    ends = [(v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other)]
+    return ends[0] == ends[1]
 
 
 def _machine(call: TwinCall) -> Machine:
@@ -129,11 +180,19 @@ def _machine(call: TwinCall) -> Machine:
     return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
 
 
-def _trial(call: TwinCall, lines: Sequence[Line], number: int, timeout_s: float, flash: bytes | None) -> Trial:
-    """One repetition; a function of its arguments alone, so it can run in another process."""
+def _trial(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    timeout_s: float,
+    flash: bytes | None,
+    stop: Callable[[], bool] | None = None,
+) -> Trial | None:
+    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
     from isel_twin.job import play
     from isel_twin.twin import Twin
 
+    stop = stop or _given_up
     seed, factors, overrides = perturbation(_machine(call), call.seed, number)
     twin = Twin(
         call.machine,
@@ -145,5 +204,7 @@ def _trial(call: TwinCall, lines: Sequence[Line], number: int, timeout_s: float,
         line_speed=call.line_speed,
         overrides={**call.overrides, **overrides},
     )
-    results = list(play(twin, lines, timeout_s))
+    results = list(play(twin, lines, timeout_s, stop))
+    if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
+        return None
     return Trial(number, seed, factors, judge(twin, results, len(lines) - len(results)))

@@ -30,8 +30,10 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
+    Controller,
     CounterSet,
     FlashWrite,
+    NamesOutputs,
     Output,
     PluginError,
     Remark,
@@ -41,13 +43,26 @@ from isel_twin.controller import (
     UsesDrives,
     create_controller,
 )
+from isel_twin.journal import Note, Origin, Received, cut_content, push_content
 from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import PLACES, Cut, Plant, Threshold
 from isel_twin.position import Position
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.wiring import ScenarioError, ScenarioEvent, SerialLine, Wiring, check_input, load_scenario, thresholds
+from isel_twin.unpowered import Unpowered
+from isel_twin.wiring import (
+    ScenarioError,
+    ScenarioEvent,
+    Schedule,
+    SerialLine,
+    Wiring,
+    check_input,
+    load_scenario,
+    outputs,
+    settable,
+    thresholds,
+)
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -81,7 +96,7 @@ class Twin:
     def __init__(
         self,
         machine: str | Path | Machine = "4030",
-        controller: str = "imc-s8",
+        controller: str | Controller = "imc-s8",
         plant: str = "mujoco",
         seed: int = 0,
         *,
@@ -95,11 +110,12 @@ class Twin:
         """Build a twin and switch it on.
 
         machine: name of a machine, folder of a user's own, or a loaded Machine.
-        controller: name of an installed controller, see `isel-twin controllers`.
+        controller: name of an installed controller, see `isel-twin controllers`, or one that has been built and not
+            been switched on yet; that has no language.
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
-        scenario: file of timed events, see isel_twin.wiring.scenario.
+        scenario: file of events, see docs/scenarios.md.
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
         overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
@@ -113,19 +129,37 @@ class Twin:
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
         settings = with_overrides(as_built, wanted).controller
+        self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        self._settings = settings if isinstance(controller, str) else None
+        """Of another controller like this one; None: it was handed in, and there is no other."""
         try:
-            self._controller = create_controller(controller, flash=flash, settings=settings)
+            self._controller: Controller = (
+                create_controller(controller, flash=flash, settings=self._settings)
+                if isinstance(controller, str)
+                else controller
+            )
         except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
-        self.controller_name = controller
-        self.language: Language | None = create_language(controller)
+        self.language: Language | None = create_language(controller) if isinstance(controller, str) else None
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         # The controller's own wishes come first: whoever builds the twin has the last word.
         self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
 
+        self.origin = Origin(
+            as_built,
+            self.controller_name,
+            plant,
+            seed,
+            flash,
+            None if scenario is None else Path(scenario),
+            line_speed,
+            dict(wanted),
+            None if start_mm is None else tuple(start_mm),
+        )
+        """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
@@ -135,22 +169,26 @@ class Twin:
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
+        schedule = self._read_scenario(scenario)
         start_at_mm = _power_on_mm(self.machine, start, start_mm)
-        self._plant = _build_plant(plant, self.machine, thresholds(self.machine, drive_inputs), start_at_mm, axes)
+        watched = thresholds(self.machine, drive_inputs, schedule)
+        self._plant = _build_plant(plant, self.machine, watched, start_at_mm, axes)
         self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
-            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces
+            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces, schedule
         )
-        if scenario is not None:
-            events = load_scenario(scenario, self._wiring.settable)
-            self._wiring.schedule(events)
-            if not self._plant.physics and (idle := sum(event.physical for event in events)):
-                what = f"{idle} of {len(events)} events push, cut or interrupt a motor phase"
-                log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+        events = schedule.events
+        if not self._plant.physics and (idle := sum(event.physical for event in events)):
+            what = f"{idle} of {len(events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+        self._restarts = 0
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
+        self._notes: list[Note] = []
+        self._least_margin = np.ones(axes)
+        """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors if one is turned round, during a motion."""
         self._due_ns = 0
@@ -171,6 +209,8 @@ class Twin:
         """The host sends bytes now. Raises TypeError for anything else, such as text."""
         if not isinstance(data, bytes | bytearray | memoryview):
             raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
+        if data:
+            self._note("sent", bytes(data))
         self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns)
         self._settle()
 
@@ -275,6 +315,16 @@ class Twin:
         return self._position.position_mm
 
     @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in mm/s, in the direction of the counters."""
+        return self._position.velocity_mm_s
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """float64, phase current over nominal of each motor at this moment; empty without physics."""
+        return self._plant.current_fraction
+
+    @property
     def position_error_mm(self) -> NDArray[np.float64]:
         """float64 [3], true position minus counter, in mm."""
         self._tell()
@@ -299,7 +349,15 @@ class Twin:
     def margin(self) -> NDArray[np.float64]:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
-        return self._plant.margin
+        return np.minimum(self._least_margin, self._plant.margin)
+
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
+        panel does. Nobody else notices."""
+        taken = self._plant.margin
+        self._least_margin = np.minimum(self._least_margin, taken)
+        self._plant.watch_margin()
+        return taken
 
     @property
     def supply_v(self) -> float:
@@ -308,6 +366,8 @@ class Twin:
 
     def watch_margin(self) -> None:
         """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
+        self._note("operated", {"watch_margin": True})
+        self._least_margin = np.ones(len(self._plant.margin))
         self._plant.watch_margin()
 
     @property
@@ -319,6 +379,11 @@ class Twin:
     def machine_position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in machine coordinates: 0 at the motor-end switch."""
         return self._plant.position_mm
+
+    @property
+    def step_hz(self) -> NDArray[np.float64]:
+        """float64 [axes], step frequencies at present, signed as the counters run; see `Stream.rate_hz`."""
+        return self._stream.rate_hz()
 
     @property
     def steps(self) -> Steps:
@@ -342,18 +407,24 @@ class Twin:
 
     @property
     def events_without_effect(self) -> int:
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         return self._wiring.events_without_effect
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong on purpose: faults of contacts by name, motor phases lost (`phase_lost.x`), `noise`."""
+        """What is wrong on purpose: faults of contacts by name, all else by its key of an event (`noise`,
+        `phase_lost.x`); see `isel_twin.wiring.ACTS`."""
         return self._wiring.faults
 
     @property
     def settable(self) -> Mapping[str, tuple[str, ...]]:
         """Everything `set_input` takes, and the states each can be given."""
         return self._wiring.settable
+
+    @property
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals of the controller, and the contacts wired to each in series."""
+        return self._controller.terminals()
 
     @property
     def physics(self) -> bool:
@@ -367,6 +438,8 @@ class Twin:
 
     @line_speed.setter
     def line_speed(self, timed: bool) -> None:
+        if timed != self._line.timed:
+            self._note("operated", {"line_speed": timed})
         self._line.timed = timed
 
     @property
@@ -385,13 +458,15 @@ class Twin:
         exist.
         """
         check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
+        self._note("operated", {"set": {name: state}})
         self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)
 
     def carry_out(self, event: ScenarioEvent) -> None:
         """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
-        self._wiring.carry_out(event)
+        self._note("operated", event.content)
+        self._wiring.carry_out(event, self.time_ns)
         self._settle()
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
@@ -406,11 +481,13 @@ class Twin:
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        self._plant.apply_force(axis, force_n, place)
+        self._note("operated", push_content(CARRIAGES[axis], force_n, place))
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        self._plant.set_cut(cut)
+        self._note("operated", cut_content(cut))
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
         """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""
@@ -419,6 +496,19 @@ class Twin:
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
         self._observe(changed=False)
         self._due_ns = self._next_due_ns()
+
+    def listen(self, note: Note) -> None:
+        """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""
+        self._notes.append(note)
+        self._line.on_reply = lambda arrival_ns, data, byte_ns: self._note(
+            "received", Received(data, arrival_ns, byte_ns)
+        )
+        self._line.on_lost = lambda arrival_ns, data: self._note("lost", Received(data, arrival_ns, 0))
+        self._wiring.on_event = lambda event: self._note("scenario", event.content)
+
+    def _note(self, kind: str, what: Any) -> None:
+        for note in self._notes:
+            note(self.time_ns, kind, what)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
@@ -473,7 +563,9 @@ class Twin:
             rounds += 1
             self._controller.advance(self.time_ns)
             self._take_events()
-            if self._wiring.settle(self.time_ns) or self._hand_over_bytes() or self._hand_over_levels():
+            if self._wiring.settle(self.time_ns) or self._restart():
+                continue
+            if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 self._observe(changed=False)
@@ -481,9 +573,47 @@ class Twin:
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
 
+    def _restart(self) -> bool:
+        """The controller starts anew, or is without supply, if the wiring says so; return whether it does.
+
+        It knows what its flash holds and nothing else. A controller that the caller has handed over goes on.
+        """
+        if self._restarts == self._wiring.restarts:
+            return False
+        self._restarts = self._wiring.restarts
+        if self._settings is None:
+            self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
+            return False
+        self._wiring.outputs_lost()
+        controller: Controller = Unpowered(self._controller)
+        if self._wiring.mains:
+            controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
+        self._controller = controller
+        self._sources = (controller, self._line, self._wiring)
+        if isinstance(controller, UsesDrives):
+            controller.use_drives(self._position)
+        self._position.start_anew(controller)
+        self._levels = self._wiring.levels
+        controller.power_on(self.time_ns, self._levels)
+        for axis, value in enumerate(controller.counts):
+            self._note("counter", CounterSet(axis, int(value)))
+        self._take_events()
+        return True
+
+    def _read_scenario(self, scenario: str | Path | None) -> Schedule:
+        """The events of a file, none if there is none."""
+        if scenario is None:
+            return Schedule()
+        machine, controller = self.machine, self._controller
+        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
+        switches = [switch.name for switch in machine.switches]
+        events = load_scenario(scenario, settable(machine), switches, (*outputs(machine), *own))
+        return Schedule(events, create_language(self.controller_name) if self._settings is not None else None)
+
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
         if data:
+            self._wiring.heard(data, sent=True)
             self._controller.receive(self.time_ns, data)
             self._take_events()
         return bool(data)
@@ -504,6 +634,7 @@ class Twin:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
         if self._stream.follow(self._controller.run, self.time_ns):
+            self._note("motion", self._controller.run)
             direction = self._controller.direction  # it changes between motions only
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()
@@ -512,22 +643,29 @@ class Twin:
         for event in events:
             match event:
                 case Reply(data):
+                    self._wiring.heard(data, sent=False)
                     self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
                 case Output(name, value):
                     self._wiring.output(name, value)
                     outputs_changed = True
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
+                    self._note("counter", event)
                 case FlashWrite(image):
                     self.flash = image
+                    self._note("flash", image)
                     if self.on_flash is not None:
                         self.on_flash(image)
                 case Remark(text):
-                    self.remarks.append((self.time_ns, text))
-                    log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
+                    self._remark(text)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observe(changed=True)
+
+    def _remark(self, text: str) -> None:
+        self.remarks.append((self.time_ns, text))
+        self._note("remark", text)
+        log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
 
     def _observe(self, changed: bool) -> None:
         for observer in self._observers:

@@ -26,17 +26,17 @@ REPLY_S = 60.0
 
 
 class Served:
-    """A running `isel-twin serve` and what it said when it listened."""
+    """A running `isel-twin serve`, or another command that listens, and what it said when it did."""
 
-    def __init__(self, arguments: tuple[str, ...]) -> None:
-        command = [sys.executable, "-m", "isel_twin.cli", "serve", *arguments]
+    def __init__(self, arguments: tuple[str, ...], name: str = "serve") -> None:
+        command = [sys.executable, "-m", "isel_twin.cli", name, *arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         ready, _, _ = select.select([self.process.stdout], [], [], START_S)
         line = self.process.stdout.readline() if ready else ""
         if not line:
             self.process.kill()
-            pytest.fail(f"serve did not listen: {self.process.communicate()[1]}")
+            pytest.fail(f"{name} did not listen: {self.process.communicate()[1]}")
         self.info: dict[str, Any] = json.loads(line)
 
     def open(self, key: str = "pty") -> serial.Serial:
@@ -64,8 +64,8 @@ def serve() -> Iterator[Callable[..., Served]]:
     """serve(*arguments) starts a process and waits until it listens. Protocol only, as fast as possible by default."""
     started: list[Served] = []
 
-    def start(*arguments: str, speed: str = "max") -> Served:
-        started.append(Served(("--plant", "kinematic", "--speed", speed, *arguments)))
+    def start(*arguments: str, speed: str = "max", plant: str = "kinematic") -> Served:
+        started.append(Served(("--plant", plant, "--speed", speed, *arguments)))
         return started[-1]
 
     yield start
@@ -80,9 +80,9 @@ def serving() -> Iterator[Callable[..., Server]]:
     """serving(endpoint, ...) runs a server in a thread of this process."""
     running: list[tuple[Server, threading.Thread]] = []
 
-    def start(*endpoints: Endpoint, speed: float | None = None) -> Server:
+    def start(*endpoints: Endpoint, speed: float | None = None, **options: Any) -> Server:
         twin = Twin(plant="kinematic", line_speed=speed is not None)
-        server = Server(twin, Pacer(speed), endpoints)
+        server = Server(twin, Pacer(speed), endpoints, **options)
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append((server, thread))

@@ -102,7 +102,7 @@ def test_the_same_twin_does_the_same(tmp_path, capsys):
         ({"controller": "imc-s9"}, "unknown controller 'imc-s9'; installed: "),
         ({"plant": "steam"}, "unknown plant 'steam'; there are: mujoco, kinematic"),
         ({"scenario": "none.toml"}, "none.toml: there is no such file"),
-        ({"scenario": "bad.toml"}, "bad.toml: event 1.at: 'noon'; allowed: 0 .. 1e+09 s"),
+        ({"scenario": "bad.toml"}, "bad.toml:2: event 1.at: 'noon'; allowed: 0 .. 1e+09 s"),
         ({"scenario": "folder"}, "folder: Is a directory"),
         ({"scenario": "/proc/self/mem"}, "/proc/self/mem: Input/output error"),
         ({"flash": "folder"}, "folder: Is a directory"),

@@ -185,7 +185,7 @@ def odd(tmp_path):
         (["serve", "--scenario", "{odd}/none.toml"], "none.toml"),
         (["serve", "--pty", "{odd}/there"], "there"),
         (["serve", "--record", "{odd}/out.txt"], "out.txt"),
-        (["serve", "--panel", "127.0.0.1:0"], "panel"),
+        (["serve", "--panel", "127.0.0.1:odd"], "127.0.0.1:odd"),
         (["serve", "--bogus"], "--bogus"),
         (["describe", "9999"], "9999"),
         (["motor", "nema17-perpetuum"], "nema17-perpetuum"),
@@ -248,7 +248,7 @@ def test_what_serve_records_must_be_a_kind_of_trace(tmp_path, capsys):
     with pytest.raises(SystemExit) as caught:
         main(["serve", "--record", str(tmp_path / "out.txt")])
     assert caught.value.code == 2
-    line = f"isel-twin: --record {tmp_path}/out.txt: the name must end in .npz, .vcd or .parquet\n"
+    line = f"isel-twin: --record {tmp_path}/out.txt: the name must end in .mcap, .npz, .vcd, .parquet or .csv\n"
     assert capsys.readouterr() == ("", line)
 
 

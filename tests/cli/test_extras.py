@@ -14,7 +14,7 @@ from isel_twin.trace.recorder import Recorder
 from isel_twin.trace.write import write_trace
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune"}
+EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune", "viser": "panel"}
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As after `pip install isel-twin`, in a folder with a job."""
     for package in EXTRAS:
         monkeypatch.setitem(sys.modules, package, None)
-    for module in ("isel_twin.trace.parquet", "isel_twin.trace.report"):
+    for module in ("isel_twin.trace.parquet", "isel_twin.trace.report", "isel_twin.bridge.panel.site"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
@@ -42,6 +42,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
         ("run job.txt --trace out", "--trace needs pyarrow: pip install 'isel-twin[trace]'"),
         ("run job.txt --report out", "--report needs matplotlib: pip install 'isel-twin[report]'"),
         ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
+        ("serve --panel 127.0.0.1:0", "--panel needs viser: pip install 'isel-twin[panel]'"),
         ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
     ],
 )

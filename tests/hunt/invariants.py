@@ -30,6 +30,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.controller import Controller, CounterSet, Event, Reply, SerialFormat
 from isel_twin.machine import Contact
 from isel_twin.motion import Motion
+from isel_twin.plant.margin import SPEED_STEP_RAD_S
 from isel_twin.twin import Twin
 from isel_twin.wiring import FAULTS
 
@@ -37,9 +38,12 @@ COUNTED = 16
 """Calls of which one is followed by a look at the counters, whether anything came of it or not."""
 SCATTERS = 8.0
 """Standard deviations of a trip point beyond which no switch trips."""
-BENT_MM = 4.0
-"""Most by which the tool of a machine with physics is elsewhere than the screws say: squareness, and a frame (1 N/um at
-the least) that is thrown against its stop and pushed on by 800 N."""
+PUSHED_N = 800.0
+"""Most that hands push with (tests/hunt/world.py)."""
+STOP_MM = 0.2
+"""Most that a stop gives under what motors and hands can do (the models say so)."""
+STOP_S = 1e-3
+"""And the time in which it brings a carriage to a stop, beside a step of MuJoCo (`solreflimit` of the models)."""
 EXACT_MM = 1e-6
 """What is left of rounding where nothing is elastic."""
 GAIN = 1e-4
@@ -194,7 +198,7 @@ class Sight:
     outputs: Mapping[str, int]
     levels: Mapping[str, bool]
     place_mm: Sequence[float]
-    """Carriages in machine coordinates."""
+    """Carriages on their guides, where stops and switches are; the tool is elsewhere, if the frame gives."""
     elements: Mapping[str, str]
     """What people operate: a fault of the contact with the same name hides its state in `inputs`."""
     bouncing: bool
@@ -209,7 +213,7 @@ class Sight:
             inputs=twin.inputs,
             outputs=twin.outputs,
             levels=twin.levels,
-            place_mm=twin.machine_position_mm.tolist(),
+            place_mm=_on_guides_mm(twin).tolist(),
             elements=dict(twin._wiring._cabinet.states),
             bouncing=twin._wiring._contacts.next_ns is not None,
             powered=bool(twin._plant.powered.any()),
@@ -223,6 +227,7 @@ class Watch:
         self._twin = twin
         self._border = border
         self._physics = twin._plant.stages != ()
+        self._frame = Frame(twin._plant) if self._physics else None
         self._contacts = {contact.name: contact for contact in twin.machine.contacts}
         self._switches_there = twin.machine.switches
         wired = {
@@ -242,6 +247,8 @@ class Watch:
             self._promised_ns = 0
         sight = Sight.of(self._twin)
         self._numbers()
+        if self._frame is not None:
+            self._frame.look(self._twin.time_ns, pushed=pushed)
         self._carriages(sight)
         self._switches(sight)
         self._terminals(sight)
@@ -263,16 +270,17 @@ class Watch:
             if abs(error_mm).max() > EXACT_MM or self._twin.lost_steps.any():
                 raise Broken(f"without physics, carriages are {error_mm.tolist()} mm away from their counters")
             return
-        for x_mm, axis in zip(sight.place_mm, self._twin.machine.axes, strict=True):
-            if not -axis.stop_margin_mm - BENT_MM < x_mm < axis.travel_mm + axis.stop_margin_mm + BENT_MM:
+        assert self._frame is not None
+        given_mm = STOP_MM + 1e3 * self._frame.stop_s * self._frame.fastest_m_s
+        for x_mm, axis, most_mm in zip(sight.place_mm, self._twin.machine.axes, given_mm, strict=True):
+            if not -axis.stop_margin_mm - most_mm < x_mm < axis.travel_mm + axis.stop_margin_mm + most_mm:
                 raise Broken(f"the carriage of {axis.name} stands at {x_mm:.6f} mm, beyond its stop")
 
     def _switches(self, sight: Sight) -> None:
-        bent_mm = BENT_MM if self._physics else 0.0
         for switch in self._switches_there:
             axis, sense = CARRIAGES.index(switch.axis), -1 if switch.end == "motor" else 1
             beyond_mm = sense * (sight.place_mm[axis] - switch.position_mm)
-            slack_mm = self._scatter_mm[switch.name] + bent_mm
+            slack_mm = self._scatter_mm[switch.name]
             state = sight.inputs[switch.name]
             if (state == "free" and beyond_mm > slack_mm) or (
                 state == "struck" and beyond_mm < -switch.hysteresis_mm - slack_mm
@@ -286,7 +294,8 @@ class Watch:
                 raise Broken(f"{terminal} is {_word(levels[terminal])}, and the controller was told {_word(told)}")
         closed = {name: _closed(contact, sight) for name, contact in self._contacts.items()}
         for terminal, contacts in self._wired.items():
-            if sight.bouncing and any(contact.kind == "switch" for contact in contacts):
+            worn = any(sight.inputs.get(contact.name) == "bounce" for contact in contacts)
+            if worn or (sight.bouncing and any(contact.kind == "switch" for contact in contacts)):
                 continue
             high = all(closed[contact.name] != contact.inverted for contact in contacts)
             if levels[terminal] != high:
@@ -326,7 +335,7 @@ class Watch:
         """While the stages are off and nobody pushes, energy only falls, but for carriages at their stops."""
         plant: Any = self._twin._plant
         at_stop = any(
-            not BENT_MM - axis.stop_margin_mm < x < axis.travel_mm + axis.stop_margin_mm - BENT_MM
+            not -axis.stop_margin_mm < x < axis.travel_mm + axis.stop_margin_mm
             for x, axis in zip(sight.place_mm, self._twin.machine.axes, strict=True)
         )
         if sight.powered or pushed or at_stop:
@@ -339,6 +348,52 @@ class Watch:
         gain = self._limp_j[-1] - lowest
         if gain > ROUNDING_J + self._exchanged_j + GAIN * (highest - lowest):
             raise Broken(f"the limp machine has gained {gain:.3g} J, from {lowest:.6g} J")
+
+
+class Frame:
+    """How fast carriages may have been, and how far the frame of a machine with physics may be bent by that."""
+
+    def __init__(self, plant: Any) -> None:
+        self._plant = plant
+        modes = plant.machine.structure if plant.machine.imperfections.structure else ()
+        self._axis = np.array([CARRIAGES.index(mode.axis) for mode in modes], dtype=np.int64)
+        bends = np.array([plant.model.joint(mode.joint).dofadr[0] for mode in modes], dtype=np.int64)
+        self._bends = bends
+        self._stiffness = plant.model.jnt_stiffness[plant.model.dof_jntid][bends]
+        self._s = np.sqrt(np.diagonal(plant._inertia)[bends] / self._stiffness)
+        travel, drives = plant._drives["travel_m_per_rad"], plant._drives
+        self._kg = 1.0 / plant._axes["mobility_per_kg"] + drives["inertia_kgm2"] / travel**2
+        last = [np.flatnonzero(torque).max(initial=0) for torque in plant._available]
+        self._motor_m_s = travel * SPEED_STEP_RAD_S * np.array(last)
+        self._pushed_n = 0.0
+        self._then_ns = 0
+        self.stop_s = 1e-9 * plant.machine.timing.mujoco_step_ns + STOP_S
+        self.fastest_m_s = np.zeros(len(CARRIAGES))
+        """float64 [3], most that a carriage can have moved with so far: at any look, as fast as its motor turns if it
+        has had current, and as fast as hands can have made it since the look before."""
+
+    def look(self, now_ns: int, *, pushed: bool) -> None:
+        """Bent by no more than v sqrt(m / k) when what moves with v is stopped, twice that when it is thrown back, and
+        2 F / k by a sudden force. Raises Broken."""
+        plant = self._plant
+        self._pushed_n = PUSHED_N if pushed else self._pushed_n
+        seen_m_s = np.abs(plant._axes["v_m_s"])
+        seen_m_s += self._pushed_n / self._kg * 1e-9 * (now_ns - self._then_ns)
+        seen_m_s = np.maximum(seen_m_s, np.where(plant.powered[: len(CARRIAGES)], self._motor_m_s, 0.0))
+        self.fastest_m_s = np.maximum(self.fastest_m_s, seen_m_s)
+        self._then_ns = now_ns
+        bent_m = np.abs(plant.data.qpos[self._bends])
+        most_m = 2.0 * (self.fastest_m_s[self._axis] * self._s + self._pushed_n / self._stiffness)
+        if (bent_m > most_m + 1e-3 * EXACT_MM).any():
+            raise Broken(
+                f"the frame is bent by {(1e3 * bent_m).tolist()} mm, no more than {(1e3 * most_m).tolist()} mm"
+            )
+
+
+def _on_guides_mm(twin: Twin) -> NDArray[np.float64]:
+    """float64 [3], where the carriages stand on their guides at the last whole sub-step."""
+    plant: Any = twin._plant
+    return 1e3 * plant._axes["x_m"] if plant.stages else twin.machine_position_mm
 
 
 def exchanged_j(plant: Any) -> float:

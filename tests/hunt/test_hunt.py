@@ -236,6 +236,37 @@ def test_energy_from_nowhere_is_noticed(tmp_path: Path) -> None:
         looks()
 
 
+def test_a_switch_that_trips_late_by_a_tenth_of_a_millimetre_is_noticed(tmp_path: Path) -> None:
+    """By hand to the motor end of X, on a machine whose frame gives: switches stand on the guides."""
+    overrides = {"imperfections.repeatability": False, "imperfections.bounce": False}
+    stage = Stage(replace(CALM, options={**CALM.options, "plant": "mujoco", "overrides": overrides}), tmp_path)
+    watch = Watch(stage.twin, stage.border)
+    plant = stage.twin._plant
+    plant._thresholds["limit"][plant._thresholds["axis"] == 0] -= 1e-4
+    plant._find_free()
+    stage.do(("set", "estop", "pressed"))
+    stage.do(("force", 0, -400.0))
+
+    def looks() -> None:
+        for _ in range(1000):
+            stage.twin.run(0.0005)
+            watch.look(acted=True, pushed=True)
+
+    with pytest.raises(Broken, match=r"limit_x1 is free, with its carriage \+0\.0"):
+        looks()
+
+
+def test_a_frame_that_bends_more_than_speed_and_force_explain_is_noticed(tmp_path: Path) -> None:
+    """2 x 0.3 m/s sqrt(32 kg / 5 N/um) is 1.5 mm: nothing of the 4030 bends by 3 mm."""
+    stage = Stage(replace(CALM, options={**CALM.options, "plant": "mujoco", "overrides": {}}), tmp_path)
+    watch = Watch(stage.twin, stage.border)
+    plant = stage.twin._plant
+    watch.look(acted=True, pushed=False)
+    plant.data.qpos[plant.model.joint("flex_x").dofadr[0]] = 3e-3
+    with pytest.raises(Broken, match="the frame is bent"):
+        watch.look(acted=True, pushed=False)
+
+
 # ---- what is drawn ---------------------------------------------------------------------------------------------------
 
 
@@ -280,7 +311,7 @@ def test_every_command_is_said() -> None:
 
 def test_everything_that_can_happen_is_drawn(drawn: list[World]) -> None:
     events = [event for world in drawn for event in (*world.scripted, *world.by_hand)]
-    assert {event.doing[0] for event in events} == {"set", "force", "phase", "noise"}
+    assert {event.doing[0] for event in events} == {"set", "force", "phase", "noise", "fault"}
     done = {event.doing[1:] for event in events if event.doing[0] == "set"}
     assert {(name, state) for name, states in ELEMENTS.items() for state in states} <= done
     contacts = {contact.name for contact in Twin(plant="kinematic").machine.contacts}

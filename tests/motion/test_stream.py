@@ -165,3 +165,28 @@ def test_the_record_is_what_was_made(deeds: list[tuple[int, str]]) -> None:
         some.follow(motion, now)
     seen = some.steps(now)
     assert (seen.t_ns.tolist(), seen.delta.tolist()) == (times, changes)
+
+
+def test_the_rate_is_that_of_the_ticks_around_the_present() -> None:
+    """1000 Hz forth, 250 Hz back, nothing at rest."""
+    some = Stream(3)
+    assert some.rate_hz().tolist() == [0.0, 0.0, 0.0]
+    some.follow(steps(100, hz=1000), 0)
+    make(some, 50 * MS)
+    assert some.rate_hz() == pytest.approx([1000.0, 0.0, 0.0])
+    some.follow(steps(-40, 100 * MS, hz=250), 100 * MS)
+    assert some.rate_hz().tolist() == [0.0, 0.0, 0.0]  # nothing of it is expanded yet
+    make(some, 120 * MS)
+    assert some.rate_hz() == pytest.approx([-250.0, 0.0, 0.0])
+    some.follow(None, 400 * MS)
+    assert some.rate_hz().tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_rate_on_a_ramp_is_that_of_the_ramp() -> None:
+    """f = f0 + a t, within what sixteen ticks on each side cover: 300 Hz and 100 Hz/ms."""
+    some = Stream(3)
+    run = StepRun(line((20_000, 0, 0)), trapezoid(20_000, 10_000, 300, 100_000), 0)
+    some.follow(run, 0)
+    for at_ms in (20, 50, 80):
+        make(some, at_ms * MS)
+        assert some.rate_hz()[0] == pytest.approx(300.0 + 100.0 * at_ms, rel=0.05)

@@ -74,8 +74,63 @@ def test_the_power_is_that_of_the_chips():
     assert (tangential * edge_m_s).mean() == pytest.approx(800e6 * 0.5e-3 * 2e-3 * 0.02, rel=0.02)
 
 
+@pytest.mark.parametrize("start", [0, 1234])
+@pytest.mark.parametrize("left", [1.0, -1.0])
+def test_every_tooth_begins_on_the_left_when_the_cut_begins(start, left):
+    """One tooth in a slot, no radial force, one turn: phi = 2 pi (n + 1/2) / 400 in the middle of the n-th sub-step,
+    F_t = kc a v T sin(phi) against its way, -F_t cos(phi) along the feed, +F_t sin(phi) to its left; none behind."""
+    cut = dataclasses.replace(SLOT, radial=0.0, flutes=1)
+    cuts = np.zeros(1, CUT)
+    set_cut(cuts, cut, start, SUBSTEP_S, left)
+    cuts["y_m_s"] = 0.02
+    for n in range(400):
+        bite(cuts[0], start + n, 0.0, 0.02)
+        phi = 2.0 * math.pi * (n + 0.5) / 400.0
+        tangential_n = 800e6 * 0.5e-3 * 0.02 * 0.01 * max(0.0, math.sin(phi))
+        expected = (-left * tangential_n * math.sin(phi), -tangential_n * math.cos(phi))
+        np.testing.assert_allclose((cuts["x_n"][0], cuts["y_n"][0]), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("way", [(0.02, 0.0), (0.0, 0.02), (-0.016, 0.012)])
+def test_a_chip_is_the_way_of_a_whole_tooth(way):
+    """The feed has a lag of T, 5 ms of two teeth at 6000 a minute: after T 1 - 1/e of it, and of the force."""
+    cuts = np.zeros(1, CUT)
+    set_cut(cuts, dataclasses.replace(SLOT, flutes=2), 0, SUBSTEP_S, 1.0)
+    for now in range(200):
+        bite(cuts[0], now, *way)
+    share = 1.0 - math.exp(-1.0)
+    np.testing.assert_allclose((cuts["x_m_s"][0], cuts["y_m_s"][0]), share * np.array(way), rtol=1e-12, atol=1e-18)
+    force_n = np.array([cuts["x_n"][0], cuts["y_n"][0]])
+    np.testing.assert_allclose(force_n, share * bites(SLOT, way, 200)[-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("climb", [True, False])
+def test_a_sum_of_a_window_is_what_its_sub_steps_made(climb):
+    """What has been summed up stays when the cut ends amid a window."""
+    cuts = np.zeros(1, CUT)
+    set_cut(cuts, dataclasses.replace(SLOT, climb=climb), 0, SUBSTEP_S, 1.0)
+    forces = []
+    for now in range(20):
+        bite(cuts[0], now, 0.02, 0.01)
+        forces.append((cuts["x_n"][0], cuts["y_n"][0]))
+    total = np.sum(forces, axis=0)
+    set_cut(cuts, None, 20, SUBSTEP_S, 1.0)
+    assert not cuts["on"][0]
+    np.testing.assert_allclose((cuts["sum_x_n"][0], cuts["sum_y_n"][0]), total, rtol=1e-12)
+    assert [cuts[name][0] for name in ("x_m_s", "y_m_s", "x_n", "y_n")] == [0.0] * 4
+
+
+def test_no_chip_is_thicker_than_the_radius():
+    """3 mm a tooth at most: 200 teeth a second take all of 0.6 m/s, and of 2 m/s no more."""
+    most = bites(SLOT, (0.6, 0.0), 400)
+    np.testing.assert_allclose(bites(SLOT, (2.0, 0.0), 400), most, rtol=1e-12)
+    np.testing.assert_allclose(bites(SLOT, (0.3, 0.0), 400), 0.5 * most, rtol=1e-12)
+
+
 def test_no_chip_without_feed():
-    assert not bites(SLOT, (0.5e-6, 0.5e-6), 400).any()
+    """Below 1 um/s a tooth rubs."""
+    assert not bites(SLOT, (0.6e-6, 0.6e-6), 400).any()
+    assert bites(SLOT, (0.8e-6, 0.8e-6), 400).any()
 
 
 @pytest.mark.parametrize(
@@ -83,12 +138,20 @@ def test_no_chip_without_feed():
     [
         ({"width_mm": 7.0}, "cut: width must be at most the diameter, 6 mm, not 7.0"),
         ({"flutes": 0}, "cut: flutes must lie in 1 .. 12, not 0"),
+        ({"flutes": 2.5}, "cut: flutes must be a whole number, not 2.5"),
         ({"spindle_rpm": 1e6}, "cut: spindle_rpm must lie in 60 .. 60000, not 1000000.0"),
     ],
 )
 def test_a_wrong_cut_is_named(changes, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(SLOT, **changes)
+
+
+def test_what_is_not_said_of_a_cut_is_that_it_climbs_and_presses_with_three_tenths():
+    cut = Cut(6.0, 2, 0.5, 3.0, 6000.0, 800.0)
+    assert (cut.radial, cut.climb) == (0.3, True)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        cut.depth_mm = 1.0  # type: ignore[misc]
 
 
 FREE = {f"axes.all.{key}": 0.0 for key in ("shaft_coulomb", "guide_friction", "backlash")}

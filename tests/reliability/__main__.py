@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from tests.reliability import connects, echo, flood, heard, kills, memory, punctual, queries, strings, vanished
+from tests.reliability import connects, echo, flood, heard, kills, memory, punctual, queries, strings, tap, vanished
 from tests.reliability.figures import table
 
-PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, strings)
+PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, strings, tap)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from isel_twin.trace.recorder import Recorder
 from isel_twin.trace.write import KINDS, trace_kind, write_trace
 from isel_twin.twin import Twin
 
-BEGINS = {".npz": b"PK", ".vcd": b"$comment isel-twin", ".parquet": b"PAR1"}
+BEGINS = {".npz": b"PK", ".vcd": b"$comment isel-twin", ".parquet": b"PAR1", ".csv": b"time_ns,count_x"}
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_these_are_all_kinds() -> None:
 @pytest.mark.parametrize("name", ["out.txt", "out", "out.NPZ", ".npz"])
 def test_other_names_are_refused_in_one_line(name: str, tmp_path: Path, twin: Twin) -> None:
     path = tmp_path / name
-    with pytest.raises(ValueError, match=r"the name must end in \.npz, \.vcd or \.parquet") as caught:
+    with pytest.raises(ValueError, match=r"the name must end in \.npz, \.vcd, \.parquet or \.csv") as caught:
         trace_kind(path)
     with pytest.raises(ValueError, match="must end in"):
         write_trace(path, twin, None)
@@ -45,7 +45,7 @@ def test_other_names_are_refused_in_one_line(name: str, tmp_path: Path, twin: Tw
 
 def test_only_the_step_stream_needs_no_recorder(tmp_path: Path, twin: Twin) -> None:
     write_trace(tmp_path / "out.npz", twin, None)
-    for kind in (".vcd", ".parquet"):
+    for kind in (".vcd", ".parquet", ".csv"):
         with pytest.raises(ValueError, match="needs a recorder"):
             write_trace(tmp_path / f"out{kind}", twin, None)
     assert [path.name for path in tmp_path.iterdir()] == ["out.npz"]

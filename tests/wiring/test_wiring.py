@@ -490,8 +490,8 @@ def test_everything_that_can_be_set_is_named_with_its_states() -> None:
     for contact in load_machine("4030").contacts:
         assert settable[contact.name][-len(FAULTS) :] == tuple(FAULTS)
     assert settable["hood"] == ("closed", "open", "forced")
-    assert settable["limit_x1"] == ("ok", "broken", "stuck_open", "stuck_closed")
-    assert settable["stop"] == ("up", "down", "ok", "broken", "stuck_open", "stuck_closed")
+    assert settable["limit_x1"] == ("ok", "broken", "stuck_open", "stuck_closed", "bounce")
+    assert settable["stop"] == ("up", "down", "ok", "broken", "stuck_open", "stuck_closed", "bounce")
 
 
 @pytest.mark.parametrize(("name", "state"), [(n, s) for n, states in Bench().wiring.settable.items() for s in states])

@@ -3,13 +3,21 @@
     serve        a twin behind a serial port that host programs connect to
     ctl          operate a machine that is served
     run          a file of commands in virtual time
+    drive        captured step and direction signals of a real controller
     exec         a host program in Python in virtual time
     decode       bytes of a line explained
+    replay       a recorded session once more, and what is different
+    compare      two recordings laid over each other, command by command
+    export       a recording as a file for other tools
+    golden       jobs that have to do what they did
+    tap          between a real host and a real controller, recording both
+    ports        serial ports that are served here, and real ones
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
 
     options.py   parameters that several commands have, and checks of their values
+    jobs.py      job files as they are given to a command
     outputs.py   where results go: table, JSON, recorder
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
@@ -26,7 +34,23 @@ from collections.abc import Iterable, Iterator, Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
-from isel_twin.cli import controllers, ctl, decode, describe, machines, motor, run, serve
+from isel_twin.cli import (
+    compare,
+    controllers,
+    ctl,
+    decode,
+    describe,
+    drive,
+    export,
+    golden,
+    machines,
+    motor,
+    ports,
+    replay,
+    run,
+    serve,
+    tap,
+)
 from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
@@ -44,14 +68,21 @@ for command in (
     serve.serve,
     ctl.ctl,
     run.run,
+    drive.drive,
     exec_,
     decode.decode,
+    export.export,
+    replay.replay,
+    compare.compare,
+    tap.tap,
+    ports.ports,
     machines.machines,
     controllers.controllers,
     describe.describe,
     motor.motor,
 ):
     app.command(command)
+app.command(golden.golden)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -65,6 +96,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
+        for line in getattr(error, "excerpt", "").splitlines():
+            print(f"    {line}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # nobody reads our output any more, for example `| head`
@@ -81,22 +114,26 @@ def _say(code: int, text: str) -> int:
     return code
 
 
+_MAY_STAND_ALONE = ("--pty", "--panel")
+"""Options whose value may be left out."""
+
+
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:
-    """Give a `--pty` that stands alone an empty value, and standard input (`-`) its name; not after `--`."""
-    pending = verbatim = False
+    """Give an option that may stand alone and does an empty value, and `-` its name; nothing after `--`."""
+    pending, verbatim = "", False
     for token in tokens:
         if verbatim:
             yield token
             continue
         if pending:
-            yield "--pty=" if token.startswith("-") else f"--pty={token}"
-            pending = False
+            yield f"{pending}=" if token.startswith("-") else f"{pending}={token}"
+            pending = ""
             if not token.startswith("-"):
                 continue
         verbatim = token == "--"
-        if token == "--pty":
-            pending = True
+        if token in _MAY_STAND_ALONE:
+            pending = token
         else:
             yield STANDARD_INPUT if token == "-" else token
     if pending:
-        yield "--pty="
+        yield f"{pending}="

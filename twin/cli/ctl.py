@@ -19,15 +19,42 @@ from isel_twin.call import CallError
 if TYPE_CHECKING:
     import socket
 
+    from isel_twin.wiring.acts import Act
+
 Command = Literal[
-    "set", "fault", "force", "phase", "noise", "pause", "resume", "step", "speed", "state", "settable", "wait", "stop"
+    "set",
+    "fault",
+    "force",
+    "phase",
+    "force_n",
+    "phase_lost",
+    "swapped",
+    "friction_n",
+    "obstacle_mm",
+    "payload_kg",
+    "undervoltage",
+    "hot_stage_k",
+    "noise",
+    "dropped",
+    "doubled",
+    "line_cut",
+    "reset",
+    "brownout",
+    "pause",
+    "resume",
+    "step",
+    "speed",
+    "state",
+    "settable",
+    "wait",
+    "stop",
 ]
 
 CONNECT_S = 10.0
 """Wall time in which the server must take the connection, and answer what needs no waiting."""
 
-_PAIRS = ("set", "fault", "force", "phase")
-"""Commands that take NAME=VALUE, as many as there are."""
+_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}
+"""Other words for keys of an event."""
 _ALONE = ("pause", "resume", "state", "settable", "stop")
 
 
@@ -43,14 +70,17 @@ def ctl(
     """Operate a served machine: press, break, push, pause, look, wait.
 
     set estop=pressed hood=open; fault limit_x2=broken (ok: whole again); phase x=a (x= restores it); noise 0.01;
-    force x=50 --place tool (newton; 0 lets go); pause; resume; step 0.001 (seconds, while paused); speed 2 or max;
-    state; settable; wait output=spindle is=1, input=estop is=pressed, level=p1.0 is=0, position=x above=120, idle,
-    time=12.5, each with timeout_s=, wall_s= and pause; stop.
+    force x=50 --place tool (newton; 0 lets go); and what else an event of a scenario can do, by its key: friction_n
+    x=40, obstacle_mm y=120 (or off), payload_kg table=8, swapped limit_x1=limit_x2, undervoltage 0.4, hot_stage_k x=60,
+    dropped 0.1, doubled 0.1, line_cut true, reset, brownout true; each of these with for=SECONDS; pause; resume; step
+    0.001 (seconds, while paused); speed 2 or max; state; settable; wait output=spindle is=1, input=estop is=pressed,
+    level=p1.0 is=0, position=x above=120, idle, time=12.5, each with timeout_s=, wall_s= and pause; stop.
     """
-    if place is not None and command != "force":
+    if place is not None and command not in ("force", "force_n"):
         raise CallError("place: goes with force", option=True)
-    request = _request(command, what, place)
     import json
+
+    request = _request(command, what, place)
 
     answer = _converse(address, request, token)
     if "error" in answer:
@@ -67,18 +97,15 @@ def ctl(
 
 def _request(command: Command, what: Sequence[str], place: str | None) -> dict[str, Any]:
     """The request for a command. Raises CallError."""
+    from isel_twin.wiring.acts import ACTS
+
     if command in _ALONE:
         if what:
             raise CallError(f"{command}: takes nothing, not {what[0]!r}")
         return {command: True}
-    if command in _PAIRS:
-        values = dict(_pair(command, item) for item in what)
-        if not values:
-            raise CallError(f"{command}: needs NAME=VALUE, one or more")
-        if command == "force":
-            force = {"force_n": {axis: _value(text) for axis, text in values.items()}}
-            return force if place is None else {**force, "place": place}
-        return {"phase_lost" if command == "phase" else "set": values}
+    act = ACTS.get(_SHORT.get(command, command))
+    if act is not None:
+        return _act(command, act, what) | ({} if place is None else {"place": place})
     if command == "wait":
         if not what:
             raise CallError("wait: needs what to wait for, for example idle or output=spindle is=1")
@@ -87,6 +114,26 @@ def _request(command: Command, what: Sequence[str], place: str | None) -> dict[s
     if len(what) != 1:
         raise CallError(f"{command}: needs one value")
     return {command: _value(what[0])}
+
+
+def _act(command: str, act: Act, what: Sequence[str]) -> dict[str, Any]:
+    """The event that does one thing, to each NAME=VALUE or as a whole, with for=SECONDS if wanted."""
+    from isel_twin.parameters import Limits
+
+    ends = [item.removeprefix("for=") for item in what if item.startswith("for=")]
+    lasting: dict[str, Any] = {"for": _value(ends[-1])} if ends else {}
+    values = [item for item in what if not item.startswith("for=")]
+    if act.by:
+        pairs = [_pair(command, item) for item in values]
+        if not pairs:
+            raise CallError(f"{command}: needs NAME=VALUE, one or more")
+        numbers = isinstance(act.value, Limits)
+        return {act.key: {name: _value(text) if numbers else text for name, text in pairs}} | lasting
+    if not values and act.value is bool:
+        return {act.key: True} | lasting
+    if len(values) != 1:
+        raise CallError(f"{command}: needs one value")
+    return {act.key: _value(values[0])} | lasting
 
 
 def _pair(command: str, item: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, call_errors
-from isel_twin.cli.options import STANDARD_INPUT, STREAMS, ControllerName
+from isel_twin.cli.options import STANDARD_INPUT, STREAMS, ControllerName, is_standard_input
 
 if TYPE_CHECKING:
     from isel_twin.decode import Piece, Row
@@ -109,7 +109,7 @@ def _exists(path: Path) -> bool:
 
 def _chunks(path: Path) -> Iterator[bytes]:
     """What is in a file, or what comes from standard input as soon as it comes."""
-    if str(path) == STANDARD_INPUT:
+    if is_standard_input(path):
         yield from iter(lambda: sys.stdin.buffer.read1(CHUNK_BYTES), b"")  # type: ignore[union-attr]
         return
     with path.open("rb") as file:

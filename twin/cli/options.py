@@ -23,6 +23,12 @@ STANDARD_INPUT = "/dev/stdin"
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
 """Files behind them may be in the way of what is written."""
 
+
+def is_standard_input(path: Path) -> bool:
+    """Whether a path is what `-` stands for, however this system writes it."""
+    return path == Path(STANDARD_INPUT)
+
+
 LONGEST_S = 1e9
 """Longest time a call may name, in virtual seconds, as for the times of a scenario."""
 
@@ -45,7 +51,7 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
     for path in paths:
         if path is None:
             continue
-        if str(path) == STANDARD_INPUT:
+        if is_standard_input(path):
             raise CallError("-: is standard input; name a file for what is written")
         if path.resolve() in streams:
             raise CallError(f"{path}: is {streams[path.resolve()]} of this call; name another file for what is written")

@@ -31,6 +31,9 @@ LONG_COMMAND = 56
 SHOWN_TRIALS = 5
 """Repetitions of a job that are shown one by one if they ended otherwise."""
 
+SHOWN_UNMET = 10
+"""Lines of a job that are named if they did not get what they expected."""
+
 LONG_REPLY = 25
 """The same of a reply: a position of four axes."""
 
@@ -87,7 +90,11 @@ class JsonOutput:
         import dataclasses
         import json
 
-        print(json.dumps(dataclasses.asdict(result)), flush=True)
+        told = dataclasses.asdict(result)
+        for key in ("expected", "why", "condition", "lost_known", "fault_known"):  # only of lines that expect something
+            if result.expected is None or key.endswith("_known"):
+                del told[key]
+        print(json.dumps(told), flush=True)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""
@@ -120,6 +127,8 @@ class TableOutput:
     Rows are plain text of known columns: a table that fits itself to its contents has to wait for all of them.
     """
 
+    heads = ("line", "time / s", "command", "reply")
+
     def __init__(self, twin: Twin, lines: Sequence[Line]) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -141,7 +150,7 @@ class TableOutput:
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
-        self._row("line", "time / s", "command", "reply", *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        self._row(*self.heads, *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -160,7 +169,7 @@ class TableOutput:
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
             result.command,
-            repr(result.reply)[1:-1] or "none",
+            repr(result.shown_reply)[1:-1] or "none",
             *(f"{position:.3f}" for position in result.position_mm),
             _percent(result.margin),
             style="" if result.ok else "bold red",
@@ -185,11 +194,19 @@ class TableOutput:
         margin = _percent(verdict.margin)
         lost += f", least torque margin: {margin}" if margin else ""
         self._print("")
-        counted = f"{verdict.commands} commands, {verdict.refused} refused{unsent}"
+        counted = self.counted(verdict) + unsent
         self._print(
             f"{_in_words(verdict)}: {counted}, lost steps: {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
             style="bold green" if verdict.ok else "bold red",
         )
+
+    def counted(self, verdict: Verdict) -> str:
+        """How many there were, and how many went wrong."""
+        expected = f", {verdict.expectations} expectations" if verdict.expectations else ""
+        if verdict.unmet:
+            lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
+            expected += f" ({len(verdict.unmet)} not met: line {lines})"
+        return f"{verdict.commands} commands, {verdict.refused} refused{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
@@ -217,7 +234,7 @@ class TableOutput:
 
     def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
         places = "".join(f"{position:>11}" for position in positions)
-        row = f"{number:>{max(self._number, 4)}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
+        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
         self._print(f"{row}{reply:<{LONG_REPLY}}{places}", style)
 
     def _print(self, text: str, style: str = "") -> None:
@@ -227,6 +244,16 @@ class TableOutput:
             from rich.text import Text
 
             self._terminal.print(Text(text, style), soft_wrap=True)
+
+
+class MotionsOutput(TableOutput):
+    """The same of the motions of a capture, in steps, and the switches they strike."""
+
+    heads = ("motion", "time / s", "steps", "struck")
+
+    def counted(self, verdict: Verdict) -> str:
+        """See TableOutput."""
+        return f"{verdict.commands} motions, {verdict.refused} struck a switch"
 
 
 def _percent(margins: Sequence[float | None]) -> str:

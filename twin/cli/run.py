@@ -6,7 +6,6 @@ A job that is stopped by Ctrl-C, or ends because a line is not over in time, kee
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, job_name, read_job
 from isel_twin.cli.options import (
-    STANDARD_INPUT,
     ControllerName,
     FlashPath,
     Interval,
@@ -27,6 +26,7 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def run(
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the job.")] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
     robust: Annotated[int, Parameter(help="Repeat the job so many times on slightly different machines.")] = 0,
@@ -63,23 +64,28 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
+    `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
+    `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
+
     Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
 
-    Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1. With
+    Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
+    condition met and no step lost, else 1. With
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
-    lines = _lines(job, controller)
+    lines = read_job(job, controller)
     needs_recorder = vcd is not None or trace is not None or report is not None
-    if needs_recorder:
+    if needs_recorder or record is not None:
         _check_samples(lines, interval)
     if trace is not None:
-        _need_pyarrow()
+        need_pyarrow()
     if report is not None:
-        _need_matplotlib()
-    check_writable(steps, vcd, trace, report, kept=(job, flash, scenario))
+        need_matplotlib()
+    check_record(record)
+    check_writable(steps, vcd, trace, report, record, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
@@ -91,12 +97,14 @@ def run(
         from isel_twin.verdict import judge
         from isel_twin.warm import told_of_compiling
 
+        check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
+        recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
-        with _interruption() as stopped:
+        with interruption() as stopped:
             for result in play(twin, lines, timeout, lambda: bool(stopped)):
                 show.result(result)
                 results.append(result)
@@ -110,40 +118,42 @@ def run(
             why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
             remedy = "" if interrupted else "; --timeout waits longer"
-            outputs.say(f"{_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
+            outputs.say(f"{job_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
         verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
         for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
             if path is not None:
                 with call_errors():
                     write_trace(path, twin, recorder, kind)
+        recorded = True
+        if record is not None and recording is not None:
+            with call_errors(record):
+                recorded = keep(recording, record)
         with call_errors(report):
             if report is not None and recorder is not None:
                 from isel_twin.trace.report import write_report
 
                 summary = {**verdict.summary(), **called}
-                write_report(report, f"isel-twin: {_name(job)}", twin, recorder, results, summary)
+                write_report(report, f"isel-twin: {job_name(job)}", twin, recorder, results, summary)
         show.verdict(verdict, called)
         sound = True
         if repetitions and not interrupted:
             seen = []
-            with _interruption() as stopped:
-                for trial in repetitions(stack):
+            with interruption() as stopped:
+                for trial in repetitions(stack, lambda: bool(stopped)):
                     seen.append(trial)
-                    if stopped:
-                        break
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
-                outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
+                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
             sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
-    return 0 if verdict.ok and sound else 1
+    return 0 if verdict.ok and sound and recorded else 1
 
 
 def _repetitions(
     call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
-) -> Callable[[ExitStack], Iterator[Trial]] | None:
+) -> Callable[[ExitStack, Callable[[], bool]], Iterator[Trial]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
     They begin with the flash memory as it is now.
@@ -154,7 +164,7 @@ def _repetitions(
         raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
     if number == 0:
         return None
-    from isel_twin.robust import check, trials
+    from isel_twin.robust import check, processes, trials
 
     check(call, number)
     flash = None
@@ -162,16 +172,10 @@ def _repetitions(
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
 
-    def make(stack: ExitStack) -> Iterator[Trial]:
-        executor = None
-        if jobs > 1:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
-
-            executor = ProcessPoolExecutor(min(jobs, number), mp_context=multiprocessing.get_context("spawn"))
-            stack.callback(executor.shutdown, cancel_futures=True)
+    def make(stack: ExitStack, stop: Callable[[], bool]) -> Iterator[Trial]:
+        executor = stack.enter_context(processes(min(jobs, number))) if jobs > 1 else None
         with _without_ctrl_c():
-            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor)
+            return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor, stop=stop)
 
     return make
 
@@ -187,7 +191,7 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _interruption() -> Iterator[list[int]]:
+def interruption() -> Iterator[list[int]]:
     """A list that is empty until Ctrl-C or SIGTERM comes, and then holds its number; the next one acts as ever."""
     stopped: list[int] = []
 
@@ -210,27 +214,6 @@ def _lines_are(number: int) -> str:
     return "1 line is" if number == 1 else f"{number} lines are"
 
 
-def _lines(job: Path, controller: str) -> list[Line]:
-    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
-    from isel_twin.job import decode_job, parse_job
-    from isel_twin.language import create_language
-
-    with call_errors(_name(job)):
-        language = create_language(controller)
-        data = sys.stdin.buffer.read() if str(job) == STANDARD_INPUT else job.read_bytes()
-        try:
-            lines = parse_job(decode_job(data), language, controller)
-        except ValueError as error:
-            raise CallError(f"{_name(job)}: {error}") from None
-    if not lines:
-        raise CallError(f"{_name(job)}: there is no command in it")
-    return lines
-
-
-def _name(job: Path) -> str:
-    return "standard input" if str(job) == STANDARD_INPUT else str(job)
-
-
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
     """Refuse a trace that cannot but be too long: the pauses alone make more samples than MOST_SAMPLES."""
     from isel_twin.verdict import SETTLE_S
@@ -244,7 +227,8 @@ def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
         )
 
 
-def _need_pyarrow() -> None:
+def need_pyarrow() -> None:
+    """Raise CallError unless a trace can be written."""
     from isel_twin.trace.write import check_kind
 
     try:
@@ -253,7 +237,8 @@ def _need_pyarrow() -> None:
         raise CallError(str(error), option=True) from None
 
 
-def _need_matplotlib() -> None:
+def need_matplotlib() -> None:
+    """Raise CallError unless a report can be written."""
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -21,13 +21,19 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.recording import MCAP, RecordPath, check_record
 
 if TYPE_CHECKING:
     from isel_twin.bridge.control_port import ControlPort
-    from isel_twin.bridge.server import Endpoint
+    from isel_twin.bridge.panel.guest import Panel
+    from isel_twin.bridge.server import Guest, WireTap
 
 KEPT_MOTIONS = 1000
-"""Motions in the record of a server that records nothing: what its panel or a visitor may want to look back at."""
+"""Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
+
+
+PANEL = "127.0.0.1:8217"
+"""Where the panel is without an address."""
 
 
 def serve(
@@ -36,24 +42,28 @@ def serve(
     controller: ControllerName = TwinCall.controller,
     plant: PlantName = TwinCall.plant,
     seed: Seed = TwinCall.seed,
-    pty: Annotated[
-        str | None, Parameter(help="A pseudo terminal, and a link to it if a name is given. The default.")
-    ] = None,
-    tcp: Annotated[str | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one.")] = None,
-    rfc2217: Annotated[str | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings).")] = None,
+    pty: Ptys = None,
+    tcp: Tcps = None,
+    rfc2217: Rfc2217s = None,
     control: Annotated[
         str | None, Parameter(help="HOST:PORT for clients that operate the machine, see `ctl`; port 0: a free one.")
     ] = None,
     control_token: Annotated[
         str | None, Parameter(help="What they have to know; beyond the loopback interface one is made up.")
     ] = None,
-    panel: Annotated[str | None, Parameter(help="HOST:PORT for the operator panel; not built yet.")] = None,
+    panel: Annotated[
+        str | None, Parameter(help="HOST:PORT for the operator panel, a page for browsers; alone: 127.0.0.1:8217.")
+    ] = None,
+    panel_token: Annotated[
+        str | None, Parameter(help="What browsers have to know; beyond the loopback interface one is made up.")
+    ] = None,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "1",
+    strict_baud: Annotated[
+        bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
+    ] = False,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
-    record: Annotated[
-        Path | None, Parameter(help="Keep what happens: .npz (steps), .vcd, or .parquet; written at the end.")
-    ] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
@@ -63,55 +73,65 @@ def serve(
 
     Prints one line of JSON with the addresses once everything listens. Logs go to stderr.
     """
-    if panel is not None:
-        raise CallError(
-            "panel: there is no operator panel yet; use --scenario to operate hood, key and E-stop", option=True
-        )
     import json
 
     from isel_twin.bridge.keeping import serve_and_keep
     from isel_twin.bridge.log import log_to
     from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.recording import Freshness, TimeTap
+    from isel_twin.bridge.registry import registered
     from isel_twin.bridge.server import Server, on_signals
-    from isel_twin.bridge.wire_log import WireLog
-    from isel_twin.cli import outputs
+    from isel_twin.bridge.wire_log import Taps, WireLog
+    from isel_twin.cli.recording import begin, keep
     from isel_twin.language import create_language
-    from isel_twin.trace.write import trace_kind, write_trace
     from isel_twin.warm import warm_up
 
     check_seconds("interval", interval, 1e-9)
     if control_token is not None and (control is None or not control_token):
         raise CallError("control-token: goes with --control HOST:PORT, and is not empty", option=True)
+    if panel_token is not None and (panel is None or not panel_token):
+        raise CallError("panel-token: goes with --panel, and is not empty", option=True)
     with call_errors():
         factor = parse_speed(speed)
-    if record is not None:
-        try:
-            trace_kind(record)
-        except ValueError as error:
-            raise CallError(f"record {error}", option=True) from None
+    check_record(record)
     check_writable(record, kept=(flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
-        if (stderr := _file_number(sys.stderr)) is not None:
+        if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
         stack.enter_context(on_signals(lambda: sys.exit(0)))  # until the server can be stopped by them
-        endpoints = _endpoints(pty, tcp, rfc2217, stack)
+        endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
-        twin = call.build(keep_motions=KEPT_MOTIONS if record is None else None)
+        page = _panel(panel, panel_token, stack)
+        twin = call.build(keep_motions=KEPT_MOTIONS)
+        recording = None if record is None else begin(record, twin, interval, {"speed": speed}, stack)
+        if page is not None and recording is not None:
+            page.recording = recording.path
         warm_up(plant)
-        recorder = outputs.record(twin, interval, stack) if record is not None else None
-        wire = WireLog(create_language(controller)) if log == "wire" else None
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, wire, guests=() if port is None else (port,))
+        taps: list[WireTap] = [WireLog(create_language(controller))] if log == "wire" else []
+        taps += [] if page is None else [page.monitor]
+        guests: list[Guest] = [guest for guest in (port, page) if guest is not None]
+        if recording is not None:
+            taps.append(TimeTap(recording))
+            guests.append(Freshness(recording))
+        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud)
         stack.enter_context(on_signals(server.stop))
-        where = {endpoint.kind: endpoint.address for endpoint in endpoints}
-        if pty:
-            where = {**where, "pty": pty, "device": where["pty"]}
+        where = addresses(endpoints)
         if port is not None:
             where["control"] = port.address
             if port.token is not None and control_token is None:
                 where["control_token"] = port.token
-        print(json.dumps({**where, "machine": twin.machine.name, "controller": controller}), flush=True)
-        return serve_and_keep(server, record, lambda path: write_trace(path, twin, recorder))
+        if page is not None:
+            where["panel"] = page.url
+        who = {"machine": twin.machine.name, "controller": controller}
+        stack.enter_context(registered({"command": "serve", **who, "ports": ports(endpoints)}))
+        print(json.dumps({**where, **who}), flush=True)
+        if record is None or recording is None:
+            return serve_and_keep(server)
+        if record.suffix == MCAP:
+            code = serve_and_keep(server)
+            return code if recording.close() else 1
+        return serve_and_keep(server, record, lambda path: keep(recording, path))
 
 
 def _control_port(address: str | None, token: str | None, stack: ExitStack) -> ControlPort | None:
@@ -126,32 +146,24 @@ def _control_port(address: str | None, token: str | None, stack: ExitStack) -> C
     return port
 
 
-def _file_number(stream: TextIO) -> int | None:
+def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | None:
+    """Listen for browsers."""
+    if address is None:
+        return None
+    from isel_twin.bridge.panel.guest import Panel
+
+    try:
+        with call_errors():
+            page = Panel(address or PANEL, token)
+    except ImportError:
+        raise CallError("panel needs viser: pip install 'isel-twin[panel]'", option=True) from None
+    stack.callback(page.close)
+    return page
+
+
+def file_number(stream: TextIO) -> int | None:
     """File descriptor of a stream; None if there is no file behind it, as where a caller has put its own in place."""
     try:
         return stream.fileno()
     except (OSError, ValueError):
         return None
-
-
-def _endpoints(pty: str | None, tcp: str | None, rfc2217: str | None, stack: ExitStack) -> list[Endpoint]:
-    """Listen everywhere, so that a taken port is found before anything else."""
-    endpoints: list[Endpoint] = []
-    with call_errors():
-        if pty is not None or (tcp is None and rfc2217 is None):
-            from isel_twin.bridge.pty import PtyEndpoint
-
-            endpoints.append(PtyEndpoint(pty or None))
-            stack.callback(endpoints[-1].close)
-        if tcp is not None:
-            from isel_twin.bridge.tcp import TcpEndpoint
-
-            endpoints.append(TcpEndpoint(tcp))
-            stack.callback(endpoints[-1].close)
-        if rfc2217 is not None:
-            from isel_twin.bridge.rfc2217 import Rfc2217Codec
-            from isel_twin.bridge.tcp import TcpEndpoint
-
-            endpoints.append(TcpEndpoint(rfc2217, "rfc2217", Rfc2217Codec))
-            stack.callback(endpoints[-1].close)
-    return endpoints

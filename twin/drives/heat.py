@@ -41,10 +41,24 @@ class StageHeat:
         """All stages start at ambient temperature."""
         self._stages = tuple(stages)
         self.temperature_c = [stage.ambient_c for stage in stages]
+        """By their losses; what `warm` adds comes on top of it."""
+        self.extra_k = [0.0 for _ in stages]
         self.hot = False
         matters = any(steady_c(stage, 1.0) >= stage.thermal_limit_c for stage in stages)
         self.next_ns: int | None = GRID_NS if matters else None
         """When the stages are to be looked at next; None: they cannot overheat."""
+
+    def warm(self, number: int, extra_k: float, t_ns: int) -> None:
+        """From t_ns on a stage is so much warmer than its losses make it: a blocked fan, a loose heat sink.
+
+        A stage that has not been looked at before is at ambient temperature then.
+        """
+        if number >= len(self._stages):
+            return
+        self.extra_k[number] = extra_k
+        if self.next_ns is None:
+            self.next_ns = (t_ns // GRID_NS + 1) * GRID_NS
+        self._judge()
 
     def advance(self, current_fractions: Sequence[float]) -> None:
         """Let one interval of the grid pass with these currents, one fraction of nominal (0: off) a stage."""
@@ -53,8 +67,11 @@ class StageHeat:
         self.next_ns += GRID_NS
         for number, (stage, fraction) in enumerate(zip(self._stages, current_fractions, strict=True)):
             self.temperature_c[number] = later_c(stage, self.temperature_c[number], fraction, GRID_NS * 1e-9)
+        self._judge()
+
+    def _judge(self) -> None:
         below_c = HYSTERESIS_K if self.hot else 0.0
         self.hot = any(
-            temperature >= stage.thermal_limit_c - below_c
-            for stage, temperature in zip(self._stages, self.temperature_c, strict=True)
+            temperature + extra_k >= stage.thermal_limit_c - below_c
+            for stage, temperature, extra_k in zip(self._stages, self.temperature_c, self.extra_k, strict=True)
         )

@@ -17,11 +17,15 @@ from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
+from isel_twin.units import SECOND_NS
 
 __all__ = ["Stream"]
 
 CHUNK = 1 << 15
 """Ticks of a motion expanded at once; bounds the memory of long moves."""
+
+RATE_TICKS = 16
+"""Ticks before and after the present over which a step frequency is taken."""
 
 
 class Stream:
@@ -49,6 +53,14 @@ class Stream:
     def steps(self, t_ns: int) -> Steps:
         """Record of what has been made by t_ns, the present."""
         return self._record.until(t_ns)
+
+    def rate_hz(self) -> NDArray[np.float64]:
+        """float64 [axes], changes of each command in a second, mean over some ticks around the present; 0 at rest."""
+        first, end = max(0, self._at - RATE_TICKS), min(len(self._t_ns), self._at + RATE_TICKS)
+        if self._motion is None or end - first < 2:
+            return np.zeros(self._delta.shape[1])
+        changes = self._delta[first + 1 : end].sum(axis=0, dtype=np.int64)
+        return changes * (SECOND_NS / float(self._t_ns[end - 1] - self._t_ns[first]))
 
     def follow(self, motion: Motion | None, t_ns: int) -> bool:
         """Take over the motion that the controller shows at t_ns; return whether it is another one than before."""

@@ -22,6 +22,7 @@ which loses no digits; the few that lie too near to the middle between two nanos
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 from isel_twin.compiling import njit
 from isel_twin.units import SECOND_NS
 
-__all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "trapezoid"]
+__all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "law_from_numbers", "law_numbers", "trapezoid"]
 
 Rational = int | Fraction
 """Frequencies and accelerations may be any exact number; floats would not say what is meant."""
@@ -168,6 +169,22 @@ class Trapezoid:
 
     def _time(self, k: int) -> int:
         return int(self.times(k - 1, k)[0])
+
+
+def law_numbers(law: Trapezoid) -> list[int | None]:
+    """A law as plain numbers, from which `law_from_numbers` makes it again."""
+    return [law.ticks, *law._law]
+
+
+def law_from_numbers(numbers: Sequence[int | None]) -> Trapezoid:
+    """The law that these numbers of `law_numbers` say. Raises ValueError if they say none."""
+    *of_law, stop_ns = numbers
+    if len(of_law) != 6 or not all(isinstance(n, int) and n > 0 for n in of_law[2:]):
+        raise ValueError(f"no numbers of a time law: {list(numbers)!r}")
+    law_ticks, all_ticks, speed, start_stop, acceleration, unit_ns = (int(n) for n in of_law if n is not None)
+    if not 0 <= law_ticks <= all_ticks:
+        raise ValueError(f"a time law of {all_ticks} ticks that makes {law_ticks}")
+    return Trapezoid(law_ticks, _Law(all_ticks, speed, start_stop, acceleration, unit_ns, stop_ns))
 
 
 # ---- the law and its phases ----------------------------------------------------------------------------------------

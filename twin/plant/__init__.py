@@ -137,6 +137,20 @@ class Plant(Protocol):
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them."""
 
+    def set_friction(self, axis: int, extra_n: float) -> None:
+        """Let the guides of one axis rub so much more than they do by themselves: dry friction in N, 0 or more."""
+
+    def set_obstacle(self, axis: int, position_mm: float | None) -> None:
+        """Put something in the way of a carriage, as firm as its hard stops: it cannot go beyond this position in
+        machine coordinates, seen from where it is now, whatever the other axes do. None takes it away."""
+
+    def set_payload(self, place: str, mass_kg: float) -> None:
+        """Put a load on one of PLACES beside what is there by itself: a mass at its site, 0 or more."""
+
+    def set_undervoltage(self, missing: float) -> None:
+        """Let this part of the supply voltage of all drives be missing, 0 to 0.95: of the source, if they have a common
+        supply, so that they drop where it goes too low."""
+
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions X, Y, Z in machine coordinates, at the time last advanced to."""

@@ -236,6 +236,18 @@ class KinematicPlant:
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Without physics there are no phases."""
 
+    def set_friction(self, axis: int, extra_n: float) -> None:
+        """Without physics nothing rubs."""
+
+    def set_obstacle(self, axis: int, position_mm: float | None) -> None:
+        """Without physics nothing is in the way."""
+
+    def set_payload(self, place: str, mass_kg: float) -> None:
+        """Without physics nothing has a mass."""
+
+    def set_undervoltage(self, missing: float) -> None:
+        """Without physics there is no voltage."""
+
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point. Kept in steps from the start position, in the sense of the switch."""
         switch = self._thresholds[threshold]

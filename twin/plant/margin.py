@@ -8,6 +8,9 @@ just works can be told from one that works. Two things end a motor's grip; the m
     load angle   1 - |lag| / 2        lag: command minus rotor in full steps, to the nearest place where the motor would
                                       hold as well (they are four full steps apart); at two it holds no longer
 
+At a voltage U of a common supply in place of its U0 T_max is looked up at w U0 / U: what a voltage must overcome,
+back-EMF and inductance, grows with the speed. But for the resistance that is exact (2 % at 0.8 U0).
+
 A steady load uses up torque first (it may lag by one full step); an overshoot may go beyond, with less torque again, as
 long as the angle does not reach two. A motor that slips passes two: its margin is 0.
 """
@@ -47,8 +50,8 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
 def margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction):
     """Pull-out margin at one moment.
 
-    torque_nm of the currents, mean over a window; available_nm [SPEEDS] as `available_torque` has it; fraction of the
-    nominal current that flows: at rest it may be lowered.
+    torque_nm of the currents, mean over a window; speed_rad_s as the voltage makes it; available_nm [SPEEDS] as
+    `available_torque` has it; fraction of the nominal current that flows: at rest it may be lowered.
     """
     place = min(abs(speed_rad_s) / SPEED_STEP_RAD_S, SPEEDS - 1.0)
     k = min(int(place), SPEEDS - 2)

@@ -30,7 +30,7 @@ from isel_twin.version import VERSION
 if TYPE_CHECKING:
     from isel_twin.language import Language
 
-__all__ = ["CHANNELS", "METADATA", "RecordingWriter"]
+__all__ = ["CHANNELS", "METADATA", "SAMPLES", "RecordingWriter"]
 
 METADATA: Final = "isel-twin"
 """Name of the metadata record: plain text by key."""
@@ -45,12 +45,29 @@ _NUMBER: Final = {"type": "integer"}
 _TRAFFIC: Final = {"hex": _TEXT, "text": _TEXT, "explanation": _TEXT, "byte_ns": _NUMBER}
 CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/host/sent": ("bytes the host has sent, at once", _TRAFFIC),
-    "/host/received": (
-        "bytes that have reached the host: the last of them now, each byte_ns after the one before",
-        _TRAFFIC,
+    "/host/received": ("bytes that reach the host: the last of them now, each byte_ns after the one before", _TRAFFIC),
+    "/host/lost": ("of the bytes received: those that would have come now, had the line not been cut", {"hex": _TEXT}),
+    "/operator": ("what somebody has done, in the keys of a scenario event; or how the line is", {}),
+    "/scenario": ("an event of the scenario", {}),
+    "/runs": (
+        "the motion the controller makes from now on (isel_twin.trace.runs), null: none; continues: the same with "
+        "another future",
+        {"run": {"type": ["object", "null"]}, "continues": {"type": "boolean"}},
     ),
+    "/counters": ("a counter set without a motion: axis 0 X, 1 Y ...", {"axis": _NUMBER, "value": _NUMBER}),
+    "/flash": ("the flash memory has been written", {"bytes": _NUMBER, "sha256": _TEXT}),
+    "/remarks": ("why something has failed", {"text": _TEXT}),
+    "/levels": ("electrical levels of the terminals that have changed, 1: high", {}),
+    "/inputs": ("switches, elements and faults that have changed, in words", {}),
+    "/outputs": ("outputs of the controller and relays that have changed", {}),
+    "/faults": ("all that is wrong on purpose from now on", {"faults": {"type": "object"}}),
+    "/time": ("how virtual time passes: speed, pause, end of the recording", {"what": _TEXT}),
+    "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
+
+SAMPLES: Final = "/samples"
+"""The channel of the samples, see samples.py."""
 
 
 class RecordingWriter:
@@ -74,6 +91,8 @@ class RecordingWriter:
         self.path = Path(path)
         self.ended = False
         """Nothing more is recorded: closed, or no room."""
+        self.broken = False
+        """There was no room for some of it."""
         self.unwritten = False
         """Something has been recorded since the last `flush`."""
         self._language = language
@@ -119,10 +138,27 @@ class RecordingWriter:
         self.unwritten = True
         try:
             number = self._channels.get(channel) or self._register(channel)
-            count = self._numbers[number] = self._numbers[number] + 1
-            self._writer.add_message(number, time_ns, data, time_ns, count)
+            self._add(number, time_ns, data)
         except OSError as error:
             self._end(error)
+
+    def sample(self, time_ns: int, data: bytes, schema: str) -> None:
+        """Write a sample, a message of samples.py; schema: the fields it has, the same each time."""
+        if self.ended:
+            return
+        self.unwritten = True
+        try:
+            if (number := self._channels.get(SAMPLES)) is None:
+                schema_id = self._writer.register_schema("isel_twin/Sample", "ros2msg", schema.encode())
+                number = self._writer.register_channel(SAMPLES, "cdr", schema_id)
+                self._channels[SAMPLES], self._numbers[number] = number, 0
+            self._add(number, time_ns, data)
+        except OSError as error:
+            self._end(error)
+
+    def _add(self, number: int, time_ns: int, data: bytes) -> None:
+        count = self._numbers[number] = self._numbers[number] + 1
+        self._writer.add_message(number, time_ns, data, time_ns, count)
 
     def flush(self) -> None:
         """Hand everything recorded so far to the operating system, where it outlives this process."""
@@ -165,7 +201,7 @@ class RecordingWriter:
 
     def _end(self, error: OSError) -> None:
         """There is no room: keep what there is."""
-        self.ended = True
+        self.ended = self.broken = True
         self._file.give_up()
         log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
 

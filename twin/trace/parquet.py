@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.files import replacing
-from isel_twin.trace.recorder import Change, Recorder
+from isel_twin.trace.recorder import Change, Samples
 
 __all__ = ["write_parquet"]
 
@@ -28,7 +28,7 @@ ROWS = 65_536
 """Rows of a row group."""
 
 
-def write_parquet(path: str | os.PathLike[str], recorder: Recorder) -> None:
+def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
     """Write all samples so far. Raises OSError."""
     history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
     schema = _table(np.empty(0, dtype=recorder.dtype), history).schema

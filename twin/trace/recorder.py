@@ -15,7 +15,7 @@ import logging
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from isel_twin.snapshot import snapshot
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["Change", "Recorder", "sample_dtype"]
+__all__ = ["Change", "Recorder", "Samples", "sample_dtype"]
 
 BUFFER = 4096
 """Samples kept before they go to the file."""
@@ -54,6 +54,18 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
             ("lost_steps", np.float64, (axes,)),
         ]
     )
+
+
+class Samples(Protocol):
+    """What the writers of traces want: samples and changes, taken now by a `Recorder`, or read back (reading.py)."""
+
+    axes: int
+    dtype: np.dtype[np.void]
+    changes: list[Change]
+
+    def __len__(self) -> int: ...
+    def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]: ...
+    def names(self) -> list[tuple[str, str]]: ...
 
 
 class Recorder:

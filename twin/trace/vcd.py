@@ -33,7 +33,7 @@ from vcd import VCDWriter
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.files import replacing
-from isel_twin.trace.recorder import Change, Recorder
+from isel_twin.trace.recorder import Change, Samples
 
 if TYPE_CHECKING:
     from isel_twin.motion import Steps
@@ -51,7 +51,7 @@ _Entry = tuple[int, str, int | float | str]
 """(time in ns, name of the signal, new value)"""
 
 
-def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Recorder) -> None:
+def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
     """Write stream, samples and changes. Raises OSError."""
     with (
         replacing(path) as temporary,
@@ -136,7 +136,7 @@ def _commands(steps: Steps) -> Iterator[_Entry]:
                 yield time, f"command_{AXIS_NAMES[axis]}", command[axis]
 
 
-def _samples(recorder: Recorder) -> Iterator[_Entry]:
+def _samples(recorder: Samples) -> Iterator[_Entry]:
     for piece in recorder.samples():
         columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
         for time, counts, position_mm, lost_steps in zip(*columns, strict=True):

@@ -3,6 +3,7 @@
     .npz        the step stream, exactly                    npz.py
     .vcd        a value change dump for waveform viewers    vcd.py
     .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
+    .csv        the same as text                            csv.py
 
 Each kind is imported when it is written: who wants none pays for none.
 """
@@ -16,10 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from isel_twin.trace.recorder import Recorder
+    from isel_twin.motion import Steps
+    from isel_twin.trace.recorder import Samples
     from isel_twin.twin import Twin
 
-__all__ = ["KINDS", "check_kind", "trace_kind", "write_trace"]
+__all__ = ["KINDS", "check_kind", "trace_kind", "write_steps_and_samples", "write_trace"]
 
 
 def trace_kind(path: Path) -> str:
@@ -37,8 +39,13 @@ def check_kind(kind: str, about: str) -> None:
         raise ValueError(f"{about} needs pyarrow: pip install 'isel-twin[trace]'")
 
 
-def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | None = None) -> None:
-    """Write what has happened to the twin so far.
+def write_trace(path: Path, twin: Twin, recorder: Samples | None, kind: str | None = None) -> None:
+    """Write what has happened to the twin so far. See `write_steps_and_samples`."""
+    write_steps_and_samples(path, twin.steps, recorder, kind)
+
+
+def write_steps_and_samples(path: Path, steps: Steps, recorder: Samples | None, kind: str | None = None) -> None:
+    """Write a stream and samples, as they have been taken or read back from a recording.
 
     kind: one of KINDS; without it, the one that the file name ends in.
     recorder: has watched the twin; an .npz can do without. Raises ValueError for a name that says nothing and for a
@@ -48,38 +55,45 @@ def write_trace(path: Path, twin: Twin, recorder: Recorder | None, kind: str | N
     check_kind(kind, f"{path}:")
     write = KINDS[kind]
     try:
-        write(path, twin, recorder)
+        write(path, steps, recorder)
     except OSError as error:  # which may name a temporary file, or none
         raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(path)) from error
 
 
-def _write_npz(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+def _write_npz(path: Path, steps: Steps, recorder: Samples | None) -> None:
     from isel_twin.trace.npz import write_npz
 
-    write_npz(path, twin.steps)
+    write_npz(path, steps)
 
 
-def _write_vcd(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+def _write_vcd(path: Path, steps: Steps, recorder: Samples | None) -> None:
     from isel_twin.trace.vcd import write_vcd
 
-    write_vcd(path, twin.steps, _needed(recorder, path))
+    write_vcd(path, steps, _needed(recorder, path))
 
 
-def _write_parquet(path: Path, twin: Twin, recorder: Recorder | None) -> None:
+def _write_parquet(path: Path, steps: Steps, recorder: Samples | None) -> None:
     from isel_twin.trace.parquet import write_parquet
 
     write_parquet(path, _needed(recorder, path))
 
 
-def _needed(recorder: Recorder | None, path: Path) -> Recorder:
+def _write_csv(path: Path, steps: Steps, recorder: Samples | None) -> None:
+    from isel_twin.trace.csv import write_csv
+
+    write_csv(path, _needed(recorder, path))
+
+
+def _needed(recorder: Samples | None, path: Path) -> Samples:
     if recorder is None:
         raise ValueError(f"{path}: this kind of trace needs a recorder that has watched the twin")
     return recorder
 
 
-KINDS: Mapping[str, Callable[[Path, Twin, Recorder | None], None]] = {
+KINDS: Mapping[str, Callable[[Path, Steps, Samples | None], None]] = {
     ".npz": _write_npz,
     ".vcd": _write_vcd,
     ".parquet": _write_parquet,
+    ".csv": _write_csv,
 }
 """Kinds of traces by the suffix of their files, and who writes them."""

@@ -6,6 +6,8 @@ cabinet.py    operator elements, hood, safety relay, spindle contactor
 line.py       the serial line: byte times and noise
 acts.py       everything an event can do: names, meanings, values
 scenario.py   scenario files: events in virtual time
+when.py       the words of a condition
+schedule.py   which event is next
 """
 
 from __future__ import annotations
@@ -14,8 +16,16 @@ from isel_twin.wiring.acts import ACTS, Act, check_input
 from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import EVENT_KEYS, ScenarioError, ScenarioEvent, event_now, load_scenario
-from isel_twin.wiring.wiring import Wiring, thresholds
+from isel_twin.wiring.scenario import (
+    EVENT_KEYS,
+    ScenarioError,
+    ScenarioEvent,
+    cut_table,
+    event_now,
+    load_scenario,
+)
+from isel_twin.wiring.schedule import Condition, Schedule
+from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
 __all__ = [
     "ACTS",
@@ -24,14 +34,19 @@ __all__ = [
     "FAULTS",
     "Act",
     "Cabinet",
+    "Condition",
     "Contacts",
     "SafetyCabinet",
     "ScenarioError",
     "ScenarioEvent",
+    "Schedule",
     "SerialLine",
     "Wiring",
     "check_input",
+    "cut_table",
     "event_now",
     "load_scenario",
+    "outputs",
+    "settable",
     "thresholds",
 ]

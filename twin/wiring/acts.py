@@ -12,15 +12,16 @@ Beside them an event may have `place` (where its forces act) and `for`, after wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, table, text
 from isel_twin.plant import PLACES
+from isel_twin.wiring.contacts import FAULTS
 
-__all__ = ["ACTS", "BESIDE", "FOR_S", "Act", "check_input", "read_act"]
+__all__ = ["ACTS", "BESIDE", "Act", "check_input", "ended", "read_act"]
 
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut"]
 """What a value may be: a number within limits, one of some words, true and false, a state of an input as
@@ -57,24 +58,47 @@ class Act:
         if isinstance(self.value, tuple):
             return ", ".join(word or '""' for word in self.value)
         words = {"state": "a state", "contact": 'a contact, or ""', "cut": 'a table, or "off"'}
-        return words[self.value] if isinstance(self.value, str) else "true, false"
+        if isinstance(self.value, str):
+            return words[self.value]
+        return "true" if self.off is None else "true, false"
 
+
+_PART = Limits("", 0.0, 1.0)
 
 _LIST = (
     Act("set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state", "input"),
     Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), "axis", 0.0, physical=True, fault=False),
     Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), "axis", "", physical=True),
-    Act("noise", "chance of a flipped bit in each byte on the line", Limits("", 0.0, 1.0), off=0.0),
+    Act("noise", "chance of a flipped bit in each byte on the line", _PART, off=0.0),
     Act("cut", "a cutter is in the material", "cut", off="off", physical=True, fault=False),
+    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", "contact", ""),
+    Act("friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5), "axis", 0.0, physical=True),
+    Act(
+        "obstacle_mm",
+        "something firm stands in the way of a carriage, at a place in machine coordinates",
+        Limits("mm", -1e4, 1e4),
+        "axis",
+        "off",
+        physical=True,
+    ),
+    Act("payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0), "place", 0.0, physical=True),
+    Act("undervoltage", "part of the drives' supply voltage that is missing", Limits("", 0.0, 0.95), "", 0.0, True),
+    Act("hot_stage_k", "a stage is warmer than its losses make it", Limits("K", 0.0, 500.0), "axis", 0.0, True),
+    Act("dropped", "chance that a byte on the line is lost", _PART, off=0.0),
+    Act("doubled", "chance that a byte on the line comes twice", _PART, off=0.0),
+    Act("line_cut", "nothing passes on the line", bool, off=False),
+    Act("reset", "the controller starts anew, as by a reset button", bool, fault=False),
+    Act("brownout", "the mains is gone; when it is back, controller and cabinet start anew", bool, off=False),
 )
 
 ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
-"""By key, in the order in which one event does them."""
+"""By key."""
 
-BESIDE: Mapping[str, str] = {"place": "where its forces act: tool or table"}
+BESIDE: Mapping[str, str] = {
+    "place": "where its forces act: tool or table",
+    "for": "seconds after which all that it has set is ended",
+}
 """Keys that say more of the others, and what."""
-
-FOR_S = Limits("s", 0.0, 1e9)
 
 
 def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[str, ...]]) -> Any:
@@ -88,8 +112,10 @@ def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[st
     values = table(value, place)
     if act.by == "input":
         for name, state in values.items():
-            check_input(name, state, settable, str(event), event.error)
+            check_input(name, state, settable, str(place), event.error)
         return dict(values)
+    if act.by == "contact":
+        return _pairs(values, place, [name for name, states in settable.items() if "broken" in states])
     known(values, act.members, place)
     return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
 
@@ -102,9 +128,30 @@ def _value(act: Act, value: Any, place: Place) -> Any:
         return plain(value, form, place)
     if isinstance(form, tuple):
         return text(value, place, form)
-    if form is bool and not isinstance(value, bool):
+    if form is bool and (not isinstance(value, bool) or (act.off is None and not value)):
         raise place.wrong(f"{value!r}; allowed: {act.allowed}")
     return value
+
+
+def _pairs(values: Mapping[str, Any], place: Place, contacts: Sequence[str]) -> dict[str, str]:
+    """Two contacts that exist for each entry, or a contact and ""."""
+    for name, other in values.items():
+        if name not in contacts:
+            raise place.at(name).wrong(f"unknown contact; {hint(name, contacts, 'there are')}")
+        if other != "" and (not isinstance(other, str) or other not in contacts or other == name):
+            others = [contact for contact in contacts if contact != name]
+            raise place.at(name).wrong(f"{other!r}; {hint(str(other), others)}")
+    return dict(values)
+
+
+def ended(act: Act, value: Any, settable: Mapping[str, tuple[str, ...]]) -> Any:
+    """The value that ends what `value`, which has been checked, has set; None if it does not last.
+
+    An element goes back to its state at power-on, a contact is healed.
+    """
+    if act.by == "input":
+        return {name: "ok" if state in FAULTS else settable[name][0] for name, state in value.items()}
+    return dict.fromkeys(value, act.off) if act.by else act.off
 
 
 def check_input(

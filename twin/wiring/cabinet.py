@@ -86,6 +86,9 @@ class Cabinet(Protocol):
     def heat(self, hot: bool) -> None:
         """Tell whether a power stage has reached its thermal limit."""
 
+    def mains(self, on: bool) -> None:
+        """The mains is gone, or back: then everything is as at power-on, but for what people have set."""
+
     def contacts(self) -> Mapping[str, bool]:
         """Closed (True) or open, for every one of `signals`."""
 
@@ -108,6 +111,7 @@ class SafetyCabinet:
         """Spindle contactor on."""
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
+        self._mains = True
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now: a locked hood stays closed unless it is forced.
@@ -163,6 +167,13 @@ class SafetyCabinet:
         self.stages_hot = hot
         self._settle()
 
+    def mains(self, on: bool) -> None:
+        """See Cabinet.mains; the relay closes as at power-on, if nothing speaks against it."""
+        self._mains = on
+        if on:
+            self._close_relay()
+        self._settle()
+
     @property
     def cool(self) -> bool:
         """The over-temperature contact is closed."""
@@ -209,7 +220,7 @@ class SafetyCabinet:
         }
 
     def _circuits_closed(self) -> bool:
-        return self.state["power"] == "on" and self._estop_closed and self.cool
+        return self._mains and self.state["power"] == "on" and self._estop_closed and self.cool
 
     def _close_relay(self) -> None:
         if self._circuits_closed() and (self.state["hood"] == "closed" or self.state["key"] == "setup"):

@@ -9,7 +9,9 @@ Bounce: a struck or released position switch changes at once and then chatters f
     struck    ____|~|_|~~~~~~~~~~~          t0: first change, the instant the controller is told
                   t0      t0 + bounce       an even number of further changes, seeded
 
-Faults of one contact: `broken` (a wire is off: open for ever), `stuck_open`, `stuck_closed`, `ok` (healed).
+Faults of one contact: `broken` (a wire is off: open for ever), `stuck_open`, `stuck_closed`, `bounce` (worn: it
+chatters for WORN_MS at each change, whatever works it), `ok` (healed). Two contacts may be swapped: each leads
+where the other did.
 """
 
 from __future__ import annotations
@@ -21,10 +23,19 @@ import numpy as np
 
 from isel_twin.machine import Contact
 
-FAULTS: Mapping[str, bool | None] = {"ok": None, "broken": False, "stuck_open": False, "stuck_closed": True}
-"""Fault names, and the state in which each holds the contact."""
+FAULTS: Mapping[str, bool | None] = {
+    "ok": None,
+    "broken": False,
+    "stuck_open": False,
+    "stuck_closed": True,
+    "bounce": None,
+}
+"""Fault names, and the state in which each holds the contact; None: as what works it has it."""
 
+WORN_MS = 20.0
+"""A worn contact is quiet after this time; good switches take 1 to 5 ms."""
 _MAX_BOUNCES = 3
+_WORN_BOUNCES = 12
 
 
 class Contacts:
@@ -51,6 +62,10 @@ class Contacts:
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
         self._levels: dict[str, bool] | None = None
+        self._swapped: dict[str, str] = {}
+        """Both ways round."""
+        self._worn: list[str] = []
+        """Worn contacts that have changed at this instant and are still to chatter."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,7 +74,7 @@ class Contacts:
 
     @property
     def next_ns(self) -> int | None:
-        """Time of the next bounce, None if nothing is bouncing."""
+        """Time of the next bounce, None if nothing is bouncing; what has just changed is begun by `advance`."""
         return self._pending[0][0] if self._pending else None
 
     def closed(self, name: str) -> bool:
@@ -75,7 +90,7 @@ class Contacts:
         """Level (True: high) of every wired terminal."""
         if self._levels is None:
             self._levels = {
-                terminal: all(self.closed(name) != self._contacts[name].inverted for name in names)
+                terminal: all(self._high(self._swapped.get(name, name)) for name in names)
                 for terminal, names in self._terminals.items()
             }
         return self._levels
@@ -88,9 +103,26 @@ class Contacts:
         else:
             self._faults[name] = fault
 
+    @property
+    def swapped(self) -> Mapping[str, str]:
+        """Contacts whose wires are exchanged, each pair once."""
+        return {name: other for name, other in self._swapped.items() if self._first(name, other)}
+
+    def swap(self, name: str, other: str) -> None:
+        """Exchange the wires of two contacts where they lead; "": put those of `name` right. Either may be swapped."""
+        self._levels = None
+        for one in (name, other):
+            partner = self._swapped.pop(one, None)
+            if partner is not None:
+                self._swapped.pop(partner, None)
+        if other:
+            self._swapped |= {name: other, other: name}
+
     def set_closed(self, name: str, closed: bool) -> None:
-        """A contact without bounce changes."""
+        """A contact changes: without bounce, but for a worn one."""
         if self._closed[name] != closed:
+            if self._faults.get(name) == "bounce":
+                self._worn.append(name)
             self._closed[name] = closed
             self._levels = None
 
@@ -98,22 +130,44 @@ class Contacts:
         """A position switch is struck or released at t_ns: change now, chatter for a while."""
         contact = self._contacts[name]
         closed = struck != (contact.type == "opener")
-        self._pending = [entry for entry in self._pending if entry[2] != name]
-        heapq.heapify(self._pending)
+        self._forget(name)
         self.set_closed(name, closed)
         bounce_ns = int(contact.bounce_ms * 1e6)
-        if bounce_ns > 0:
-            changes = 2 * int(self._random.integers(0, _MAX_BOUNCES + 1))
-            for i, delay in enumerate(sorted(self._random.integers(1, bounce_ns + 1, changes).tolist())):
-                state = closed if i % 2 else not closed
-                heapq.heappush(self._pending, (t_ns + delay, self._sequence, name, state))
-                self._sequence += 1
+        if bounce_ns > 0 and name not in self._worn:
+            self._chatter(name, t_ns, bounce_ns, 2 * int(self._random.integers(0, _MAX_BOUNCES + 1)))
 
     def advance(self, t_ns: int) -> bool:
         """Apply the bounces due at t_ns; say whether there were any."""
         due = False
+        for name in dict.fromkeys(self._worn):
+            self._forget(name)
+            changes = 2 * int(self._random.integers(_MAX_BOUNCES, _WORN_BOUNCES + 1))
+            self._chatter(name, t_ns, int(WORN_MS * 1e6), changes)
+        self._worn.clear()
         while self._pending and self._pending[0][0] <= t_ns:
             _, _, name, closed = heapq.heappop(self._pending)
-            self.set_closed(name, closed)
+            if self._closed[name] != closed:
+                self._closed[name] = closed
+                self._levels = None
             due = True
         return due
+
+    def _chatter(self, name: str, t_ns: int, within_ns: int, changes: int) -> None:
+        """Let a contact change so often, an even number, and end as it is."""
+        closed = self._closed[name]
+        for i, delay in enumerate(sorted(self._random.integers(1, within_ns + 1, changes).tolist())):
+            state = closed if i % 2 else not closed
+            heapq.heappush(self._pending, (t_ns + delay, self._sequence, name, state))
+            self._sequence += 1
+
+    def _forget(self, name: str) -> None:
+        """Bounces of a contact that are still to come do not."""
+        self._pending = [entry for entry in self._pending if entry[2] != name]
+        heapq.heapify(self._pending)
+
+    def _high(self, name: str) -> bool:
+        return self.closed(name) != self._contacts[name].inverted
+
+    def _first(self, name: str, other: str) -> bool:
+        names = list(self._contacts)
+        return names.index(name) < names.index(other)

@@ -5,11 +5,16 @@ arrive at the instant they are sent (right for tests of logic, where the line is
 
     host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
+
+What may be wrong with it, both directions alike, each byte by itself: a bit is flipped (`noise`), the byte is lost
+(`dropped`) or comes twice (`doubled`), with a chance each. While the line is cut, bytes that would arrive are lost;
+what is on its way and arrives later is not.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,10 +24,13 @@ class _Direction:
 
     def __init__(self) -> None:
         self.queue: deque[tuple[int, bytes]] = deque()
+        self.landed: deque[tuple[int, bytes]] = deque()
+        """The same of what has arrived before the line was cut, and not been taken yet."""
         self.due = 0
         self._free_ns = 0
 
-    def send(self, t_ns: int, data: bytes, byte_ns: int) -> None:
+    def send(self, t_ns: int, data: bytes, byte_ns: int) -> int:
+        """Put bytes on the line; return when the last of them arrives."""
         arrival = max(t_ns, self._free_ns)
         if byte_ns:
             for number in range(len(data)):
@@ -32,20 +40,35 @@ class _Direction:
             self.queue.append((arrival, data))
         self.due += len(data)
         self._free_ns = arrival
+        return arrival
 
     def receive(self, t_ns: int) -> bytes:
+        data = b""
+        if self.landed:
+            data = b"".join(piece for _, piece in self.landed)
+            self.landed.clear()
         queue = self.queue
-        if not queue or queue[0][0] > t_ns:
-            return b""
-        data = queue.popleft()[1]
         while queue and queue[0][0] <= t_ns:
             data += queue.popleft()[1]
         self.due -= len(data)
         return data
 
+    def land(self, t_ns: int) -> None:
+        """What has arrived by t_ns is safe, whatever happens to the line."""
+        while self.queue and self.queue[0][0] <= t_ns:
+            self.landed.append(self.queue.popleft())
+
+    def lose(self, t_ns: int) -> list[tuple[int, bytes]]:
+        """What would arrive by t_ns does not; return it."""
+        lost = []
+        while self.queue and self.queue[0][0] <= t_ns:
+            lost.append(self.queue.popleft())
+            self.due -= len(lost[-1][1])
+        return lost
+
     @property
     def next_ns(self) -> int | None:
-        return self.queue[0][0] if self.queue else None
+        return self.landed[0][0] if self.landed else self.queue[0][0] if self.queue else None
 
 
 class SerialLine:
@@ -57,6 +80,18 @@ class SerialLine:
         self._random = random
         self.noise = 0.0
         """Chance of one flipped bit in each byte."""
+        self.on_reply: Callable[[int, bytes, int], None] | None = None
+        """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
+        self.on_lost: Callable[[int, bytes], None] | None = None
+        """Called with what was on its way to the host and does not arrive: when it would have."""
+        self.dropped = 0.0
+        """Chance that a byte is lost."""
+        self.doubled = 0.0
+        """Chance that a byte comes twice."""
+        self._chances = random.spawn(1)[0]
+        """Of those two: the flipped bits of a seed do not depend on them."""
+        self.is_cut = False
+        """Nothing passes."""
         self._to_controller = _Direction()
         self._to_host = _Direction()
 
@@ -66,19 +101,38 @@ class SerialLine:
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
-        self._to_host.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
+        data, spacing_ns = self._disturbed(data), byte_ns if self.timed else 0
+        arrival_ns = self._to_host.send(t_ns, data, spacing_ns)
+        if data and self.on_reply is not None:
+            self.on_reply(arrival_ns, data, spacing_ns)
 
     def at_controller(self, t_ns: int) -> bytes:
-        """Take the bytes that have arrived at the controller by t_ns."""
+        """Take the bytes that have arrived at the controller by t_ns. To be called at each `next_ns`."""
+        if self.is_cut:
+            self._lose(t_ns)
         return self._to_controller.receive(t_ns)
 
     def at_host(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the host by t_ns."""
+        if self.is_cut:
+            self._lose(t_ns)
         return self._to_host.receive(t_ns)
+
+    def cut(self, t_ns: int, is_cut: bool) -> None:
+        """Cut the line at t_ns, or join it again."""
+        if is_cut and not self.is_cut:
+            self._to_controller.land(t_ns)
+            self._to_host.land(t_ns)
+        elif self.is_cut and not is_cut:
+            self._lose(t_ns)
+        self.is_cut = is_cut
 
     @property
     def next_ns(self) -> int | None:
-        """When the next byte arrives at the controller."""
+        """When the next byte arrives at the controller, or would if the line were whole."""
+        if self.is_cut:  # whoever asks for replies is not to find one that has been lost
+            times = [direction.queue[0][0] for direction in (self._to_controller, self._to_host) if direction.queue]
+            return min((*times, *(time for time, _ in self._to_controller.landed)), default=None)
         return self._to_controller.next_ns
 
     @property
@@ -96,9 +150,21 @@ class SerialLine:
         """Time at which everything sent so far has arrived at the host."""
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
 
+    def _lose(self, t_ns: int) -> None:
+        self._to_controller.lose(t_ns)
+        for arrival_ns, data in self._to_host.lose(t_ns):
+            if self.on_lost is not None:
+                self.on_lost(arrival_ns, data)
+
     def _disturbed(self, data: bytes) -> bytes:
-        if self.noise <= 0.0 or not data:
+        if self.noise > 0.0 and data:
+            hit = self._random.random(len(data)) < self.noise
+            bit = self._random.integers(0, 8, len(data))
+            data = bytes(byte ^ (1 << int(b)) if h else byte for byte, h, b in zip(data, hit, bit, strict=True))
+        if self.dropped <= 0.0 and self.doubled <= 0.0:
             return data
-        hit = self._random.random(len(data)) < self.noise
-        bit = self._random.integers(0, 8, len(data))
-        return bytes(byte ^ (1 << int(b)) if h else byte for byte, h, b in zip(data, hit, bit, strict=True))
+        chances = self._chances.random((len(data), 2)).tolist()
+        return b"".join(
+            b"" if lost < self.dropped else bytes([byte]) * (2 if twice < self.doubled else 1)
+            for byte, (lost, twice) in zip(data, chances, strict=True)
+        )

@@ -16,27 +16,47 @@ nothing is due.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.controller import DriveInput
+from isel_twin.controller import OUTPUTS, DriveInput
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine
 from isel_twin.plant import Cut, Plant, Threshold
-from isel_twin.wiring.acts import check_input
+from isel_twin.wiring.acts import ACTS, check_input
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent
+from isel_twin.wiring.schedule import Condition, Decoder, Schedule
 
-__all__ = ["Wiring", "thresholds"]
+__all__ = ["Wiring", "outputs", "settable", "thresholds"]
+
+PASSED_MM = 0.05
+"""A carriage has left a position that an event waits for when it is back by this much."""
 
 
-def thresholds(machine: Machine, drive_inputs: Sequence[DriveInput]) -> list[Threshold]:
-    """What the plant has to watch: the position switches of a machine, then the quantities of `drive_inputs`."""
+def settable(machine: Machine) -> Mapping[str, tuple[str, ...]]:
+    """What can be set of a machine, and the states each can be given: elements of its cabinet, faults of contacts."""
+    elements = CABINETS[machine.cabinet]().elements
+    contacts = [contact.name for contact in machine.contacts]
+    names = dict.fromkeys((*elements, *contacts))
+    return {name: elements.get(name, ()) + (tuple(FAULTS) if name in contacts else ()) for name in names}
+
+
+def outputs(machine: Machine) -> tuple[str, ...]:
+    """Outputs that every controller may use, and relays of the machine's cabinet."""
+    return (*OUTPUTS, *CABINETS[machine.cabinet]().relays)
+
+
+def thresholds(
+    machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
+) -> list[Threshold]:
+    """What the plant has to watch: the position switches of a machine, the quantities of `drive_inputs`, positions that
+    events of a schedule wait for."""
     switches = [
         Threshold(
             CARRIAGES.index(switch.axis),
@@ -47,7 +67,11 @@ def thresholds(machine: Machine, drive_inputs: Sequence[DriveInput]) -> list[Thr
         )
         for switch in machine.switches
     ]
-    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs]
+    places = [
+        Threshold(CARRIAGES.index(wait.name), "position", float(wait.value), wait.sense, PASSED_MM)
+        for wait in (schedule.positions if schedule is not None else ())
+    ]
+    return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places
 
 
 class Wiring:
@@ -62,10 +86,12 @@ class Wiring:
         drive_inputs: Sequence[DriveInput],
         trips: np.random.Generator,
         bounces: np.random.Generator,
+        schedule: Schedule | None = None,
     ) -> None:
         """Wire a machine to a controller's `terminals`.
 
-        plant: built with `thresholds` of this machine and these drive inputs. line: where a scenario makes noise.
+        plant: built with `thresholds` of this machine, these drive inputs and this schedule. line: what a scenario
+        disturbs.
         trips, bounces: where trip points and bounces are drawn from.
         """
         self._plant = plant
@@ -76,10 +102,19 @@ class Wiring:
         self._cabinet = CABINETS[machine.cabinet]()
         self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
-        self._scenario: deque[ScenarioEvent] = deque()
+        self.on_event: Callable[[ScenarioEvent], None] | None = None
+        """Called with each event of the scenario just before it happens."""
+        self.settable = settable(machine)
+        """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
+        self._schedule = Schedule() if schedule is None else schedule
         self.events_without_effect = 0
-        """Events of the scenario that have happened and could not do anything: the plant has no physics."""
-        self._phases_lost: dict[str, str] = {}
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
+        self._faults: dict[str, str | float] = {}
+        """What acts have set that can be ended, by key or `key.member`, but for contacts and the line."""
+        self.restarts = 0
+        """How often the controller had to start anew or lost its supply."""
+        self.mains = True
+        """There is a supply for the controller."""
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
@@ -87,6 +122,8 @@ class Wiring:
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
+        for number, beyond in enumerate(self._active[self._places :]):
+            self._schedule.passed(number, bool(beyond))
         self._settle_cabinet()
 
     # Time
@@ -99,8 +136,7 @@ class Wiring:
     @property
     def next_event_ns(self) -> int | None:
         """The same without the regular look at the temperatures, which hardly ever changes anything."""
-        event_ns = self._scenario[0].at_ns if self._scenario else None
-        return min((t for t in (self._contacts.next_ns, event_ns) if t is not None), default=None)
+        return min((t for t in (self._contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether there was anything. Levels may have changed then."""
@@ -111,21 +147,14 @@ class Wiring:
             self._cabinet.heat(self._heat.hot)
             self._settle_cabinet()
             return True
-        if self._scenario and self._scenario[0].at_ns <= t_ns:
-            self.carry_out(self._scenario.popleft())
-            return True
-        return False
+        event = self._schedule.take(t_ns)
+        if event is not None:
+            if self.on_event is not None:
+                self.on_event(event)
+            self.carry_out(event, t_ns)
+        return event is not None
 
     # What is done to it
-
-    @property
-    def settable(self) -> Mapping[str, tuple[str, ...]]:
-        """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
-        names = dict.fromkeys((*self._cabinet.elements, *self._contacts.names))
-        return {
-            name: self._cabinet.elements.get(name, ()) + (tuple(FAULTS) if name in self._contacts.names else ())
-            for name in names
-        }
 
     def operate(self, name: str, state: str) -> None:
         """Give an element of the cabinet or a contact one of its states in `settable`.
@@ -135,34 +164,53 @@ class Wiring:
         check_input(name, state, self.settable, "wiring", ScenarioError)
         self._operate_all({name: state})
 
-    def carry_out(self, event: ScenarioEvent) -> None:
-        """Let an event happen now, whatever its time; all of it has been checked."""
+    def carry_out(self, event: ScenarioEvent, t_ns: int) -> None:
+        """Let an event happen at t_ns, the present, whatever its time; all of it has been checked."""
         self.events_without_effect += event.physical and not self._plant.physics
         if event.inputs:
             self._operate_all(event.inputs)
+        for name, other in event.others.get("swapped", {}).items():
+            self._contacts.swap(name, other)
         for axis, force_n in event.force_n.items():
             self._plant.apply_force(axis, force_n, event.place)
         if event.cut:
             self._plant.set_cut(event.cut if isinstance(event.cut, Cut) else None)
         for axis, phases in event.phase_lost.items():
             self._plant.set_phase_lost(axis, phases)
-            self._phases_lost[CARRIAGES[axis]] = phases
+            self._note(f"phase_lost.{CARRIAGES[axis]}", phases)
         if event.noise is not None:
             self._line.noise = event.noise
+            self._note("noise", event.noise)
+        for key, value in event.others.items():
+            self._do(key, value, t_ns)
+        if event.end is not None:
+            self._schedule.end_later(t_ns + event.for_ns, event.end)
 
-    def schedule(self, events: Sequence[ScenarioEvent]) -> None:
-        """Let these events happen, each at its time; they are sorted by it."""
-        self._scenario = deque(events)
+    def schedule(self, events: Sequence[ScenarioEvent], decoder: Decoder | None = None) -> None:
+        """Let these events happen, as `Schedule` takes them; none of them waits for a position."""
+        self._schedule = Schedule(events, decoder)
+        self._look()
 
     @property
     def events_left(self) -> int:
         """Events of the scenario that are still to come."""
-        return len(self._scenario)
+        return self._schedule.left
+
+    def heard(self, data: bytes, sent: bool) -> None:
+        """The controller gets these bytes of the host now (sent), or answers them. `settle` follows."""
+        self._schedule.heard(data, sent)
 
     def output(self, name: str, value: int) -> None:
         """A controller output has a new level. `outputs_changed` follows when all of an instant have been told."""
         self._outputs[name] = value
         self._cabinet.output(name, value)
+        self._look()
+
+    def outputs_lost(self) -> None:
+        """The controller starts anew or has no supply: its outputs are what they are until it says otherwise."""
+        for name in self._outputs:
+            self.output(name, OUTPUTS.get(name, 0))
+        self._settle_cabinet()
 
     def outputs_changed(self) -> None:
         """Carry the outputs told by `output` to contacts and drives."""
@@ -180,7 +228,7 @@ class Wiring:
         """Level (True: high) of every wired terminal; the same object as long as nothing has changed."""
         levels = self._contacts.levels()
         if self._drive_terminals:
-            active = self._active[len(self._switches) :].tolist()
+            active = self._active[len(self._switches) : self._places].tolist()
             levels = levels | dict(zip(self._drive_terminals, active, strict=True))
         if levels is not self._shown and levels != self._shown:
             self._shown = levels
@@ -199,11 +247,12 @@ class Wiring:
 
     @property
     def faults(self) -> Mapping[str, str | float]:
-        """What is wrong now: faults of contacts by name, motor phases lost (`phase_lost.x`), `noise` on the line."""
+        """What is wrong now: faults of contacts by name, all else by its key of an event (isel_twin.wiring.ACTS):
+        `noise`, `phase_lost.x`, `swapped.limit_x1`."""
         of_contacts = {name: self._contacts.fault(name) for name in self._contacts.names}
         found: dict[str, str | float] = {name: fault for name, fault in of_contacts.items() if fault != "ok"}
-        found |= {f"phase_lost.{axis}": phases for axis, phases in self._phases_lost.items() if phases}
-        return found | ({"noise": self._line.noise} if self._line.noise else {})
+        found |= {f"swapped.{name}": other for name, other in self._contacts.swapped.items()}
+        return found | self._faults
 
     @property
     def outputs(self) -> Mapping[str, int]:
@@ -222,7 +271,74 @@ class Wiring:
                 self._contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
                 if not active[number]:
                     self._draw_trip_point(number)
-        return self._contacts.advance(t_ns) or bool(changed)
+            elif number >= self._places:
+                self._schedule.passed(number - self._places, bool(active[number]))
+        if changed:
+            self._look()
+        bounced = self._contacts.advance(t_ns)
+        if bounced:  # a worn contact of the cabinet chatters, too
+            self._settle_cabinet()
+        return bounced or bool(changed)
+
+    @property
+    def _places(self) -> int:
+        """Number of the first threshold that is a position an event waits for."""
+        return len(self._switches) + len(self._drive_terminals)
+
+    def _do(self, key: str, value: Any, t_ns: int) -> None:
+        """One of `ScenarioEvent.others`, but for contacts, which change with the inputs."""
+        act, plant = ACTS[key], self._plant
+        if key == "reset":
+            self.restarts += 1
+        elif key == "brownout":
+            self._set_mains(not value)
+        elif key == "line_cut":
+            self._line.cut(t_ns, value)
+        elif key in ("dropped", "doubled"):
+            setattr(self._line, key, value)
+        elif key == "undervoltage":
+            plant.set_undervoltage(value)
+        for name, one in value.items() if act.by in ("axis", "place") else ():
+            if key == "friction_n":
+                plant.set_friction(CARRIAGES.index(name), one)
+            elif key == "obstacle_mm":
+                plant.set_obstacle(CARRIAGES.index(name), None if one == act.off else one)
+            elif key == "payload_kg":
+                plant.set_payload(name, one)
+            elif key == "hot_stage_k":
+                self._heat.warm(CARRIAGES.index(name), one, t_ns)
+                self._cabinet.heat(self._heat.hot)
+                self._settle_cabinet()
+            self._note(f"{key}.{name}", one)
+        if act.fault and not act.by:
+            self._note(key, value)
+
+    def _note(self, fault: str, value: str | float) -> None:
+        """A fault has this value now; take it down, or strike it out if it is over."""
+        self._faults.pop(fault, None)
+        if value != ACTS[fault.partition(".")[0]].off:
+            self._faults[fault] = value
+
+    def _set_mains(self, on: bool) -> None:
+        if on != self.mains:
+            self.mains = on
+            self.restarts += 1
+            self._cabinet.mains(on)
+            self._settle_cabinet()
+
+    def _look(self) -> None:
+        """Tell the schedule that states may have changed."""
+        if self._schedule.of_states:
+            self._schedule.look(self._holds)
+
+    def _holds(self, condition: Condition) -> bool:
+        """Whether an output or an input is now as an event waits for it."""
+        name, value = condition.name, condition.value
+        if condition.kind == "output":
+            return bool(self.outputs.get(name, OUTPUTS.get(name, 0)) == value)
+        if value == "ok":
+            return self._contacts.fault(name) == "ok"
+        return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
         """A switch trips a little elsewhere each time: draw where it will the next time."""
@@ -250,6 +366,7 @@ class Wiring:
             brake_released=live and bool(self._outputs.get("brake")),
             lowering=bool(self._outputs.get("current_lowering")),
         )
+        self._look()
 
     def _follow_cabinet(self) -> None:
         signals = self._cabinet.contacts()

@@ -1,0 +1,109 @@
+"""How the loops of this folder sleep: until a file is ready, until somebody wakes them, or for a while.
+
+watches of endpoints and guests --.
+Wake.watch -----------------------+-->  Watched.wait(watches, timeout_s)  -->  handlers of those that are ready
+    ^                             |
+    '-- threads, signals (woken_by_signals)
+"""
+
+from __future__ import annotations
+
+import selectors
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+__all__ = ["Wake", "Watch", "Watched", "woken_by_signals"]
+
+
+class Watch(NamedTuple):
+    """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).
+
+    Another handler may have been called in between, so it must bear with a file that is gone or not ready any more.
+    """
+
+    file: Any
+    events: int
+    handler: Callable[[], None]
+
+
+class Wake:
+    """Ends the sleep of a loop from a signal handler or another thread."""
+
+    def __init__(self) -> None:
+        self._in, self._out = socket.socketpair()
+        self._in.setblocking(False)
+        self._out.setblocking(False)
+        self.watch = Watch(self._out, selectors.EVENT_READ, self._awake)
+        """To be waited for beside everything else."""
+
+    def __call__(self) -> None:
+        with suppress(OSError):  # awake already, or closed already
+            self._in.send(b"\0")
+
+    def fileno(self) -> int:
+        """What the operating system may write a byte to for each signal."""
+        return self._in.fileno()
+
+    def _awake(self) -> None:
+        with suppress(BlockingIOError):
+            self._out.recv(4096)
+
+    def close(self) -> None:
+        self._in.close()
+        self._out.close()
+
+
+@contextmanager
+def woken_by_signals(wake: Wake) -> Iterator[None]:
+    """While the block lasts each signal writes a byte to `wake`.
+
+    Python runs handlers in the main thread between two instructions. A signal that another thread gets, or that comes
+    just before the main thread falls asleep, does not end that sleep by itself.
+    """
+    if threading.current_thread() is not threading.main_thread():  # signals are none of its business
+        yield
+        return
+    before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+
+
+class Watched:
+    """The files waited for now. Registers with the operating system only what has changed since the last time."""
+
+    def __init__(self) -> None:
+        self._selector = selectors.DefaultSelector()
+        self._watches: list[Watch] = []
+        self._files: dict[int, Watch] = {}
+
+    def wait(self, watches: list[Watch], timeout_s: float | None) -> None:
+        """Sleep until one of the files is ready, then call the handlers of those that are."""
+        if watches != self._watches:
+            self._change(watches)
+        for key, _ in self._selector.select(timeout_s):
+            self._files[key.fd].handler()
+
+    def _change(self, watches: list[Watch]) -> None:
+        now = {_descriptor(watch.file): watch for watch in watches}
+        for number, old in self._files.items():
+            if (new := now.get(number)) is None or new.file is not old.file:
+                self._selector.unregister(number)
+            elif new.events != old.events:
+                self._selector.modify(number, new.events)
+        for number, watch in now.items():
+            if number not in self._selector.get_map():
+                self._selector.register(number, watch.events)
+        self._watches, self._files = watches, now
+
+    def close(self) -> None:
+        self._selector.close()
+
+
+def _descriptor(file: Any) -> int:
+    return file if isinstance(file, int) else file.fileno()

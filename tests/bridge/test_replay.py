@@ -1,0 +1,177 @@
+"""A session of a real server, with people at its control port, replays to the bit whatever its speed was."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from isel_twin.controller import controller_names
+from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.trace.reading import read
+from tests.bridge.conftest import STOP_S
+
+SCENARIO = """
+[[event]]
+at = 1.5
+set = { limit_z2 = "broken" }
+"""
+
+
+def cli(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "isel_twin.cli", *(str(argument) for argument in arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
+
+
+class Control:
+    """A client of the control port."""
+
+    def __init__(self, address: str) -> None:
+        host, number = address.rsplit(":", 1)
+        self._lines = socket.create_connection((host, int(number))).makefile("rw")
+
+    def ask(self, **request: Any) -> None:
+        self._lines.write(json.dumps(request) + "\n")
+        self._lines.flush()
+        assert json.loads(self._lines.readline())["ok"]
+
+
+def session(served, controller: str, begin_s: float) -> None:
+    """What a host and a person do at the same time, in their own time."""
+    language = needed(create_language(controller), controller)
+    control = Control(served.info["control"])
+    with served.open() as port:
+        port.timeout = begin_s
+        for data in language.reference():
+            port.write(data)
+            port.read(64)
+        control.ask(force_n={"x": 15.0})
+        settings = MoveSettings(speed_hz=2000)
+        *before, move = language.move((4000, 2000, 100), settings)
+        for data in before:
+            port.write(data)
+            port.read(64)
+        port.write(move)
+        time.sleep(0.1)
+        control.ask(pause=True)
+        control.ask(step=0.03)
+        control.ask(set={"limit_x2": "stuck_closed"}, noise=0.01)
+        control.ask(resume=True)
+        port.write(language.break_off())
+        time.sleep(0.1)
+        control.ask(set={"estop": "pressed"})
+        time.sleep(0.1)
+        control.ask(speed=5)
+        control.ask(set={"estop": "released"}, noise=0)
+        port.write(b"\xfe")
+        port.read(64)
+    with served.open() as port:  # another client
+        port.timeout = 0.3
+        for data in language.reference()[:1]:
+            port.write(data)
+            port.read(64)
+
+
+def serve_session(serve: Callable[..., Any], tmp_path, controller: str, speed: str) -> Any:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(SCENARIO)
+    path = tmp_path / "session.mcap"
+    served = serve(
+        *("--controller", controller, "--scenario", str(scenario), "--seed", "4"),
+        *("--record", str(path), "--control", "127.0.0.1:0"),
+        speed=speed,
+        plant="mujoco",
+    )
+    session(served, controller, begin_s=0.3)
+    return served, path
+
+
+@pytest.mark.parametrize("speed", ["1", "20", "max"])
+def test_a_session_at_any_speed(serve, tmp_path, speed):
+    served, path = serve_session(serve, tmp_path, "imc-s8", speed)
+    assert served.stop(signal.SIGTERM) == 0
+    recorded = read(path)
+    assert recorded.whole
+    assert len(list(recorded.of("/operator"))) >= 4
+    done = cli("replay", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("no difference in replies, times, stream and positions, ")
+
+
+@pytest.mark.parametrize("controller", [name for name in controller_names() if name != "imc-s8"])
+def test_a_session_of_each_controller(serve, tmp_path, controller):
+    served, path = serve_session(serve, tmp_path, controller, "20")
+    assert served.stop(signal.SIGTERM) == 0
+    done = cli("replay", path, "--json")
+    assert done.returncode == 0, done.stdout
+    assert json.loads(done.stdout) == {"same": True, "difference": None, "time_ns": read(path).end_ns, "told": []}
+
+
+def test_what_a_killed_server_leaves_replays_as_far_as_it_goes(serve, tmp_path):
+    served, path = serve_session(serve, tmp_path, "imc-s8", "20")
+    served.process.send_signal(signal.SIGKILL)
+    served.process.wait(STOP_S)
+    done = cli("replay", path)
+    assert done.returncode == 0, done.stdout
+    assert (
+        done.stderr == f"isel-twin: {path}: the recording has no end, it was cut off; it is played as far as it goes\n"
+    )
+
+
+def test_replay_at_a_speed_takes_its_time_and_can_be_recorded_again(tmp_path):
+    job = tmp_path / "job.txt"
+    job.write_text("@07\n<1s>\n@0P\n")
+    first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
+    assert cli("run", job, "--plant", "kinematic", "--record", first).returncode == 0
+    began = time.monotonic()
+    done = cli("replay", first, "--speed", "0.5", "--record", second)
+    assert done.returncode == 0, done.stdout
+    assert time.monotonic() - began > 2.0
+    assert [e for e in read(second).entries if e.channel != "/time"] == [
+        e for e in read(first).entries if e.channel != "/time"
+    ]
+
+
+def test_another_machine_is_a_difference_and_exit_code_1(tmp_path):
+    """The recording has its machine with it: what has become of the machine's name elsewhere is no matter."""
+    from isel_twin.trace.mcap import RecordingWriter
+
+    job = tmp_path / "job.txt"
+    job.write_text("@07\n@0P\n")
+    path, other = tmp_path / "session.mcap", tmp_path / "other.mcap"
+    assert cli("run", job, "--plant", "kinematic", "--record", path).returncode == 0
+    recorded = read(path)
+    with RecordingWriter(other, {**recorded.metadata, "seed": "9"}, recorded.attachments) as writer:
+        for entry in recorded.entries:
+            writer.message(*entry)
+    done = cli("replay", other)
+    assert done.returncode == 1
+    assert done.stdout.startswith("first difference: 0.000000000 s, /samples: recorded nothing, now ")
+
+
+@pytest.mark.parametrize("command", ["replay", "export"])
+@pytest.mark.parametrize("content", [b"", b"@07\r0", b"\x89MCAP0\r\n"])
+def test_files_that_are_no_recordings_are_refused_in_one_line(tmp_path, command, content):
+    path = tmp_path / "other.mcap"
+    path.write_bytes(content)
+    done = cli(command, path, *([tmp_path / "out.npz"] if command == "export" else []))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"isel-twin: {path}: is no recording of isel-twin; allowed: a file that ")
+    assert len(done.stderr.splitlines()) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["other.mcap"]
+
+
+def test_a_recording_is_not_written_onto_itself(tmp_path):
+    path = tmp_path / "session.mcap"
+    path.write_bytes(b"precious")
+    done = cli("replay", path, "--record", path)
+    assert done.returncode == 2
+    assert "is named twice in this call" in done.stderr
+    assert path.read_bytes() == b"precious"

@@ -1,0 +1,219 @@
+"""A job that is recorded and driven again: the same stream to the nanosecond, the same counts, the same places."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from isel_twin import Twin
+from isel_twin.capture.load import load
+from isel_twin.capture.player import Player
+from isel_twin.capture.ticks import Ticks
+from isel_twin.cli import main
+from isel_twin.job import parse_job, play
+from isel_twin.machine import load_machine
+from isel_twin.trace.npz import write_npz
+from isel_twin.trace.recorder import Recorder
+from isel_twin.trace.vcd import write_vcd
+from isel_twin.verdict import SETTLE_S
+
+REFERENCED = "@07\n@0R7\n@0M16000,8000,8000,4000,0,30,2000,800\n<0.4s>\n@0M8000,5000,9000,1000,0,30,0,30\n"
+STOPPED = "@07\n@0ID2\n@0R7\n@0A8000,5000,400,900,0,30,0,30<13> <0.6s> <253>\n@0S\n"
+JOBS = {"referenced": (REFERENCED, ""), "stopped": (STOPPED, "y")}
+"""And the axes whose motors are turned round: a stream is in the sense of the counters."""
+
+
+def driven(ticks: Ticks, plant: str, seed: int) -> Twin:
+    """A twin that plays a stream, as long after its end as a verdict waits."""
+    contacts = tuple(contact.name for contact in load_machine("4030").contacts)
+    twin = Twin(controller=Player(ticks, contacts), plant=plant, seed=seed)
+    twin.run_until(ticks.end_ns)
+    return twin
+
+
+class Recorded(NamedTuple):
+    twin: Twin
+    folder: Path
+    """With job.npz and job.vcd."""
+    plant: str
+    reverse: str
+
+
+@pytest.fixture(
+    params=[("referenced", "kinematic"), ("stopped", "kinematic"), ("referenced", "mujoco")], scope="module"
+)
+def recorded(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """A twin that has done a job."""
+    (job, reverse), plant = JOBS[request.param[0]], request.param[1]
+    folder = tmp_path_factory.mktemp("recorded")
+    twin = Twin(plant=plant, seed=5)
+    with Recorder(twin, 10_000_000) as recorder:
+        list(play(twin, parse_job(job, twin.language, "imc-s8"), 600.0))
+        twin.run(SETTLE_S)
+        write_npz(folder / "job.npz", twin.steps)
+        write_vcd(folder / "job.vcd", twin.steps, recorder)
+    return Recorded(twin, folder, plant, reverse)
+
+
+@pytest.mark.parametrize("name", ["job.npz", "job.vcd"])
+def test_the_stream_is_the_same_to_the_nanosecond(recorded: Recorded, name: str) -> None:
+    twin, folder, *_ = recorded
+    ticks = load(folder / name)
+    assert len(ticks.t_ns) > 1000
+    np.testing.assert_array_equal(ticks.t_ns, twin.steps.t_ns)
+    np.testing.assert_array_equal(ticks.delta, twin.steps.delta)
+
+
+def test_the_machine_ends_where_it_did(recorded: Recorded) -> None:
+    """The dump tells what the controller did with its stages, so the motors are where they were to the bit."""
+    twin, folder, plant, reverse = recorded
+    again = driven(load(folder / "job.vcd", reverse=reverse), plant, seed=5)
+    again.run_until(twin.time_ns)
+    sense = np.array([-1 if axis in reverse else 1 for axis in "xyza"])
+    np.testing.assert_array_equal(again.counts, twin.steps.delta.sum(axis=0) * sense)
+    np.testing.assert_array_equal(again.steps.t_ns, twin.steps.t_ns)
+    np.testing.assert_array_equal(again.steps.delta, twin.steps.delta * sense)
+    np.testing.assert_array_equal(again.machine_position_mm, twin.machine_position_mm)
+
+
+def test_a_stream_without_the_stages_ends_there_within_a_load_angle(recorded: Recorded) -> None:
+    """An .npz does not tell when the stages were on: from the beginning. What differs is how friction holds the rotors
+    at rest, less than a step (3.1 um)."""
+    twin, folder, plant, reverse = recorded
+    again = driven(load(folder / "job.npz", reverse=reverse), plant, seed=5)
+    again.run_until(twin.time_ns)
+    sense = np.array([-1 if axis in reverse else 1 for axis in "xyza"])
+    np.testing.assert_array_equal(again.counts, twin.steps.delta.sum(axis=0) * sense)
+    away_mm = np.abs(again.machine_position_mm - twin.machine_position_mm)
+    assert away_mm.max() <= (0.0 if plant == "kinematic" else 0.003)
+
+
+# ---- the command -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """call(words...) -> exit code, standard output, standard error, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as caught:
+            main([*words])
+        assert isinstance(caught.value.code, int)
+        return caught.value.code, *capsys.readouterr()
+
+    return run
+
+
+OPTIONS = ("--plant", "kinematic", "--seed", "5", "--json")
+
+
+@pytest.mark.parametrize("name", ["one.npz", "one.vcd"])
+def test_run_then_drive(call: Any, tmp_path: Path, name: str) -> None:
+    (tmp_path / "job.txt").write_text(REFERENCED)
+    code, out, _ = call("run", "job.txt", *OPTIONS, "--vcd", "one.vcd", "--steps", "one.npz")
+    assert code == 0
+    before = json.loads(out.splitlines()[-1])
+    code, out, err = call("drive", name, *OPTIONS, "--may-strike", "all", "--steps", "two.npz")
+    assert (code, err) == (0, "")
+    *motions, after = map(json.loads, out.splitlines())
+    assert (tmp_path / "two.npz").read_bytes() == (tmp_path / "one.npz").read_bytes()
+    assert after["steps"] == before["steps"] == after["capture"]["ticks"]
+    assert after["lost_steps"] == [0.0] * 4
+    assert {strike["switch"] for strike in after["capture"]["struck"]} == {"limit_x1", "limit_y1", "limit_z1"}
+    assert len(motions) == 2  # the pause of 0.4 s parts them
+    assert motions[0]["reply"].split() == ["limit_z1", "limit_y1", "limit_x1"]
+
+
+def test_a_switch_that_is_struck_is_not_well_unless_it_may_be(call: Any, tmp_path: Path) -> None:
+    (tmp_path / "job.txt").write_text(REFERENCED)
+    call("run", "job.txt", *OPTIONS, "--steps", "job.npz")
+    assert call("drive", "job.npz", *OPTIONS)[0] == 1
+    assert call("drive", "job.npz", *OPTIONS, "--may-strike", "limit_x1,limit_y1,limit_z1")[0] == 0
+
+
+def test_the_table_tells_what_happened(call: Any, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 8001) * 200_000, delta=np.ones((8000, 1), dtype=np.int8))
+    call("drive", "a.npz", *OPTIONS, "--vcd", "job.vcd")
+    code, out, err = call("drive", "job.vcd", "--plant", "kinematic", "--start", "50,50,20", "--interval", "1")
+    assert (code, err) == (0, "")
+    assert "X +8000" in out
+    assert "all well: 1 motions, 0 struck a switch" in out
+    assert "X: 8000 steps, at most 5000 a second" in out
+    assert "cycle time" in out
+
+
+def test_every_output_is_written(call: Any, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 8001) * 200_000, delta=np.ones((8000, 1), dtype=np.int8))
+    call("drive", "a.npz", *OPTIONS, "--vcd", "job.vcd")
+    written = ("--steps", "s.npz", "--vcd", "v.vcd", "--trace", "t.parquet", "--report", "r.html")
+    code, _, err = call("drive", "job.vcd", *OPTIONS, *written)
+    assert (code, err) == (0, "")
+    assert all((tmp_path / name).stat().st_size for name in written[1::2])
+    np.testing.assert_array_equal(load(tmp_path / "v.vcd").t_ns, load(tmp_path / "job.vcd").t_ns)
+
+
+def test_a_wall_in_the_way_loses_steps(call: Any, tmp_path: Path) -> None:
+    """200 mm at 25 mm/s from 300 mm on: the far-end switch at 395 mm is struck, the stop 3 mm behind it holds."""
+    n = 64_000
+    t_ns = np.arange(1, n + 1, dtype=np.int64) * 125_000
+    np.savez(tmp_path / "long.npz", t_ns=t_ns, delta=np.outer(np.ones(n), [1, 0, 0]).astype(np.int8))
+    code, out, _ = call("drive", "long.npz", "--start", "300,50,20", "--json")
+    summary = json.loads(out.splitlines()[-1])
+    assert code == 1
+    assert summary["lost_steps"][0] > 30_000
+    (strike,) = summary["capture"]["struck"]
+    assert (strike["switch"], strike["allowed"]) == ("limit_x2", False)
+    assert strike["time_ns"] == pytest.approx(95.0 / 25.0 * 1e9, abs=5e7)
+
+
+def test_overrides_change_the_machine(call: Any, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 1601) * 1_000_000, delta=np.ones((1600, 1), dtype=np.int8))
+    for words, way_mm in ((), 5.0), (("--set", "axes.x.steps_per_rev=3200"), 2.5), (("--reverse", "x"), -5.0):
+        code, out, _ = call("drive", "a.npz", *OPTIONS, *words)
+        assert code == 0
+        assert json.loads(out.splitlines()[-1])["position_mm"][0] == pytest.approx(way_mm, abs=1e-9)
+
+
+def test_a_scenario_acts_on_a_driven_machine(call: Any, tmp_path: Path) -> None:
+    """The E-stop cuts the power of the stages: what is captured afterwards is not made."""
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 16001) * 250_000, delta=np.ones((16000, 1), dtype=np.int8))
+    (tmp_path / "stop.toml").write_text('[[event]]\nat = 2.0\nset = { estop = "pressed" }\n')
+    code, out, err = call("drive", "a.npz", "--seed", "5", "--json", "--scenario", "stop.toml")
+    assert code == 1, err
+    summary = json.loads(out.splitlines()[-1])
+    assert summary["lost_steps"][0] == pytest.approx(8000, abs=40)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.vcd"], "none.vcd: there is no such file"),
+        (["a.bin"], "the name must end in .vcd"),
+        (["a.npz", "--map", "x.step=D0,x.dir=D1"], "leave the map out"),
+        (["a.npz", "--start", "1,2"], "--start '1,2': must be three numbers"),
+        (["a.npz", "--start", "1,2,2000"], "start_mm: z"),
+        (["a.npz", "--set", "axes.x.lead"], "--set 'axes.x.lead': must be KEY=VALUE"),
+        (["a.npz", "--set", "axes.x.led=5"], "axes.x.led"),
+        (["a.npz", "--may-strike", "limit_q1"], "--may-strike limit_q1: there are limit_x1"),
+        (["a.npz", "--reverse", "w"], "reverse w: there are x"),
+        (["late.npz", "--vcd", "b.vcd"], "--interval 0.01: makes 1.0e+10 samples"),
+        (["a.npz", "--gap", "0"], "--gap 0: must be a time"),
+        (["a.npz", "--pulse-us", "nan"], "--pulse-us nan: must be from 0"),
+        (["a.npz", "--steps", "a.npz"], "named twice"),
+        (["a.npz", "--machine", "9"], "9"),
+        (["empty.npz"], "has no step in it"),
+    ],
+)
+def test_a_call_that_cannot_be_carried_out_is_one_line(call: Any, tmp_path: Path, words: list[str], said: str) -> None:
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 10), delta=np.ones((9, 3), dtype=np.int8))
+    np.savez(tmp_path / "empty.npz", t_ns=np.arange(0), delta=np.ones((0, 3), dtype=np.int8))
+    np.savez(tmp_path / "late.npz", t_ns=np.array([10**17]), delta=np.ones((1, 3), dtype=np.int8))
+    (tmp_path / "a.bin").write_bytes(b"x")
+    code, out, err = call("drive", *words, "--plant", "kinematic")
+    assert (code, out, err.count("\n")) == (2, "", 1), err
+    assert said in err

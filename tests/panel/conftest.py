@@ -1,0 +1,128 @@
+"""Served twins with a panel, in threads of this process."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+from isel_twin import Twin
+from isel_twin.bridge.pacing import Pacer
+from isel_twin.bridge.panel.guest import Panel
+from isel_twin.bridge.server import Server
+from isel_twin.bridge.tcp import TcpEndpoint
+
+LOOPBACK = "127.0.0.1:0"
+WAIT_S = 60.0
+"""Longest wait for anything; a healthy panel needs a small part of it."""
+
+
+class Bench:
+    """A served twin with a panel; `ready`: its host has made the reference run before anything else."""
+
+    def __init__(
+        self,
+        speed: float | None = None,
+        controller: str = "imc-s8",
+        ready: bool = False,
+        address: str = LOOPBACK,
+        token: str | None = None,
+    ) -> None:
+        self.panel = Panel(address, token)
+        self.line = TcpEndpoint(LOOPBACK)
+        self.twin = Twin(controller=controller, plant="kinematic", line_speed=speed is not None)
+        if ready:
+            assert self.twin.language is not None
+            for data in self.twin.language.reference():
+                self.twin.write(data)
+                assert self.twin.run_until_idle()
+                assert self.twin.language.accepted(data, self.twin.read())
+        self.server = Server(
+            self.twin, Pacer(speed, self.twin.time_ns), [self.line], self.panel.monitor, guests=[self.panel]
+        )
+        self.thread = threading.Thread(target=self.server.run, daemon=True)
+        self.thread.start()
+
+    @property
+    def port(self) -> int:
+        return int(self.panel.address.rpartition(":")[2])
+
+    def close(self) -> None:
+        self.server.stop()
+        self.thread.join(WAIT_S)
+        assert not self.thread.is_alive()
+
+
+class Browser:
+    """What a page does, without one."""
+
+    def __init__(self, bench: Bench, **headers: str) -> None:
+        self.socket: ClientConnection = connect(
+            f"ws://127.0.0.1:{bench.port}/operate", additional_headers=headers, max_size=None
+        )
+        self.frame: dict[str, Any] = {}
+        self.lines: list[dict[str, Any]] = []
+        self.answers: dict[Any, dict[str, Any]] = {}
+        self.about: dict[str, Any] = self.hear()["about"]
+        self._number = 0
+        self.until(lambda: self.frame)
+
+    def hear(self) -> dict[str, Any]:
+        """The next message, taken in."""
+        message: dict[str, Any] = json.loads(self.socket.recv(timeout=WAIT_S))
+        self.frame = message.get("frame", self.frame)
+        self.lines += message.get("lines", [])
+        self.answers |= {answer["id"]: answer for answer in message.get("answers", [])}
+        return message
+
+    def until(self, so: Callable[[], Any]) -> None:
+        """Listen until it is so."""
+        while not so():
+            self.hear()
+
+    def request(self, **content: Any) -> dict[str, Any]:
+        """Its answer, ok or not."""
+        self._number += 1
+        self.socket.send(json.dumps({"id": self._number, **content}))
+        self.until(lambda: self._number in self.answers)
+        return {key: value for key, value in self.answers.pop(self._number).items() if key != "id"}
+
+    def ask(self, **action: Any) -> Any:
+        answer = self.request(ask=action)
+        assert answer.keys() == {"ok"}, answer
+        return answer["ok"]
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+@pytest.fixture
+def bench() -> Iterator[Callable[..., Bench]]:
+    """bench(...) starts one."""
+    running: list[Bench] = []
+
+    def start(*args: Any, **kwargs: Any) -> Bench:
+        running.append(Bench(*args, **kwargs))
+        return running[-1]
+
+    yield start
+    for one in running:
+        one.close()
+
+
+@pytest.fixture
+def browser() -> Iterator[Callable[..., Browser]]:
+    """browser(bench) opens the panel."""
+    opened: list[Browser] = []
+
+    def start(bench: Bench, **headers: str) -> Browser:
+        opened.append(Browser(bench, **headers))
+        return opened[-1]
+
+    yield start
+    for one in opened:
+        one.close()

@@ -1,0 +1,255 @@
+"""The panel in a real browser: what people press, type and see. Nothing sleeps; all waits are for what is expected."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, sync_playwright
+
+from tests.panel.chromium import ARGUMENTS, find_browser
+from tests.panel.conftest import WAIT_S, Bench
+
+WHERE = find_browser()
+pytestmark = [
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(WHERE is None, reason="there is no Chromium or Chrome; `make browser` installs one"),
+]
+
+EMPTY = "<!doctype html><title>no scene</title>"
+OPEN_S = 3.0
+"""In which the page is to be there."""
+
+
+@dataclass
+class Opened:
+    """A page with what it has said and asked for."""
+
+    page: Page
+    said: list[str] = field(default_factory=list)
+    """Errors of the console and of scripts."""
+    asked: list[str] = field(default_factory=list)
+    """Addresses it has asked for, by whatever way."""
+
+    def __getitem__(self, selector: str) -> Locator:
+        return self.page.locator(selector)
+
+    def say(self, text: str) -> None:
+        self["#text"].fill(text)
+        self["#text"].press("Enter")
+
+    def message(self, who: str, text: str) -> Locator:
+        found = self[f".message[data-who={who}]"]
+        return found.filter(has=self.page.locator(".text", has_text=re.compile(f"^{text}$")))
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=WHERE, args=list(ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def context(chromium: Browser) -> Iterator[BrowserContext]:
+    context = chromium.new_context(viewport={"width": 1280, "height": 800})
+    context.set_default_timeout(WAIT_S * 1000)
+    expect.set_options(timeout=WAIT_S * 1000)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def open_panel(context: BrowserContext) -> Callable[..., Opened]:
+    """open_panel(bench) opens a page; without `scene` nothing is drawn in 3D, which takes long without a GPU."""
+
+    def start(bench: Bench, scene: bool = False) -> Opened:
+        opened = Opened(context.new_page())
+        opened.page.on("console", lambda line: line.type == "error" and opened.said.append(line.text))
+        opened.page.on("pageerror", lambda error: opened.said.append(str(error)))
+        opened.page.on("request", lambda request: opened.asked.append(request.url))
+        opened.page.on("websocket", lambda connection: opened.asked.append(connection.url))
+        if not scene:
+            opened.page.route("**/scene", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
+        opened.page.goto(bench.panel.url)
+        expect(opened["#link"]).to_have_attribute("data-state", "on")
+        return opened
+
+    return start
+
+
+def test_the_emergency_stop_in_motion(bench, open_panel):
+    """Lamp, reply and standstill: the stages lose their power, the controller tells error 9, the counter stands."""
+    here = bench(speed=1.0, ready=True)
+    page = open_panel(here)
+    page.say("@0A 80000,800,0,800,0,800,0,800")
+    expect(page['[data-output="moving"]']).to_have_attribute("data-on", "1")
+    expect(page["[data-axis=x] td:nth-child(6)"]).to_have_text("800")
+    expect(page['[data-output="power"]']).to_have_attribute("data-on", "1")
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    expect(page['[data-output="power"]']).to_have_attribute("data-on", "0")
+    expect(page['[data-port="p1.0"] .level']).to_have_text("low")
+    expect(page.message("twin", "9")).to_be_visible()
+    expect(page["[data-axis=x] td:nth-child(6)"]).to_have_text("0")
+    stood = page["[data-axis=x] td:nth-child(2)"].inner_text()
+    assert 0 < int(stood) < 80_000
+    for _ in range(3):
+        expect(page["#time"]).not_to_have_text(page["#time"].inner_text())
+    assert page["[data-axis=x] td:nth-child(2)"].inner_text() == stood
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "false")
+    assert page.said == []
+
+
+def test_open_the_hood_turn_the_key_press_the_probe_and_a_button(bench, open_panel):
+    here = bench()
+    page = open_panel(here)
+    hood = page['.element[data-element="hood"]']
+    hood.get_by_role("button", name="forced").click()
+    expect(hood.get_by_role("button", name="open")).to_have_attribute("aria-pressed", "true")
+    expect(page['[data-port="p2.5"] .level']).to_have_text("low")
+    hood.get_by_role("button", name="closed").click()
+    expect(hood.get_by_role("button", name="closed")).to_have_attribute("aria-pressed", "true")
+    page['.element[data-element="key"]'].get_by_role("button", name="setup").click()
+    expect(page['[data-port="p2.7"] .level']).to_have_text("high")
+    page['.element[data-element="probe"]'].get_by_role("button", name="touched").click()
+    expect(page['[data-port="p1.5"] .level']).to_have_text("high")
+    page['.row [data-element="user_3"]'].click()
+    expect(page['[data-port="p0.3"] .level']).to_have_text("high")
+    start = page['.element[data-element="start"] .push']
+    start.hover()
+    page.page.mouse.down()
+    expect(page['[data-port="p1.3"] .level']).to_have_text("high")
+    page.page.mouse.up()
+    expect(page['[data-port="p1.3"] .level']).to_have_text("low")
+    assert page.said == []
+
+
+def test_break_a_switch_and_heal_it_and_flip_bits(bench, open_panel):
+    here = bench()
+    page = open_panel(here)
+    page["[data-tab=faults]"].click()
+    page['[data-contact="limit_x2"] select'].select_option("broken")
+    expect(page['.wrong[data-fault="limit_x2"]']).to_contain_text("broken")
+    expect(page["#faulty"]).to_have_text("1")
+    noise = page['.act[data-act="noise"]']
+    noise.locator("summary").click()
+    noise.get_by_label("noise: value").fill("0.25")
+    noise.get_by_role("button", name="begin").click()
+    expect(page['.wrong[data-fault="noise"]']).to_contain_text("0.25")
+    page["[data-tab=ports]"].click()
+    expect(page['[data-port="p3.1"] .level']).to_have_text("low")
+    page["[data-tab=faults]"].click()
+    for fault in ("limit_x2", "noise"):
+        page[f'.wrong[data-fault="{fault}"]'].get_by_role("button", name="end").click()
+        expect(page[f'.wrong[data-fault="{fault}"]']).to_have_count(0)
+    page["[data-tab=ports]"].click()
+    expect(page['[data-port="p3.1"] .level']).to_have_text("high")
+    assert page.said == []
+
+
+def test_a_query_typed_in_is_answered_and_explained(bench, open_panel):
+    page = open_panel(bench(ready=True))
+    page.say("@0P")
+    expect(page.message("host", "@0P")).to_contain_text("position")
+    expect(page.message("twin", "0000000000000000000")).to_be_visible()
+    expect(page["#text"]).to_have_value("")
+    page.say("€")
+    expect(page["#told"]).to_contain_text("not a character a serial line can carry")
+    assert page.said == []
+
+
+def test_two_browsers_see_the_same_also_after_a_reload(bench, open_panel):
+    here = bench(speed=1.0, ready=True)
+    one, other = open_panel(here), open_panel(here)
+    one['[data-element="estop"]'].click()
+    expect(other['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    other['.element[data-element="hood"]'].get_by_role("button", name="forced").click()
+    expect(one['[data-port="p2.5"] .level']).to_have_text("low")
+    one.say("@0P")
+    expect(other.message("host", "@0P")).to_be_visible()
+    one["#pause"].click()
+    expect(other["#pause"]).to_have_text("Go on")
+    other.page.get_by_role("button", name="step 100 ms").click()
+    expect(one["#time"]).not_to_have_text(one["#time"].inner_text())
+    expect(other["#time"]).to_have_text(one["#time"].inner_text())
+    other.page.reload()
+    expect(other['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    expect(other.message("host", "@0P")).to_be_visible()
+    expect(other["#time"]).to_have_text(one["#time"].inner_text())
+    other["#speed"].select_option("max")
+    expect(one["#speed"]).to_have_value("max")
+    assert one.said == other.said == []
+
+
+def test_the_state_is_saved_as_a_file(bench, open_panel):
+    here = bench(ready=True)
+    page = open_panel(here)
+    with page.page.expect_download() as saved:
+        page["#snapshot"].click()
+    state = json.loads(saved.value.path().read_text(encoding="utf-8"))
+    assert state["counts"] == here.twin.counts.tolist()
+    assert state["inputs"]["estop"] == "released"
+
+
+def test_with_the_scene_it_asks_nobody_else_says_no_error_and_stays_usable(bench, open_panel):
+    """Twenty frames a second at `max`, and the machine in 3D; the scene has drawn the axes where they are."""
+    here = bench(ready=True)
+    page = open_panel(here, scene=True)
+    page.page.set_viewport_size({"width": 1120, "height": 480})  # little to draw: no GPU
+    scene = page.page.frame_locator("#scene")
+    expect(scene.locator("canvas").first).to_be_visible()
+    page.say("@0A 8000,5000,4000,5000,0,800,0,800")
+    expect(page["[data-axis=x] td:nth-child(2)"]).to_have_text("8000")
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    origin = urlsplit(here.panel.url)
+    for address in page.asked:
+        where = urlsplit(address.removeprefix("blob:"))
+        assert where.scheme in ("http", "ws", "data"), address
+        assert where.scheme == "data" or where.netloc == origin.netloc, address
+    assert any(urlsplit(address).path == "/operate" for address in page.asked)
+    assert page.said == []
+
+
+def test_the_page_is_there_in_time(bench, open_panel):
+    """From the first request to the first frame; the best of three, since the computer may be busy with other tests."""
+    page = open_panel(bench())
+    took_s = []
+    for _ in range(3):
+        page.page.reload(wait_until="commit")
+        expect(page["#ports .port"].first).to_be_visible()
+        took_s.append(page.page.evaluate("performance.now()") / 1000.0)
+    assert min(took_s) < OPEN_S
+
+
+@pytest.mark.parametrize("controller", ["imc-s8", "ismif"])
+def test_one_page_for_every_controller_and_nothing_overlaps(bench, open_panel, controller: str):
+    page = open_panel(bench(controller=controller))
+    expect(page["#ports .port"].first).to_be_visible()
+    expect(page["#outputs .lamp"].first).to_be_visible()
+    expect(page["#axes tbody tr"].first).to_be_visible()
+    sizes = page.page.evaluate(
+        "[document.documentElement, ...document.querySelectorAll('main > section, header, #ports, #operate, .card')]"
+        ".map(node => [node.id || node.className || node.tagName, node.scrollWidth - node.clientWidth])"
+    )
+    assert [name for name, beyond in sizes if beyond > 0] == []
+    assert page.said == []
+
+
+def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):
+    here = bench()
+    page = open_panel(here)
+    address = here.panel.address
+    here.close()
+    expect(page["#link"]).to_have_attribute("data-state", "lost")
+    bench(address=address)
+    expect(page["#link"]).to_have_attribute("data-state", "on")
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")

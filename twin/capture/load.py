@@ -1,0 +1,100 @@
+"""The reader that the name of a capture asks for.
+
+.vcd        value change dump                       vcd.py
+.csv        table of text, also .txt and .tsv       table.py
+.npz        ticks: t_ns, delta; `isel-twin run --steps` writes them. They have no signals, and need no map
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.capture.mapping import Signal, parse_map, recognise
+from isel_twin.capture.table import Table
+from isel_twin.capture.ticks import Needs, Ticks, ticks_of
+from isel_twin.capture.vcd import Dump
+from isel_twin.capture.wave import LONGEST_NS, CaptureError, WrongCallError
+
+__all__ = ["KINDS", "load"]
+
+KINDS = (".vcd", ".csv", ".txt", ".tsv", ".npz")
+
+
+def load(
+    path: Path,
+    maps: Sequence[str] = (),
+    *,
+    edge: str = "rising",
+    needs: Needs | None = None,
+    time_unit: str | None = None,
+    sample_rate_hz: float | None = None,
+    reverse: str = "",
+) -> Ticks:
+    """The stream in a capture.
+
+    maps: see `isel_twin.capture.mapping`; without any, signals with usual names are recognised. edge: "rising",
+    "falling" or "both". time_unit, sample_rate_hz: see `Table`. reverse: axes whose direction is turned round.
+
+    Raises CaptureError with one line for anything wrong, OSError for a file that cannot be read.
+    """
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise CaptureError(f"{path}: the name must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
+    signals = parse_map(maps) if maps else {}
+    if kind == ".npz":
+        if signals:
+            raise WrongCallError("map: an .npz has ticks and no signals; leave the map out")
+        ticks = _load_npz(path)
+    else:
+        file = Dump(path) if kind == ".vcd" else Table(path, time_unit, sample_rate_hz)
+        if not signals:
+            signals = _recognised(path, file.names)
+        capture = file.read([signal.name for signal in signals.values()])
+        ticks = ticks_of(capture, signals, needs or Needs(), edge)
+    if not ticks.t_ns.size:
+        steps = ", ".join(
+            signal.name for role, signal in signals.items() if role.endswith((".step", ".plus", ".minus"))
+        )
+        raise CaptureError(f"{path}: has no step in it{f'; nothing happens on {steps}' if steps else ''}")
+    for axis in (name.strip().lower() for name in reverse.split(",") if name.strip()):
+        if axis not in AXIS_NAMES[: ticks.delta.shape[1]]:
+            raise WrongCallError(f"reverse {axis}: there are {', '.join(AXIS_NAMES[: ticks.delta.shape[1]])}")
+        ticks.delta[:, AXIS_NAMES.index(axis)] *= -1
+    return ticks
+
+
+def _recognised(path: Path, names: Sequence[str]) -> dict[str, Signal]:
+    try:
+        return recognise(names)
+    except CaptureError as error:
+        raise CaptureError(f"{path}: {error}") from None
+
+
+def _load_npz(path: Path) -> Ticks:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            if missing := {"t_ns", "delta"} - set(file.files):
+                raise CaptureError(f"{path}: has no {' and no '.join(sorted(missing))}; write it by run --steps")
+            t_ns, delta = file["t_ns"], file["delta"]
+    except CaptureError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, TypeError, AttributeError) as error:
+        raise CaptureError(f"{path}: is no .npz, or damaged ({error}); write it again") from None
+    if t_ns.ndim != 1 or t_ns.dtype.kind != "i" or delta.ndim != 2 or delta.dtype.kind != "i":
+        raise CaptureError(f"{path}: needs t_ns [n] and delta [n, axes] of whole numbers; write it by run --steps")
+    if len(delta) != len(t_ns) or not 1 <= delta.shape[1] <= len(AXIS_NAMES):
+        raise CaptureError(f"{path}: t_ns {t_ns.shape} and delta {delta.shape} do not belong together; write it again")
+    if delta.dtype != np.int8:
+        raise CaptureError(f"{path}: has set points ({delta.dtype}), not steps; a drive with step inputs has none")
+    t_ns = t_ns.astype(np.int64)
+    if t_ns.size and (t_ns[0] < 0 or t_ns[-1] > LONGEST_NS):
+        raise CaptureError(f"{path}: times must lie from 0 to {LONGEST_NS} ns; write it again")
+    if (back := np.flatnonzero(np.diff(t_ns) < 0)).size:
+        raise CaptureError(f"{path}: t_ns[{back[0] + 1}] is less than the one before; sort the ticks by time")
+    return Ticks(t_ns, delta, int(t_ns[-1]) if t_ns.size else 0)

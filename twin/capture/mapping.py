@@ -1,0 +1,132 @@
+"""Which signal is what: step, direction and enable of the axes.
+
+    x.step=D0,x.dir=!D1,enable=!D7          as a command line says it: ROLE=SIGNAL, "!" inverts
+
+    role                  signal
+    x.step, x.dir         a step at each rising edge, in positive direction while dir is high
+    x.plus, x.minus       a step in one direction or the other at each rising edge (two-pulse drives)
+    enable                power stages on while high; without it they are on all the time
+
+An inverted step signal counts at its falling edges, an inverted dir is positive while low. Signals with usual names
+(`step_x`, `X.DIR`, `Ystep`, `enable`) need no map, and neither do the dumps of this package, whose dir is high for
+minus and which tell what the controller did with its stages.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.capture.wave import CaptureError, WrongCallError
+
+__all__ = ["OUTPUTS", "Signal", "check_roles", "parse_map", "recognise"]
+
+OUTPUTS = ("stages", "brake", "current_lowering")
+"""Outputs of a controller that drives take notice of, as this package's dumps tell them."""
+
+_KINDS = ("step", "dir", "plus", "minus")
+_ROLES = {*(f"{axis}.{kind}" for axis in AXIS_NAMES for kind in _KINDS), "enable"}
+_WORDS = {
+    "step": ("step", "stp", "pulse", "pul", "clk", "clock"),
+    "dir": ("dir", "direction"),
+    "plus": ("cw", "plus"),
+    "minus": ("ccw", "minus"),
+}
+_USUAL: Mapping[str, str] = {
+    **{
+        name: f"{axis}.{kind}"
+        for axis in AXIS_NAMES
+        for kind, words in _WORDS.items()
+        for word in words
+        for name in (word + axis, axis + word)
+    },
+    **dict.fromkeys(("enable", "en", "enabled"), "enable"),
+}
+MOST_NAMES = 24
+"""Names listed in a message."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal of a file by its name, and whether its opposite is meant."""
+
+    name: str
+    inverted: bool = False
+
+
+def parse_map(texts: Iterable[str]) -> dict[str, Signal]:
+    """Signals by role, from texts such as "x.step=D0,x.dir=!D1". Raises WrongCallError."""
+    signals: dict[str, Signal] = {}
+    for item in (item.strip() for text in texts for item in text.split(",")):
+        role, equals, name = (part.strip() for part in item.partition("="))
+        role = role.lower()
+        if not equals or not name.lstrip("!").strip():
+            raise WrongCallError(f"map {item!r}: must be ROLE=SIGNAL, for example x.step=D0 or x.dir=!D1")
+        if role not in _ROLES:
+            kinds = ", ".join(f"x.{kind}" for kind in _KINDS)
+            raise WrongCallError(
+                f"map {item!r}: unknown role {role!r}; there are {kinds}, the same of {', '.join(AXIS_NAMES[1:])}, "
+                "and enable"
+            )
+        if role in signals:
+            raise WrongCallError(f"map {item!r}: {role} is mapped twice; leave one out")
+        signals[role] = Signal(name.lstrip("!").strip(), (len(name) - len(name.lstrip("!"))) % 2 == 1)
+    check_roles(signals)
+    return signals
+
+
+def check_roles(signals: Mapping[str, Signal]) -> None:
+    """Raise WrongCallError unless each axis that has a signal has a whole pair of them."""
+    for axis in AXIS_NAMES:
+        kinds = {kind for kind in _KINDS if f"{axis}.{kind}" in signals}
+        if kinds not in ({"step", "dir"}, {"plus", "minus"}, set()):
+            missing = "step" if kinds == {"dir"} else "dir" if kinds == {"step"} else ""
+            missing = missing or ("minus" if kinds == {"plus"} else "plus" if kinds == {"minus"} else "")
+            if missing:
+                raise WrongCallError(f"map: {axis}.{kinds.pop()} needs {axis}.{missing} beside it; map that, too")
+            has = ", ".join(sorted(kinds))
+            raise WrongCallError(f"map: {axis} has {has}; it takes step and dir, or plus and minus")
+
+
+def recognise(names: Sequence[str]) -> dict[str, Signal]:
+    """Signals by role among the names of a file, `scope.name` in dumps; outputs of this package by their own names.
+
+    Raises CaptureError if two signals could have the same role, or none has any.
+    """
+    own = dict(_own(names))
+    if own:
+        return own
+    found: dict[str, Signal] = {}
+    for name in names:
+        role = _USUAL.get(re.sub(r"[^a-z0-9]", "", name.rpartition(".")[2].lower()))
+        role = role or _USUAL.get(re.sub(r"[^a-z0-9]", "", name.lower()))
+        if role in found:
+            raise CaptureError(f"both {found[role].name} and {name} may be {role}; say which one, {_example(names)}")
+        if role is not None:
+            found[role] = Signal(name)
+    if not found.keys() - {"enable"}:
+        shown = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+        raise CaptureError(f"no signal has a name that tells its role: {shown}; say which is which, {_example(names)}")
+    check_roles(found)
+    return found
+
+
+def _own(names: Sequence[str]) -> Iterator[tuple[str, Signal]]:
+    """Signals of a dump of this package."""
+    present = set(names)
+    if "step.step_x" not in present:
+        return
+    for axis in AXIS_NAMES:
+        if {f"step.step_{axis}", f"step.dir_{axis}"} <= present:
+            yield f"{axis}.step", Signal(f"step.step_{axis}")
+            yield f"{axis}.dir", Signal(f"step.dir_{axis}", inverted=True)
+    for output in OUTPUTS:
+        if f"output.{output}" in present:
+            yield output, Signal(f"output.{output}")
+
+
+def _example(names: Sequence[str]) -> str:
+    first, second = [*names, "D0", "D1"][:2]
+    return f'for example --map "x.step={first},x.dir={second}"'

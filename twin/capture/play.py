@@ -1,0 +1,100 @@
+"""A captured stream in a twin, motion by motion, and the switches that the carriages strike on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.capture.player import Player
+from isel_twin.job import Line, Result
+from isel_twin.snapshot import snapshot
+from isel_twin.units import MILLISECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.motion import StepRun
+    from isel_twin.twin import Twin
+
+__all__ = ["Strikes", "lines_of", "play"]
+
+
+@dataclass(frozen=True)
+class Strike:
+    """A switch that was struck."""
+
+    switch: str
+    time_ns: int
+
+
+class Strikes:
+    """Watches the switches of a twin from now on."""
+
+    def __init__(self, twin: Twin) -> None:
+        self.seen: list[Strike] = []
+        """The first strike of each switch, in the order of time; a switch struck from the beginning counts."""
+        self._known: set[str] = set()
+        twin.observe(self._look, 100 * MILLISECOND_NS)
+
+    def _look(self, twin: Twin) -> None:
+        for name, state in twin.inputs.items():
+            if state == "struck" and name not in self._known:
+                self._known.add(name)
+                self.seen.append(Strike(name, twin.time_ns))
+
+
+def lines_of(player: Player) -> list[Line]:
+    """What stands for a command where a motion is shown: its way in steps."""
+    return [Line(number, _in_words(motion), ()) for number, motion in enumerate(player.motions, 1)]
+
+
+def _in_words(motion: StepRun) -> str:
+    steps = motion.displacement(motion.end_ns)
+    moved = [f"{axis.upper()} {n:+d}" for axis, n in zip(AXIS_NAMES, steps, strict=False) if n]
+    return " ".join(moved) or f"to and fro, {motion.last} ticks"
+
+
+def play(
+    twin: Twin,
+    player: Player,
+    over_ns: int,
+    strikes: Strikes,
+    allowed: Callable[[str], bool],
+    stop: Callable[[], bool] | None = None,
+) -> Iterator[Result]:
+    """Let the twin make the motions of its player; a result each, then time passes to over_ns.
+
+    allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
+    stop: asked whenever something has happened; once it returns True, the play ends.
+    """
+    for line, motion in zip(lines_of(player), player.motions, strict=True):
+        twin.run_until(motion.start_ns, stop)
+        if stop is not None and stop():
+            return
+        before = len(strikes.seen)
+        twin.watch_margin()
+        last = line.number == len(player.motions)
+        twin.run_until(motion.end_ns, stop)
+        complete = twin.time_ns >= motion.end_ns
+        if last and complete:
+            ended_ns = twin.time_ns
+            twin.run_until(over_ns, stop)
+        else:
+            ended_ns = twin.time_ns
+        struck = [strike.switch for strike in strikes.seen[before:]]
+        seen = snapshot(twin)
+        yield Result(
+            number=line.number,
+            command=line.command,
+            reply=" ".join(struck),
+            ok=complete and all(map(allowed, struck)),
+            time_ns=motion.start_ns,
+            end_ns=ended_ns,
+            counts=tuple(seen.counts.tolist()),
+            position_mm=tuple(seen.position_mm.tolist()),
+            margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
+            complete=complete,
+        )
+        if not complete:
+            return

@@ -1,0 +1,185 @@
+"""Edges to ticks, and what the drives of a real machine would have had against them.
+
+    step   ____|~~~~|______|~~~~|____        a tick at each active edge; those of several axes at one time are one tick
+           --->|    |<---                    high: shorter than the least pulse?    low: the same of the pause
+    dir    ==X=================X=====
+             |<->|          |<-->|           setup: from the change to the edge     hold: from the edge to the change
+
+A drive that is asked for more than its data sheet promises may miss a pulse or take it the other way; the twin does
+neither, so what is too short is counted and told. A change of direction at the very time of an edge counts as before
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.capture.mapping import OUTPUTS, Signal
+from isel_twin.capture.wave import Capture, Wave
+
+__all__ = ["AxisTiming", "Needs", "Offence", "Ticks", "ticks_of"]
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What drives need, in ns. The values given here are those of a DRV8825 (TI, SLVSA73, timing requirements)."""
+
+    pulse_ns: int = 1900
+    """Least time of a step signal at either level."""
+    setup_ns: int = 650
+    """Least time from a change of direction to an active edge of step."""
+    hold_ns: int = 650
+    """Least time from an active edge of step to a change of direction."""
+
+
+@dataclass(frozen=True)
+class Offence:
+    """Times that are shorter than needed: how many, the shortest, and when the first one ends."""
+
+    count: int
+    least_ns: int
+    first_ns: int
+
+
+@dataclass(frozen=True)
+class AxisTiming:
+    """One axis of a capture."""
+
+    steps: int
+    fastest_hz: float
+    """Of two steps in a row, 0 if there are none."""
+    short_pulses: Offence | None
+    short_pauses: Offence | None
+    setup: Offence | None
+    hold: Offence | None
+    while_off: int
+    """Steps while the power stages were off; a drive does not make them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ticks:
+    """A stream as captured; times from the beginning of the capture."""
+
+    t_ns: NDArray[np.int64]
+    """int64 [n], strictly increasing."""
+    delta: NDArray[np.int8]
+    """int8 [n, axes]."""
+    end_ns: int
+    outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)
+    """(time, output, level), in the order of time: what the drives are told beside steps."""
+    timing: Mapping[str, AxisTiming] = field(default_factory=dict)
+    """By the name of the axis; empty if the file has no signals."""
+    resolution_ns: float = 0.0
+    """Time between two samples, 0 if unknown."""
+    shift_ns: int = 0
+    """What was added to the times of the file."""
+
+    @property
+    def over_ns(self) -> int:
+        """Time of the last thing that happens."""
+        return max(int(self.t_ns[-1]) if self.t_ns.size else 0, self.outputs[-1][0] if self.outputs else 0)
+
+
+def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge: str = "rising") -> Ticks:
+    """The stream of a capture. signals: by role, as `parse_map` checks them. edge: which is active, or "both"."""
+    waves = {
+        role: capture.waves[signal.name].inverted() if signal.inverted else capture.waves[signal.name]
+        for role, signal in signals.items()
+    }
+    used = [axis for axis in AXIS_NAMES if f"{axis}.step" in waves or f"{axis}.plus" in waves]
+    count = max(len(CARRIAGES), *(AXIS_NAMES.index(axis) + 1 for axis in used))
+    enable = waves.get("enable") or waves.get("stages")
+    times: list[NDArray[np.int64]] = []
+    signs: list[NDArray[np.int8]] = []
+    timing = {}
+    for axis in used:
+        if f"{axis}.step" in waves:
+            step, direction = waves[f"{axis}.step"], waves[f"{axis}.dir"]
+            t_ns = _active(step, edge)
+            sign = np.where(direction.at(t_ns), 1, -1).astype(np.int8)
+            setup, hold = _around(t_ns, direction.t_ns, needs)
+            pulses = [step]
+        else:
+            pulses = [waves[f"{axis}.plus"], waves[f"{axis}.minus"]]
+            parts = [_active(wave, edge) for wave in pulses]
+            t_ns = np.concatenate(parts)
+            sign = np.repeat(np.array([1, -1], dtype=np.int8), [part.size for part in parts])
+            order = np.argsort(t_ns, kind="stable")
+            t_ns, sign = t_ns[order], sign[order]
+            setup = hold = None
+        gaps = np.diff(t_ns)
+        timing[axis] = AxisTiming(
+            steps=t_ns.size,
+            fastest_hz=round(1e9 / max(int(gaps.min()), 1), 3) if gaps.size else 0.0,
+            short_pulses=None if edge == "both" else _short(pulses, edge == "rising", needs.pulse_ns),
+            short_pauses=None if edge == "both" else _short(pulses, edge == "falling", needs.pulse_ns),
+            setup=setup,
+            hold=hold,
+            while_off=0 if enable is None else int((~enable.at(t_ns)).sum()),
+        )
+        times.append(t_ns)
+        signs.append(sign)
+    t_all = np.sort(np.concatenate(times), kind="stable")  # merges what is sorted; np.unique takes ten times longer
+    t_all = t_all[np.diff(t_all, prepend=-1) > 0]
+    delta = np.zeros((t_all.size, count), dtype=np.int8)
+    for axis, t_ns, sign in zip(used, times, signs, strict=True):
+        np.add.at(delta[:, AXIS_NAMES.index(axis)], np.searchsorted(t_all, t_ns), sign)
+    return Ticks(t_all, delta, capture.end_ns, _outputs(waves), timing, capture.resolution_ns, capture.shift_ns)
+
+
+def _active(step: Wave, edge: str) -> NDArray[np.int64]:
+    return step.t_ns if edge == "both" else step.edges(rising=edge == "rising")
+
+
+def _outputs(waves: Mapping[str, Wave]) -> tuple[tuple[int, str, int], ...]:
+    """What drives are told: the outputs of a dump of this package, or the enable signal as stages and brakes."""
+    told = {name: waves[name] for name in OUTPUTS if name in waves}
+    if "enable" in waves:
+        told |= dict.fromkeys(("stages", "brake"), waves["enable"])
+    if "stages" not in told:
+        always = Wave(True, np.empty(0, dtype=np.int64))
+        told |= {"stages": always, "brake": always}
+    changes = []
+    for order, (name, wave) in enumerate(told.items()):
+        level = int(wave.first)
+        changes.append((0, order, name, level))
+        for t_ns in wave.t_ns.tolist():
+            level = 1 - level
+            changes.append((t_ns, order, name, level))
+    changes.sort(key=lambda change: change[:2])
+    return tuple((t_ns, name, level) for t_ns, _, name, level in changes)
+
+
+def _around(t_ns: NDArray[np.int64], turns: NDArray[np.int64], needs: Needs) -> tuple[Offence | None, Offence | None]:
+    """Setup and hold of edges among changes of direction."""
+    if not turns.size or not t_ns.size:
+        return None, None
+    after = np.searchsorted(turns, t_ns, side="right")
+    far = 1 << 62
+    since = np.where(after > 0, t_ns - turns[np.maximum(after - 1, 0)], far)
+    until = np.where(after < turns.size, turns[np.minimum(after, turns.size - 1)] - t_ns, far)
+    return _offence(since, t_ns, needs.setup_ns), _offence(until, t_ns, needs.hold_ns)
+
+
+def _short(waves: list[Wave], high: bool, least_ns: int) -> Offence | None:
+    """Stretches at one level that are too short, those at the ends of the capture left out."""
+    widths, ends = [], []
+    for wave in waves:
+        start = int(wave.first == high)  # the first change that begins such a stretch
+        stretches = wave.t_ns[start:]
+        stretches = stretches[: stretches.size // 2 * 2].reshape(-1, 2)
+        widths.append(stretches[:, 1] - stretches[:, 0])
+        ends.append(stretches[:, 1])
+    return _offence(np.concatenate(widths), np.concatenate(ends), least_ns)
+
+
+def _offence(measured: NDArray[np.int64], t_ns: NDArray[np.int64], least_ns: int) -> Offence | None:
+    wrong = measured < least_ns
+    if not wrong.any():
+        return None
+    return Offence(int(wrong.sum()), int(measured[wrong].min()), int(t_ns[wrong].min()))

@@ -1,0 +1,260 @@
+"""Value change dumps (IEEE 1364), as logic analysers, simulators and this package write them.
+
+    $timescale 1 us $end                                header: names and codes of signals, in Python
+    $scope module libsigrok $end  $var wire 1 ! D0 $end
+    $enddefinitions $end
+    #0 0! #25 1! #30 0!                                 body: #time, value and code, in a compiled scanner
+
+A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps the one it had,
+and the first known one is no edge. The scanner takes the whole file as bytes and gives the changes of wanted signals in
+pieces, so that memory is needed for edges, not for text.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
+from isel_twin.compiling import njit
+
+__all__ = ["Dump", "waves_of"]
+
+PIECE = 1 << 20
+"""Changes that one call of a scanner gives at most."""
+
+_SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
+_UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
+_PROBLEMS = {
+    1: "the time is no whole number, or too large",
+    2: "the time is less than the one before",
+    3: "no change of a value begins like this",
+    4: "a change of a value has no signal",
+    5: "a $comment has no $end",
+}
+
+
+@dataclass(frozen=True)
+class _Variable:
+    name: str
+    code: str
+
+
+class Dump:
+    """A dump whose header has been read."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises CaptureError for a file that is no dump, OSError for one that cannot be read."""
+        self.path = path
+        with path.open("rb") as file:
+            if not file.seek(0, 2):
+                raise CaptureError(f"{path}: is empty")
+            self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        keyword = self._data.find(b"$enddefinitions")
+        self._begin = self._data.find(b"$end", keyword + 1) + len(b"$end")
+        if keyword < 0 or self._begin < len(b"$end"):
+            raise CaptureError(f"{path}: is no value change dump: it has no $enddefinitions; export it as VCD again")
+        header = self._data[:keyword].decode("latin-1")
+        self._unit_fs = 0
+        self._variables: list[_Variable] = []
+        self._read_header(header)
+        self._line = header.count("\n") + self._data[keyword : self._begin].count(b"\n") + 1
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all signals, scopes before them: `step.step_x`."""
+        return [variable.name for variable in self._variables]
+
+    def read(self, names: Sequence[str]) -> Capture:
+        """Levels of some signals, by the names they are asked for: whole ones, or the last part if no other has it.
+
+        Raises CaptureError for a name that is not there and for a body that is damaged.
+        """
+        codes = [self._find(name) for name in names]
+        keys = np.array([_key(code) for code in dict.fromkeys(codes)], dtype=np.int64)
+        data = np.frombuffer(self._data, dtype=np.uint8)
+        state = np.array([self._begin, self._line, 0, 0], dtype=np.int64)  # place, line, time, problem
+        levels = np.full(len(keys), -1, dtype=np.int8)
+        first = np.zeros(len(keys), dtype=np.int8)
+        pieces = []
+        while state[0] < len(data) and not state[3]:
+            times, which = np.empty(PIECE, dtype=np.int64), np.empty(PIECE, dtype=np.uint8)
+            count = _scan(data, keys, state, levels, first, times, which)
+            pieces.append((times[:count].copy(), which[:count].copy()))
+        if state[3]:
+            place = int(state[0])
+            token = bytes(data[place : place + 40]).split(None, 1)[:1] or [b""]
+            shown = ascii(token[0][:24].decode("latin-1"))
+            raise CaptureError(
+                f"{self.path}: line {state[1]}: {shown}: {_PROBLEMS[int(state[3])]}; export the capture again"
+            )
+        if int(state[2]) * self._unit_fs >= LONGEST_NS * 10**6:
+            raise CaptureError(f"{self.path}: line {state[1]}: the time {state[2]} is beyond 31 years; export it again")
+        for times, _ in pieces:
+            _to_ns(times, self._unit_fs)
+        order = list(dict.fromkeys(codes))
+        found = waves_of(pieces, first)
+        waves = {name: found[order.index(code)] for name, code in zip(names, codes, strict=True)}
+        return Capture(waves, int(state[2]) * self._unit_fs // 10**6, self._unit_fs / 1e6)
+
+    def _read_header(self, header: str) -> None:
+        scopes: list[str] = []
+        for section in _SECTION.finditer(header):
+            keyword, words = section[1], section[2].split()
+            wrong = f"{self.path}: line {header.count(chr(10), 0, section.start()) + 1}: ${keyword}"
+            if keyword == "timescale":
+                match = re.fullmatch(r"(1|10|100)\s*(s|ms|us|ns|ps|fs)", " ".join(words))
+                if match is None:
+                    raise CaptureError(
+                        f"{wrong} {' '.join(words)[:24]}: must be 1, 10 or 100 and s, ms, us, ns, ps, fs"
+                    )
+                self._unit_fs = int(match[1]) * _UNITS_FS[match[2]]
+            elif keyword == "scope":
+                scopes.append(words[-1] if words else "")
+            elif keyword == "upscope":
+                if not scopes:
+                    raise CaptureError(f"{wrong}: no $scope is open; export the capture again")
+                scopes.pop()
+            elif keyword == "var":
+                if len(words) < 4:
+                    raise CaptureError(f"{wrong}: needs type, size, code and name; export the capture again")
+                name = " ".join(words[3:])
+                if words[1] != "1":
+                    name = re.sub(r"\s*\[[^\]]*\]$", "", name)
+                self._variables.append(_Variable(".".join([*scopes, name]), words[2]))
+        if not self._unit_fs:
+            raise CaptureError(f"{self.path}: has no $timescale; add one, for example $timescale 1 ns $end")
+        if not self._variables:
+            raise CaptureError(f"{self.path}: has no signal ($var) in it")
+
+    def _find(self, name: str) -> str:
+        for same in (str, str.lower):
+            whole = [v for v in self._variables if same(v.name) == same(name)]
+            found = whole or [v for v in self._variables if same(v.name).endswith("." + same(name))]
+            if len({v.code for v in found}) == 1:
+                return found[0].code
+            if found:
+                raise CaptureError(f"{self.path}: {name} may be {' or '.join(v.name for v in found[:6])}; say which")
+        raise CaptureError(f"{self.path}: has no signal {name}; it has {', '.join(self.names[:24])}")
+
+
+def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
+    """Times in units, in place, to the nearest nanosecond."""
+    if unit_fs >= 10**6:
+        times *= unit_fs // 10**6
+    else:
+        per_ns = 10**6 // unit_fs
+        times += per_ns // 2
+        times //= per_ns
+
+
+def waves_of(pieces: Sequence[tuple[NDArray[np.int64], NDArray[np.uint8]]], first: NDArray[np.int8]) -> list[Wave]:
+    """The signals whose changes scanned pieces hold: times int64 [n], signal uint8 [n]; first: int8 [signals]."""
+    return [Wave(bool(level > 0), _joined(pieces, k)) for k, level in enumerate(first.tolist())]
+
+
+def _joined(pieces: Sequence[tuple[NDArray[np.int64], NDArray[np.uint8]]], k: int) -> NDArray[np.int64]:
+    def chosen() -> Iterator[NDArray[np.int64]]:
+        for times, which in pieces:
+            yield times[which == k]
+
+    return np.concatenate([*chosen(), np.empty(0, dtype=np.int64)])
+
+
+def _key(code: str) -> int:
+    """What the scanner makes of a code."""
+    key = 0
+    for byte in code.encode("latin-1", "replace"):
+        key = (key * 257 + byte) % (1 << 53)
+    return key
+
+
+@njit(nogil=True)
+def _scan(data, keys, state, levels, first, times, which):
+    """Changes of wanted signals from state[0] on; their number. At the end state has the place after the last token."""
+    size, room, count = data.size, times.size, 0
+    i, line, time = state[0], state[1], state[2]
+    while i < size and count < room:
+        c = data[i]
+        if c <= 32:
+            line += c == 10
+            i += 1
+            continue
+        start = i
+        if c == 35:  # '#'
+            i += 1
+            value = 0
+            while i < size and 48 <= data[i] <= 57 and i - start < 19:
+                value = 10 * value + (data[i] - 48)
+                i += 1
+            if i == start + 1 or (i < size and data[i] > 32):
+                state[0], state[1], state[3] = start, line, 1
+                return count
+            if value < time:
+                state[0], state[1], state[3] = start, line, 2
+                return count
+            time = value
+            continue
+        if c == 36:  # '$dumpvars', '$end' and so on say nothing; a comment goes on to its end
+            while i < size and data[i] > 32:
+                i += 1
+            if i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $comment
+                begun = line
+                while i + 3 < size and not (
+                    data[i] == 36 and data[i + 1] == 101 and data[i + 2] == 110 and data[i + 3] == 100
+                ):
+                    line += data[i] == 10
+                    i += 1
+                if i + 3 >= size:
+                    state[0], state[1], state[3] = start, begun, 5
+                    return count
+                i += 4
+            continue
+        i += 1
+        level = -1
+        if c == 48 or c == 49:
+            level = c - 48
+        elif c == 98 or c == 66:  # a vector
+            level = 0
+            while i < size and data[i] > 32:
+                if data[i] == 49:
+                    level = 1
+                elif data[i] != 48 and level == 0:
+                    level = -1
+                i += 1
+        elif c == 114 or c == 82 or c == 115 or c == 83:  # a real number, a text
+            while i < size and data[i] > 32:
+                i += 1
+        elif not (c == 120 or c == 88 or c == 122 or c == 90 or c == 117 or c == 85 or c == 45 or c == 119 or c == 87):
+            state[0], state[1], state[3] = start, line, 3
+            return count
+        if c > 65 and (c == 98 or c == 66 or c == 114 or c == 82 or c == 115 or c == 83):
+            while i < size and data[i] <= 32 and data[i] != 10:
+                i += 1
+        key = 0
+        named = i
+        while i < size and data[i] > 32:
+            key = (key * 257 + data[i]) % (1 << 53)
+            i += 1
+        if i == named:
+            state[0], state[1], state[3] = start, line, 4
+            return count
+        if level >= 0:
+            for k in range(keys.size):
+                if keys[k] == key:
+                    if levels[k] < 0:
+                        first[k] = level
+                    elif levels[k] != level:
+                        times[count] = time
+                        which[count] = k
+                        count += 1
+                    levels[k] = level
+                    break
+    state[0], state[1], state[2] = i, line, time
+    return count

@@ -1,0 +1,65 @@
+"""Levels over time: what a logic analyser has seen of one wire, and a capture of several.
+
+    level     ____|~~~~~|____|~~~          first = False, t_ns = [2, 8, 13]
+    t_ns      0   2     8    13
+
+Between two times the level does not change, and at each of them it does. Times are whole nanoseconds from 0 on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LONGEST_NS", "Capture", "CaptureError", "Wave", "WrongCallError"]
+
+LONGEST_NS = 10**18
+"""Longest capture, 31 years: sums of some of them fit into 64 bits."""
+
+
+class CaptureError(ValueError):
+    """A capture cannot be used; the message is one line that says where in it, why, and what to do."""
+
+
+class WrongCallError(CaptureError):
+    """It is not the file: an option is wrong, with whose bare name the line begins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """One signal; see the module."""
+
+    first: bool
+    """Level before the first change."""
+    t_ns: NDArray[np.int64]
+    """int64 [n], never decreasing: times of its changes."""
+
+    def inverted(self) -> Wave:
+        """The opposite level at every time."""
+        return Wave(not self.first, self.t_ns)
+
+    def edges(self, rising: bool) -> NDArray[np.int64]:
+        """int64 [m], times at which it rises, or falls."""
+        return self.t_ns[int(self.first == rising) :: 2]
+
+    def at(self, t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """bool [m], level at times int64 [m]; at the time of a change the new one."""
+        changes = np.searchsorted(self.t_ns, t_ns, side="right")
+        levels: NDArray[np.bool_] = (changes & 1).astype(np.bool_) ^ self.first
+        return levels
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """Signals of one file by the names asked for."""
+
+    waves: Mapping[str, Wave]
+    end_ns: int
+    """Time of the last sample; the first one is not before 0."""
+    resolution_ns: float
+    """Time between two samples, or the least difference that the file can say; 0 if unknown."""
+    shift_ns: int = 0
+    """What was added to the times of a file that begins before 0."""

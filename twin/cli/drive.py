@@ -1,0 +1,235 @@
+"""`isel-twin drive`: a captured step and direction stream, and what drives and machine would have made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.options import (
+    Interval,
+    MachineName,
+    PlantName,
+    ScenarioFile,
+    Seed,
+    check_seconds,
+    check_writable,
+)
+from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
+from isel_twin.units import MICROSECOND_NS, SECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.capture.play import Strikes
+    from isel_twin.capture.ticks import AxisTiming, Offence, Ticks
+
+_OFFENCES = {
+    "short_pulses": "pulses shorter than {pulse_us:g} us",
+    "short_pauses": "pauses between pulses shorter than {pulse_us:g} us",
+    "setup": "changes of direction less than {setup_us:g} us before a step",
+    "hold": "changes of direction less than {hold_us:g} us after a step",
+}
+
+
+def drive(
+    capture: Annotated[Path, Parameter(help="The captured signals: .vcd, .csv or .npz.")],
+    /,
+    *,
+    map: Annotated[tuple[str, ...], Parameter(help="What is what: x.step=D0,x.dir=!D1,enable=D7. ! inverts.")] = (),
+    machine: MachineName = TwinCall.machine,
+    plant: PlantName = TwinCall.plant,
+    seed: Seed = TwinCall.seed,
+    start: Annotated[str, Parameter(help="Where the machine stands: X,Y,Z in mm from the motor-end switches.")] = "",
+    set: Annotated[tuple[str, ...], Parameter(help="Machine parameters: axes.all.steps_per_rev=3200.")] = (),
+    scenario: ScenarioFile = None,
+    edge: Annotated[Literal["rising", "falling", "both"], Parameter(help="Which edge of step is a step.")] = "rising",
+    reverse: Annotated[str, Parameter(help="Axes whose direction is turned round: x,z.")] = "",
+    time_unit: Annotated[
+        Literal["s", "ms", "us", "ns", "ps"] | None, Parameter(help="Of a CSV column that does not say its own.")
+    ] = None,
+    sample_rate: Annotated[float | None, Parameter(help="Rows a second of a CSV without times.")] = None,
+    pulse_us: Annotated[float, Parameter(help="Shortest level of step that the drives take.")] = 1.9,
+    setup_us: Annotated[float, Parameter(help="Shortest time from dir to step that they take.")] = 0.65,
+    hold_us: Annotated[float, Parameter(help="Shortest time from step to dir that they take.")] = 0.65,
+    may_strike: Annotated[str, Parameter(help="Switches that may be struck: limit_x1,limit_y1 or all.")] = "",
+    gap: Annotated[float, Parameter(help="Pause in seconds that ends a motion.")] = 0.1,
+    steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
+    vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
+    trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
+    report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
+    interval: Interval = 0.01,
+    json: Annotated[bool, Parameter(help="One line of JSON a motion, then one with the summary.")] = False,
+) -> int:
+    """Feed captured step and direction signals of a real controller into drives and machine.
+
+    The signals of each axis are named by --map, repeated or separated by commas: x.step and x.dir (or x.plus and
+    x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
+    high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, and --steps and --vcd of `run`.
+
+    Positions are relative to where the capture begins: --start, or somewhere by --seed. What drives would not take
+    for sure (pulses too short, direction too late) is counted; the limits are those of a DRV8825 unless given.
+
+    Exit code 0 if no step was lost and no switch struck that is not named by --may-strike, else 1.
+    """
+    for name, value, low in (("interval", interval, 1e-9), ("gap", gap, 1e-6)):
+        check_seconds(name, value, low)
+    limits_us = {"pulse_us": pulse_us, "setup_us": setup_us, "hold_us": hold_us}
+    for name, value in limits_us.items():
+        if not 0.0 <= value <= 1e6:
+            raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
+    needs_recorder = vcd is not None or trace is not None or report is not None
+    if trace is not None:
+        need_pyarrow()
+    if report is not None:
+        need_matplotlib()
+    check_writable(steps, vcd, trace, report, kept=(capture, scenario))
+    overrides = dict(_override(text) for text in set)
+    call = TwinCall(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
+
+    from isel_twin.capture.load import load
+    from isel_twin.capture.ticks import Needs
+    from isel_twin.capture.wave import WrongCallError
+
+    needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
+    with call_errors(capture):
+        try:
+            ticks = load(
+                capture, map, edge=edge, needs=needs, time_unit=time_unit, sample_rate_hz=sample_rate, reverse=reverse
+            )
+        except WrongCallError as error:
+            raise CallError(str(error), option=True) from None
+    if needs_recorder and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
+        raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
+    with ExitStack() as stack:
+        from isel_twin.capture.play import Strikes, lines_of, play
+        from isel_twin.capture.player import Player
+        from isel_twin.cli import outputs
+        from isel_twin.machine import load_machine
+        from isel_twin.trace.write import write_trace
+        from isel_twin.verdict import judge
+        from isel_twin.warm import told_of_compiling
+
+        with call_errors():
+            as_built = load_machine(machine)
+        allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
+        player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
+        twin = call.build(controller=player)
+        stack.enter_context(told_of_compiling())
+        strikes = Strikes(twin)
+        recorder = outputs.record(twin, interval, stack) if needs_recorder else None
+        lines = lines_of(player)
+        show: outputs.JobOutput = (
+            outputs.JsonOutput() if json else stack.enter_context(outputs.MotionsOutput(twin, lines))
+        )
+        results = []
+        with interruption() as stopped:
+            for result in play(twin, player, ticks.over_ns, strikes, allowed, lambda: bool(stopped)):
+                show.result(result)
+                results.append(result)
+        interrupted = bool(stopped) and not (len(results) == len(lines) and results[-1].complete)
+        verdict = judge(twin, results, len(lines) - len(results), interrupted)
+        told = {
+            "plant": plant,
+            "seed": seed,
+            "capture": _summary(capture, ticks, strikes, allowed),
+        }
+        for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
+            if path is not None:
+                with call_errors():
+                    write_trace(path, twin, recorder, kind)
+        with call_errors(report):
+            if report is not None and recorder is not None:
+                from isel_twin.trace.report import write_report
+
+                write_report(report, f"isel-twin: {capture}", twin, recorder, results, {**verdict.summary(), **told})
+        show.verdict(verdict, told)
+        if not json:
+            for text in _in_words(ticks, strikes, allowed, limits_us):
+                print(text, flush=True)
+    if interrupted:
+        outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
+        return 128 + stopped[0]
+    return 0 if verdict.ok and all(allowed(strike.switch) for strike in strikes.seen) else 1
+
+
+def _override(text: str) -> tuple[str, Any]:
+    """KEY=VALUE; the value a number, true, false or a word."""
+    key, equals, word = (part.strip() for part in text.partition("="))
+    if not equals or not key or not word:
+        raise CallError(f"set {text!r}: must be KEY=VALUE, for example axes.all.steps_per_rev=3200", option=True)
+    if word in ("true", "false"):
+        return key, word == "true"
+    for number in (int, float):
+        try:
+            return key, number(word)
+        except ValueError:
+            continue
+    return key, word
+
+
+def _start(text: str) -> tuple[float, ...] | None:
+    if not text:
+        return None
+    try:
+        start_mm = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        start_mm = ()
+    if len(start_mm) != len(CARRIAGES):
+        raise CallError(f"start {text!r}: must be three numbers in mm, for example 50,50,20", option=True)
+    return start_mm
+
+
+def _allowed(text: str, switches: Sequence[str]) -> Callable[[str], bool]:
+    """Says of a switch whether it may be struck."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name != "all" and name not in switches:
+            raise CallError(f"may-strike {name}: there are {', '.join(switches)}, and all", option=True)
+    return lambda switch: "all" in names or switch in names
+
+
+def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool]) -> dict[str, Any]:
+    """What the capture was, and what became of it, in JSON's types."""
+    import dataclasses
+
+    return {
+        "file": str(path),
+        "ticks": len(ticks.t_ns),
+        "first_ns": int(ticks.t_ns[0]),
+        "cycle_ns": int(ticks.t_ns[-1] - ticks.t_ns[0]),
+        "end_ns": ticks.end_ns,
+        "shift_ns": ticks.shift_ns,
+        "resolution_ns": ticks.resolution_ns,
+        "struck": [{**dataclasses.asdict(strike), "allowed": allowed(strike.switch)} for strike in strikes.seen],
+        "timing": {axis: dataclasses.asdict(timing) for axis, timing in ticks.timing.items()},
+    }
+
+
+def _in_words(
+    ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], limits_us: Mapping[str, float]
+) -> Iterator[str]:
+    """Lines below the verdict."""
+    begin, end = int(ticks.t_ns[0]), int(ticks.t_ns[-1])
+    yield f"cycle time {(end - begin) / SECOND_NS:.6f} s, from the first step at {begin / SECOND_NS:.6f} s to the last"
+    for strike in strikes.seen:
+        may = " (it may be)" if allowed(strike.switch) else ""
+        yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
+    for axis, timing in ticks.timing.items():
+        yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} a second"
+        yield from (f"  {text}" for text in _offences(timing, limits_us))
+        if timing.while_off:
+            yield f"  {timing.while_off} steps while the power stages were off: no drive makes them"
+    if ticks.resolution_ns > min(limits_us.values()) * MICROSECOND_NS:
+        yield f"the capture resolves {ticks.resolution_ns:g} ns only: what is shorter cannot be told from it"
+
+
+def _offences(timing: AxisTiming, limits_us: Mapping[str, float]) -> Iterator[str]:
+    for name, words in _OFFENCES.items():
+        offence: Offence | None = getattr(timing, name)
+        if offence is not None:
+            first = f"the first at {offence.first_ns / SECOND_NS:.6f} s, the shortest {offence.least_ns / 1000:g} us"
+            yield f"{offence.count} {words.format(**limits_us)}, {first}"

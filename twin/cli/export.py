@@ -1,0 +1,37 @@
+"""`isel-twin export`: a recording as a file of another kind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli.options import check_writable
+
+
+def export(
+    recording: Annotated[Path, Parameter(help="File that --record NAME.mcap has made.")],
+    out: Annotated[Path, Parameter(help="What to write: .npz (steps), .vcd, .parquet or .csv (samples).")],
+    /,
+) -> int:
+    """Write a recording as a file for other tools: the same that `--record OUT` would have written.
+
+    A recording that was cut off (a killed process, a full disk) is written as far as it goes.
+    """
+    from isel_twin.cli.outputs import say
+    from isel_twin.trace.write import trace_kind
+
+    try:
+        trace_kind(out)
+    except ValueError as error:
+        raise CallError(str(error)) from None
+    check_writable(out, kept=(recording,))
+    from isel_twin.trace.export import export
+
+    with call_errors(recording):
+        whole = export(recording, out)
+    if not whole:
+        say(f"{recording}: has no end, it was cut off; {out} has what there is")
+    return 0

@@ -1,0 +1,203 @@
+"""`isel-twin golden record|compare`: jobs that have to do what they did."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, read_job
+from isel_twin.cli.options import (
+    STANDARD_INPUT,
+    ControllerName,
+    MachineName,
+    PlantName,
+    ScenarioFile,
+    Seed,
+    check_seconds,
+    check_writable,
+)
+
+if TYPE_CHECKING:
+    from isel_twin.golden import Difference, Golden
+
+golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
+
+SUFFIX = ".golden"
+"""A job's golden run stands beside it, under its own name with this suffix."""
+MOST = 20
+"""Differences of a job that are told."""
+
+Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.")]
+Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
+
+
+@golden.command
+def record(
+    *jobs: Jobs,
+    machine: MachineName = "4030",
+    controller: ControllerName = "imc-s8",
+    plant: PlantName = "mujoco",
+    seed: Seed = 0,
+    scenario: ScenarioFile = None,
+    timeout: Timeout = 3600.0,
+    update: Annotated[bool, Parameter(help="Replace golden runs that are there.")] = False,
+) -> int:
+    """Run jobs and write down beside each what it did: job.txt has its golden run in job.golden.
+
+    A small text file, one line a command: reply, time, counters, digests of the step stream. Made to be kept beside the
+    job under version control.
+    """
+    files = _files(jobs)
+    check_seconds("timeout", timeout, 0.0)
+    for job, file in files:
+        check_writable(file, kept=(job, scenario))
+        if file.exists() and not update:
+            raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
+    call = TwinCall(machine, controller, plant, seed, scenario)
+    for job, file in files:
+        run, _ = _play(job, call, timeout)
+        _write(file, _called(run, call, job, file))
+        print(f"{file}: {_in_words(run)}")
+    return 0
+
+
+@golden.command
+def compare(
+    *jobs: Jobs,
+    machine: Annotated[str | None, Parameter(help="Another machine than that of the golden run.")] = None,
+    controller: Annotated[str | None, Parameter(help="Another controller.")] = None,
+    plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
+    seed: Annotated[int | None, Parameter(help="Another seed.")] = None,
+    timeout: Timeout = 3600.0,
+    update: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
+    json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
+) -> int:
+    """Run jobs as their golden runs were made, and say what they do differently, the first divergence first.
+
+    Exit code 0 if nothing is different (or --update has written it down), 1 if something is, 2 if a golden run is
+    missing.
+    """
+    from isel_twin.golden import differences, load
+
+    files = _files(jobs)
+    check_seconds("timeout", timeout, 0.0)
+    asked = {"machine": machine, "controller": controller, "plant": plant, "seed": seed}
+    kept = []
+    for job, file in files:
+        with call_errors(file):
+            if not file.exists():
+                raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
+            kept.append(load(file))
+        if update:
+            check_writable(file, kept=(job,))
+    same = True
+    for (job, file), was in zip(files, kept, strict=True):
+        wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
+        call = _call(wanted, file, asked)
+        run, spans_ns = _play(job, call, timeout)
+        run = _called(run, call, job, file)
+        found = list(differences(was, run, spans_ns))
+        _tell(job, run, found, json)
+        if found and update:
+            _write(file, run)
+            if not json:
+                print(f"  {file}: written anew")
+        same = same and (update or not found)
+    return 0 if same else 1
+
+
+def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Each job with its golden file. Raises CallError."""
+    if not jobs:
+        raise CallError("name the jobs: isel-twin golden record JOB...")
+    files = [(job, job.with_suffix(SUFFIX)) for job in jobs]
+    for job, file in files:
+        if str(job) == STANDARD_INPUT:
+            raise CallError("-: a golden run stands beside its job; name a file")
+        if job == file:
+            raise CallError(f"{job}: is a golden run, not a job; name the job itself")
+        if not job.is_file():
+            raise CallError(f"{job}: {'is a folder, not a file' if job.is_dir() else 'there is no such file'}")
+    if len({file.resolve() for _, file in files}) < len(files):
+        raise CallError("two of the jobs share one golden file; give them different names")
+    return files
+
+
+def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
+    """What a job does, and when the windows of its stream begin and end."""
+    from isel_twin.golden import Golden, Scribe
+    from isel_twin.job import play
+    from isel_twin.verdict import judge
+
+    twin, scribe = call.build(), Scribe()
+    lines = read_job(job, call.controller)
+    check_names(job, lines, twin)
+    results, moves = [], []
+    for result in play(twin, lines, timeout_s):
+        results.append(result)
+        if not result.condition:  # whether it is met is in the verdict, and what it found has more digits than tell
+            moves.append(scribe.move(result, twin.steps))
+    return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
+
+
+def _called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
+    """The run with what it was called with; files as seen from the golden file."""
+    from dataclasses import replace
+
+    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
+    head |= {"plant": call.plant, "seed": call.seed}
+    if Path(call.machine).is_dir():
+        head["machine"] = _seen_from(file, Path(call.machine))
+    if call.scenario is not None:
+        head["scenario"] = _seen_from(file, call.scenario)
+    return replace(run, call=head)
+
+
+def _seen_from(file: Path, path: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
+
+
+def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinCall:
+    """The call of a golden run; its files are where they are seen from it."""
+    folder = file.resolve().parent
+    machine = head["machine"]
+    if asked["machine"] is None and (folder / machine).is_dir():
+        machine = str(folder / machine)
+    scenario = folder / head["scenario"] if head.get("scenario") else None
+    return TwinCall(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+
+
+def _write(file: Path, run: Golden) -> None:
+    from isel_twin.files import atomic_write
+    from isel_twin.golden import dumps
+
+    with call_errors(file):
+        atomic_write(file, dumps(run).encode())
+
+
+def _in_words(run: Golden) -> str:
+    number = len(run.moves)
+    verdict = "ok" if run.end["ok"] else "not ok"
+    return f"{number} command{'' if number == 1 else 's'}, {run.end['cycle_s']:.3f} s, {verdict}"
+
+
+def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:
+    if json:
+        from json import dumps
+
+        told = [{"line": difference.line, "what": difference.what} for difference in found]
+        print(dumps({"job": str(job), "same": not found, "differences": told}))
+        return
+    if not found:
+        print(f"{job}: as it was ({_in_words(run)})")
+        return
+    print(f"{job}: {len(found)} difference{'' if len(found) == 1 else 's'}, the first one first")
+    for difference in found[:MOST]:
+        print(f"  {difference}")
+    if len(found) > MOST:
+        print(f"  and {len(found) - MOST} more; --json has all of them")

@@ -1,0 +1,59 @@
+"""`isel-twin ports`: the serial ports of this computer, served ones and real ones."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+
+def ports(*, json: Annotated[bool, Parameter(help="One JSON object.")] = False) -> int:
+    """List the ports that are served on this computer now, and the serial ports that pySerial finds.
+
+    A program that takes only names such as /dev/ttyS9 needs a link under such a name: `serve --pty /dev/ttyS9` as root,
+    or `sudo ln -s /dev/pts/7 /dev/ttyS9`; on Windows a pair of com0com and a bridge to a network port (docs/bench.md).
+    """
+    from serial.tools.list_ports import comports
+
+    from isel_twin.bridge.registry import served
+
+    served_now = served()
+    real = [
+        {"device": port.device, "description": port.description, "hardware": port.hwid} for port in sorted(comports())
+    ]
+    if json:
+        from json import dumps
+
+        print(dumps({"served": served_now, "real": real}))
+        return 0
+    rows = [row for server in served_now for row in _rows(server)]
+    print("served now:" if rows else "served now: none")
+    for row in rows:
+        print(row)
+    print("serial ports of this computer:" if real else "serial ports of this computer: none")
+    for port in real:
+        print(f"  {port['device']:<28}  {port['description']}".rstrip())
+    return 0
+
+
+def _rows(server: dict[str, Any]) -> list[str]:
+    about = "  ".join(
+        [
+            str(server.get("command", "")),
+            *(str(server[key]) for key in ("machine", "controller", "tap") if key in server),
+        ]
+    )
+    return [
+        f"  {_url(port):<28}  {about}  process {server.get('pid')}"
+        for port in server["ports"]
+        if isinstance(port, dict)
+    ]
+
+
+def _url(port: dict[str, Any]) -> str:
+    """What a host opens; for pySerial."""
+    address = str(port.get("address"))
+    kind = port.get("kind")
+    if kind == "pty":
+        return f"{address} -> {port['device']}" if "device" in port else address
+    return f"{'socket' if kind == 'tcp' else kind}://{address}"

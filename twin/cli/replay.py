@@ -1,0 +1,106 @@
+"""`isel-twin replay`: a recorded session once more, and what is different."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.options import Interval, MachineName, PlantName, Seed, check_seconds, check_writable
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
+
+if TYPE_CHECKING:
+    from isel_twin.trace.reading import Recorded
+    from isel_twin.trace.replay import Difference, Pace
+    from isel_twin.twin import Twin
+
+
+def replay(
+    recording: Annotated[Path, Parameter(help="File that --record NAME.mcap, or `tap`, has made.")],
+    /,
+    *,
+    speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "max",
+    record: RecordPath = None,
+    interval: Interval = 0.01,
+    controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
+    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = TwinCall.machine,
+    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinCall.plant,
+    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinCall.seed,
+    json: Annotated[bool, Parameter(help="One JSON object.")] = False,
+) -> int:
+    """Give what the host sent and what people did, at the same virtual times, to a twin built from the recording.
+
+    Prints the first difference in replies, times, stream or positions. Exit code 0 if there is none, 1 if there is.
+    With the versions it was recorded with there is none, to the bit; other versions are told.
+
+    A recording of a real controller (`tap`) is played to a twin of --controller, --machine, --plant and --seed as its
+    host would: the replies are compared as bytes, and `compare` compares the times, with what --record keeps.
+    """
+    import json as json_format
+    import time
+    from contextlib import ExitStack
+    from tempfile import TemporaryDirectory
+
+    from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.cli.outputs import say
+    from isel_twin.trace import replay as replaying
+    from isel_twin.trace.reading import read
+
+    check_seconds("interval", interval, 1e-9)
+    with call_errors():
+        factor = parse_speed(speed)
+    check_record(record)
+    check_writable(record, kept=(recording,))
+    with call_errors(recording):
+        recorded = read(recording)
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
+        twin = _twin(recorded, folder, controller, TwinCall(machine, plant=plant, seed=seed))
+        recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
+        pacer = Pacer(factor, 0)
+        pace: Pace | None = None if factor is None else lambda time_ns: time.sleep(pacer.until_s(time_ns))
+        with call_errors(recording):
+            difference = (replaying.replay if recorded.of_twin else replaying.play_host)(recorded, twin, pace)
+        if record is not None and recorder is not None:
+            with call_errors(record):
+                keep(recorder, record)
+    told = replaying.versions(recorded) if recorded.of_twin else []
+    if not recorded.whole:
+        told.append("the recording has no end, it was cut off; it is played as far as it goes")
+    if json:
+        print(json_format.dumps(_summary(difference, twin, told)))
+        return 0 if difference is None else 1
+    for line in told:
+        say(f"{recording}: {line}")
+    compared = "replies, times, stream and positions" if recorded.of_twin else "replies"
+    if difference is None:
+        print(f"no difference in {compared}, {twin.time_ns / 1e9:.3f} s of machine time")
+        return 0
+    print(f"first difference: {difference}")
+    return 1
+
+
+def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinCall) -> Twin:
+    """The twin that is played to. Raises CallError."""
+    import dataclasses
+
+    from isel_twin.trace.replay import rebuilt
+
+    if recorded.of_twin:
+        if controller:
+            raise CallError("controller: the recording of a twin says it itself; leave it out", option=True)
+        with call_errors(recorded.path):
+            return rebuilt(recorded, folder)
+    name = controller or recorded.controller
+    if not name:
+        raise CallError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
+    return dataclasses.replace(call, controller=name, line_speed=True).build(keep_motions=1)
+
+
+def _summary(difference: Difference | None, twin: Twin, told: list[str]) -> dict[str, object]:
+    import dataclasses
+
+    first = None if difference is None else dataclasses.asdict(difference)
+    return {"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told}

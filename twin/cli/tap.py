@@ -1,0 +1,134 @@
+"""`isel-twin tap`: between a real host and a real controller."""
+
+from __future__ import annotations
+
+import re
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, cast
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
+from isel_twin.cli.options import ControllerName, check_writable
+
+if TYPE_CHECKING:
+    from isel_twin.bridge.tap import Scribe
+    from isel_twin.controller import SerialFormat
+
+SWITCH_S = 0.0005
+"""A thread that writes things down gives way to one that has a byte to stamp so soon; by itself Python waits 5 ms."""
+
+
+def tap(
+    device: Annotated[
+        str, Parameter(help="The controller's port: /dev/ttyUSB0, COM3, tcp://HOST:PORT, rfc2217://HOST:PORT.")
+    ],
+    *,
+    controller: ControllerName = TwinCall.controller,
+    pty: Ptys = None,
+    tcp: Tcps = None,
+    rfc2217: Rfc2217s = None,
+    baud: Annotated[int, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
+    frame: Annotated[str, Parameter(help="Its data bits, parity and stop bits.")] = "8N1",
+    record: Annotated[Path | None, Parameter(help="FILE.mcap for both directions with their times.")] = None,
+    replace: Annotated[bool, Parameter(help="The recording may replace a file that exists.")] = False,
+    log: Annotated[
+        Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
+    ] = "events",
+) -> int:
+    """Stand between a host program and a real controller: pass every byte on at once, record both directions.
+
+    Prints one line of JSON with the addresses for the host once everything is open. Ends with Ctrl-C.
+    """
+    import json
+
+    from isel_twin.bridge.log import log_to
+    from isel_twin.bridge.registry import registered
+    from isel_twin.bridge.server import on_signals
+    from isel_twin.bridge.tap import Tap
+    from isel_twin.bridge.wire_log import WireLog
+    from isel_twin.cli.serve import file_number
+    from isel_twin.language import create_language
+
+    form = _format(baud, frame)
+    _check(record, replace)
+    with call_errors():
+        create_language(controller)  # an unknown name, before anything is opened
+    with ExitStack() as stack:
+        if (stderr := file_number(sys.stderr)) is not None:
+            stack.enter_context(log_to(stderr, count=log != "wire"))
+        stack.enter_context(on_signals(lambda: sys.exit(0)))
+        endpoints = open_endpoints(pty, tcp, rfc2217, stack)
+        wire = WireLog(create_language(controller), "real", "port") if log == "wire" else None
+        try:
+            between = Tap(device, endpoints, form, wire=wire)
+        except (OSError, ValueError) as error:
+            raise CallError(_refusal(device, error)) from None
+        stack.callback(between.close)
+        stack.enter_context(on_signals(between.stop))
+        scribe = _scribe(record, device, controller, form) if record is not None else None
+        between.scribe = scribe
+        who = {"tap": device, "controller": controller}
+        stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
+        print(json.dumps({**addresses(endpoints), **who}), flush=True)
+        whole = True
+        sys.setswitchinterval(SWITCH_S)
+        try:
+            between.run()
+        finally:
+            if scribe is not None:
+                whole = scribe.close()
+        return 0 if whole else 1
+
+
+def _format(baud: int, frame: str) -> SerialFormat:
+    from isel_twin.controller import SerialFormat
+
+    if not 0 < baud <= 10_000_000:
+        raise CallError(f"baud {baud}: must be from 1 to 10000000 bit/s", option=True)
+    if not (found := re.fullmatch(r"([5-8])([NEO])([12])", frame.upper())):
+        raise CallError(f"frame {frame!r}: write data bits, parity (N, E, O), stop bits: 8N1, 7E1", option=True)
+    parity = cast('Literal["N", "E", "O"]', found[2])
+    return SerialFormat(baud, int(found[1]), parity, int(found[3]))
+
+
+def _check(record: Path | None, replace: bool) -> None:
+    """What a real machine has done cannot be recorded again, so no recording is replaced by mistake."""
+    if record is None:
+        return
+    if record.suffix.lower() != ".mcap":
+        raise CallError(f"record {record}: a tap records .mcap; other forms can be made of it", option=True)
+    if record.is_file() and not replace:
+        raise CallError(f"{record}: exists already; choose another name, or add --replace")
+    check_writable(record)
+
+
+def _scribe(record: Path, device: str, controller: str, form: SerialFormat) -> Scribe:
+    from datetime import UTC, datetime
+
+    from isel_twin.bridge.tap import Scribe
+    from isel_twin.language import create_language
+    from isel_twin.trace.mcap import RecordingWriter
+
+    began = datetime.now(UTC).isoformat(timespec="milliseconds")
+    metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}
+    with call_errors(record):
+        return Scribe(RecordingWriter(record, metadata, language=create_language(controller)))
+
+
+def _refusal(device: str, error: OSError | ValueError) -> str:
+    """Why the controller's port cannot be had, and what there is."""
+    reason = f"{device}: {getattr(error, 'strerror', None) or error}"
+    if isinstance(error, PermissionError) or "Permission denied" in reason:
+        return f"{reason}; ask for the group of serial ports (dialout, uucp), or try as root"
+    if "://" in device:
+        return f"{reason}; is something listening there?"
+    if "in use" in reason:
+        return f"{reason}; close that one first"
+    from serial.tools.list_ports import comports
+
+    known = ", ".join(sorted(port.device for port in comports()))
+    return f"{reason}; serial ports here: {known or 'none; is it plugged in?'}"

@@ -1,0 +1,73 @@
+"""What happens to a twin, told at the virtual instant at which it happens.
+
+    twin.listen(note)               note(time_ns, kind, what) from now on
+
+    kind         what
+    sent         bytes                       the host sends them, as `Twin.write` was given them
+    received     Received                    bytes on their way to the host; told when the controller answers
+    lost         Received                    of these, bytes that do not arrive, because the line is cut
+    operated     table                       somebody acts: the keys of a scenario event, or SETTINGS
+    scenario     table                       an event of the scenario happens
+    motion       Motion or None              the controller shows another one
+    counter      CounterSet                  it has set a counter without a motion
+    flash        bytes                       it has written its flash memory
+    remark       text
+
+The order is that in which things happen: what is done to the twin is told before what comes of it. `sent` and
+`operated` are the causes: given again at the same instants to a twin of the same `Origin` they bring about the same
+bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from isel_twin.machine import Machine
+from isel_twin.plant import Cut
+from isel_twin.wiring import cut_table
+
+__all__ = ["SETTINGS", "Note", "Origin", "Received", "cut_content", "push_content"]
+
+Note = Callable[[int, str, Any], None]
+"""note(time_ns, kind, what); see the module."""
+
+SETTINGS: Final = ("line_speed", "watch_margin")
+"""Keys of an `operated` table that no scenario has: how the line is, and that the least margins begin anew."""
+
+
+@dataclass(frozen=True)
+class Received:
+    """Bytes for the host: the last one arrives at arrival_ns, each byte_ns after the one before (0: all at once)."""
+
+    data: bytes
+    arrival_ns: int
+    byte_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """What a twin was built from: all that decides what it does, beside the causes. See `Twin`."""
+
+    machine: Machine
+    """Without the overrides."""
+    controller: str
+    plant: str
+    seed: int
+    flash: bytes | None
+    scenario: Path | None
+    line_speed: bool
+    overrides: Mapping[str, Any]
+    start_mm: Sequence[float] | None
+
+
+def push_content(axis: str, force_n: float, place: str) -> dict[str, Any]:
+    """A push as the table of a scenario event."""
+    return {"force_n": {axis: force_n}, **({"place": place} if place else {})}
+
+
+def cut_content(cut: Cut | None) -> dict[str, Any]:
+    """A cut, or the end of one, as the table of a scenario event."""
+    return {"cut": "off" if cut is None else cut_table(cut)}

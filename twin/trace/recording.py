@@ -1,0 +1,246 @@
+"""A twin recorded: everything that happens to it, as messages, and all it takes to build it again.
+
+    Twin --- listen, observe ---> Recording --- message(channel, time, content) ---> a Sink: the file, or a replay's eye
+
+Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however its
+time is cut. What each channel carries is said in `isel_twin.trace.mcap.CHANNELS`. `/samples` come on a grid of virtual
+time and at every change of a level, input or output, like those of a `Recorder` (recorder.py), which sees the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.journal import Received
+from isel_twin.language import create_language
+from isel_twin.snapshot import snapshot
+from isel_twin.trace.mcap import RecordingWriter
+from isel_twin.trace.runs import described
+from isel_twin.trace.samples import as_message, sample_dtype, samples_schema
+
+if TYPE_CHECKING:
+    from isel_twin.journal import Origin
+    from isel_twin.motion import Motion
+    from isel_twin.twin import Twin
+
+__all__ = [
+    "FIXTURE",
+    "FLASH",
+    "GROUPS",
+    "MACHINE",
+    "MODEL",
+    "SCENARIO",
+    "FileRecording",
+    "Recording",
+    "Sink",
+    "attachments",
+    "metadata",
+    "packages",
+]
+
+FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
+"""Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
+MODEL, FIXTURE = "model", "fixture"
+"""Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
+ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
+"""Files beside a model that it may need."""
+MOST_ASSET_BYTES = 1 << 24
+
+GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
+"""Channel of each group of a `recorder.Change`."""
+
+PACKAGES: Final = ("mujoco", "numpy", "numba")
+
+
+class Sink(Protocol):
+    """Where messages go."""
+
+    def sent(self, time_ns: int, data: bytes) -> None: ...
+    def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None: ...
+    def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None: ...
+    def sample(self, time_ns: int, data: bytes, schema: str) -> None: ...
+
+
+class Recording:
+    """Tells a sink of everything that happens to a twin, from now on."""
+
+    def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
+        """interval_ns: from sample to sample, virtual time."""
+        self._sink = sink
+        self._twin = twin
+        self._axes = len(twin.counts)
+        self._motors = len(twin.current_fraction)
+        self._dtype = sample_dtype(self._axes, self._motors)
+        self._schema = samples_schema(self._dtype)
+        self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
+        self._faults: Mapping[str, str | float] = {}
+        self._motion: Motion | None = None
+        twin.listen(self._note)
+        twin.observe(self._look, interval_ns)
+
+    def end(self) -> None:
+        """That was all: the last message, with the time it is."""
+        self._sink.message("/time", self._twin.time_ns, {"what": "end"})
+
+    def _note(self, time_ns: int, kind: str, what: Any) -> None:
+        sink = self._sink
+        if kind == "sent":
+            sink.sent(time_ns, what)
+        elif kind == "received":
+            self._received(what)
+        elif kind == "lost":
+            sink.message("/host/lost", what.arrival_ns, {"hex": what.data.hex()})
+        elif kind == "motion":
+            self._follow(time_ns, what)
+        elif kind == "counter":
+            sink.message("/counters", time_ns, {"axis": what.axis, "value": what.value})
+        elif kind == "flash":
+            sink.message("/flash", time_ns, {"bytes": len(what), "sha256": hashlib.sha256(what).hexdigest()})
+        elif kind == "remark":
+            sink.message("/remarks", time_ns, {"text": what})
+        else:
+            sink.message({"operated": "/operator", "scenario": "/scenario"}[kind], time_ns, what)
+
+    def _received(self, reply: Received) -> None:
+        self._sink.received(reply.arrival_ns, reply.data, reply.byte_ns)
+
+    def _follow(self, time_ns: int, motion: Motion | None) -> None:
+        before, self._motion = self._motion, motion
+        if motion is None:
+            self._sink.message("/runs", time_ns, {"run": None})
+            return
+        continues = before is not None and motion.continues(before)
+        self._sink.message("/runs", time_ns, {"run": described(motion), "continues": continues})
+
+    def _look(self, twin: Twin) -> None:
+        seen = snapshot(twin)
+        row = np.empty((), dtype=self._dtype)
+        row["counts"] = seen.counts
+        row["position_mm"] = seen.position_mm
+        row["position_error_mm"] = seen.position_error_mm
+        row["lost_steps"] = seen.lost_steps
+        row["velocity_mm_s"] = twin.velocity_mm_s
+        if self._motors:
+            row["current"] = twin.current_fraction
+        row["margin"] = twin.margin
+        row["supply_v"] = twin.supply_v
+        self._sink.sample(seen.time_ns, as_message(row), self._schema)
+        self._compare(seen.time_ns, "level", seen.levels)
+        self._compare(seen.time_ns, "input", seen.inputs)
+        self._compare(seen.time_ns, "output", seen.outputs)
+        if (faults := dict(twin.faults)) != self._faults:
+            self._faults = faults
+            self._sink.message("/faults", seen.time_ns, {"faults": faults})
+
+    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
+        last = self._last[group]
+        if values == last:
+            return
+        plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
+        changed = {name: value for name, value in plain.items() if last.get(name) != value}
+        last |= changed
+        self._sink.message(GROUPS[group], time_ns, changed)
+
+
+class FileRecording:
+    """A recording of a twin in a file, from now until `close`. Raises OSError if it cannot begin."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], twin: Twin, interval_ns: int, said: Mapping[str, str] | None = None
+    ) -> None:
+        """said: what else its metadata say. See `Recording`."""
+        self.path = Path(path)
+        self._twin = twin
+        self.writer = RecordingWriter(
+            path,
+            metadata(twin, interval_ns) | dict(said or {}),
+            attachments(twin.origin),
+            None if twin.language is None else create_language(twin.controller_name),
+        )
+        self._recording = Recording(twin, self.writer, interval_ns)
+
+    def flush(self) -> None:
+        """Hand what has been recorded to the operating system."""
+        self.writer.flush()
+
+    def tell_time(self, what: str) -> None:
+        """Write down how virtual time passes from now on."""
+        self.writer.message("/time", self._twin.time_ns, {"what": what})
+
+    def close(self) -> bool:
+        """That was all; False if there was no room for some of it, which has been logged. May be called again."""
+        if not self.writer.ended:
+            self._recording.end()
+            self.writer.close()
+        return not self.writer.broken
+
+
+def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
+    """What a recording of this twin says of it, plain text by key."""
+    origin = twin.origin
+    said = {
+        "kind": "twin",
+        "machine": origin.machine.name,
+        "controller": origin.controller,
+        "plant": origin.plant,
+        "seed": str(origin.seed),
+        "line_speed": json.dumps(origin.line_speed),
+        "overrides": json.dumps(dict(origin.overrides), default=_plain),
+        "start_mm": json.dumps(origin.start_mm, default=_plain),
+        "axes": str(len(twin.counts)),
+        "motors": str(len(twin.current_fraction)),
+        "carriages": " ".join(CARRIAGES),
+        "step_mm": json.dumps(twin.step_mm.tolist()),
+        "interval_ns": str(interval_ns),
+        "begins_ns": str(twin.time_ns),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    return said | packages()
+
+
+def packages() -> dict[str, str]:
+    """Versions of what decides the last bit, by package."""
+    return {name: _version(name) for name in PACKAGES}
+
+
+def attachments(origin: Origin) -> dict[str, bytes]:
+    """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
+    machine = origin.machine
+    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
+    for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
+        if model is not None:
+            for path in sorted(model.resolve().parent.iterdir()):
+                if path.suffix.lower() in ASSETS and path.is_file() and path.stat().st_size <= MOST_ASSET_BYTES:
+                    files[f"{folder}/{path.name}"] = path.read_bytes()
+    if origin.scenario is not None:
+        files[SCENARIO] = origin.scenario.read_bytes()
+    if origin.flash is not None:
+        files[FLASH] = origin.flash
+    return files
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes() if path.is_file() else b""
+
+
+def _plain(value: Any) -> Any:
+    """What JSON cannot hold: numpy's numbers and arrays, paths."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

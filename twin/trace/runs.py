@@ -1,0 +1,159 @@
+"""Motions as tables that JSON can hold, and back, so that a recording has the exact stream and needs little room.
+
+    StepRun(Line, Trapezoid)  <-->  {"steps": {"line": [800, -2000, 0, 0]}, "law": [...], "start_ns": t, "first": 0}
+
+What the package makes is described: lines, circles and helices under the trapezoidal law. A motion of a controller from
+outside, with a path, law or plan of its own, is written down tick by tick:
+
+    {"ticks": {"t_ns": "<base64>", "delta": "<base64>", "dtype": "int32"}, "axes": 6, "lead_ns": 1000000, ...}
+
+both compressed by zlib, t_ns as differences.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion import Displacement, Motion, StepRun, Steps, line
+from isel_twin.motion.circle import Circle
+from isel_twin.motion.path import Line, Path
+from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
+
+__all__ = ["Listed", "add_run", "described", "motion_from"]
+
+MOST_TICKS = 1 << 31
+"""Ticks of a listed motion that are read; more are no recording of ours."""
+
+
+def described(motion: Motion) -> dict[str, Any]:
+    """The motion as a table."""
+    if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, Line | Circle):
+        return {
+            "steps": _path_table(motion.path),
+            "law": law_numbers(motion.law),
+            "start_ns": motion.start_ns,
+            "first": motion.first,
+        }
+    t_ns, delta = motion.window(motion.first, motion.last)
+    return {
+        "ticks": {
+            "t_ns": _shrunk(np.diff(t_ns, prepend=np.int64(motion.start_ns))),
+            "delta": _shrunk(delta),
+            "dtype": delta.dtype.name,
+        },
+        "axes": motion.axes,
+        "lead_ns": motion.lead_ns,
+        "start_ns": motion.start_ns,
+        "first": motion.first,
+    }
+
+
+def motion_from(table: dict[str, Any]) -> Motion:
+    """The motion that a table describes. Raises ValueError for one that describes none."""
+    try:
+        if "steps" in table:
+            law = law_from_numbers(table["law"])
+            return StepRun(_path_from(table["steps"]), law, int(table["start_ns"]), int(table["first"]))
+        ticks, axes = table["ticks"], int(table["axes"])
+        if ticks["dtype"] not in ("int8", "int32"):
+            raise ValueError(f"ticks of type {ticks['dtype']!r}")
+        start_ns = int(table["start_ns"])
+        t_ns = np.cumsum(_grown(ticks["t_ns"], "int64")) + start_ns
+        delta = _grown(ticks["delta"], ticks["dtype"]).reshape(len(t_ns), axes)
+        return Listed(t_ns, delta, start_ns, int(table["lead_ns"]), int(table["first"]))
+    except (KeyError, TypeError, IndexError, AttributeError, OverflowError, zlib.error) as error:
+        raise ValueError(f"no motion: {error!r}") from None
+
+
+def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
+    """Follow a recording: at time_ns the controller shows the motion that a message of `/runs` has, or none.
+
+    Raises ValueError for a message that is none.
+    """
+    motion = None if content.get("run") is None else motion_from(content["run"])
+    if motion is not None and content.get("continues"):
+        if not steps.motions:
+            raise ValueError("a motion continues none")
+        steps.replace_last(motion)
+        return
+    if steps.motions:
+        steps.replace_last(steps.motions[-1].cut(time_ns))
+    if motion is not None:
+        steps.append(motion)
+
+
+@dataclass(frozen=True, eq=False)
+class Listed:
+    """A motion as its ticks; follows `isel_twin.motion.Motion`."""
+
+    t_ns: NDArray[np.int64]
+    delta: NDArray[Any]
+    start_ns: int
+    lead_ns: int
+    first: int
+
+    @property
+    def axes(self) -> int:
+        return int(self.delta.shape[1])
+
+    @property
+    def end_ns(self) -> int:
+        return int(self.t_ns[-1]) if len(self.t_ns) else self.start_ns
+
+    @property
+    def last(self) -> int:
+        return self.first + len(self.t_ns)
+
+    def count(self, t_ns: int) -> int:
+        return self.first + int(self.t_ns.searchsorted(t_ns, side="right"))
+
+    def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
+        if not self.first <= k0 <= k1 <= self.last:
+            raise IndexError(f"ticks {k0}..{k1} of a motion from {self.first} to {self.last}")
+        part = slice(k0 - self.first, k1 - self.first)
+        return self.t_ns[part].copy(), self.delta[part].copy()
+
+    def displacement(self, t_ns: int) -> Displacement:
+        made = self.count(t_ns) - self.first
+        return tuple(int(n) for n in self.delta[:made].sum(axis=0, dtype=np.int64))
+
+    def stopped(self, t_ns: int) -> Listed:
+        """Nobody stops a motion of a recording; how it ends is in the recording."""
+        return self.cut(t_ns)
+
+    def cut(self, t_ns: int) -> Listed:
+        made = self.count(t_ns) - self.first
+        return replace(self, t_ns=self.t_ns[:made], delta=self.delta[:made])
+
+    def continues(self, other: Motion) -> bool:
+        return self.start_ns == other.start_ns and self.first == other.first
+
+
+def _path_table(path: Line | Circle) -> dict[str, Any]:
+    if isinstance(path, Line):
+        return {"line": list(path.steps), "ticks": path.ticks}
+    return {"circle": {item.name: getattr(path, item.name) for item in fields(path)}}
+
+
+def _path_from(table: dict[str, Any]) -> Path:
+    if "line" in table:
+        return replace(line([int(n) for n in table["line"]]), ticks=int(table["ticks"]))
+    numbers = dict(table["circle"])
+    first, second = numbers.pop("plane")
+    return Circle(plane=(int(first), int(second)), **numbers)
+
+
+def _shrunk(values: NDArray[Any]) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(values).tobytes(), 1)).decode()
+
+
+def _grown(text: str, dtype: str) -> NDArray[Any]:
+    inflater = zlib.decompressobj()
+    data = inflater.decompress(base64.b64decode(text), MOST_TICKS)
+    return np.frombuffer(data, dtype=dtype)

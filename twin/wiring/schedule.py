@@ -1,0 +1,226 @@
+"""When the events of a scenario happen: at a time, or when something is so.
+
+Goal: say at each instant which event is next, the same however time is cut. Whoever knows of a message, an output, a
+state or a position passed tells it here; nothing is looked for on a grid.
+
+    at                      t, and again after `every`, `repeat` times in all
+    when, of a message      each message that begins so
+    when, of a state        each time it becomes so; what is so at power-on has to be otherwise first
+    when, after an event    each time that event happens, so much later
+
+                 so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
+           happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
+
+An event with a condition happens once, `times` times, or `always`: on edges, so a condition that stays true is met
+once. What is met within REARM_NS after it was met before does not count, so that a switch that bounces is one event and
+two events that bring each other about are no endless loop.
+
+At one instant events happen in the order of the file, ends of what lasted (`for`) before them.
+"""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from isel_twin.units import MILLISECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.wiring.scenario import ScenarioEvent
+
+__all__ = ["REARM_NS", "Condition", "Decoder", "Schedule"]
+
+REARM_NS = 1 * MILLISECOND_NS
+"""An event that has just been brought about is not again before this time is over."""
+
+_END = -1
+"""Stands before all numbers of events."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What an event waits for.
+
+    sent, replied     a message of the host, of the controller: begins with `name`
+    position          carriage `name` is beyond `value` mm of machine coordinates, above (sense 1) or below it (-1)
+    output, input     `name` is `value`
+    after             the event called `name` has happened, `value` seconds ago
+    """
+
+    kind: Literal["sent", "replied", "position", "output", "input", "after"]
+    name: str
+    value: float | str = 0.0
+    sense: int = 0
+
+
+class Said(Protocol):
+    """A message as a language gives it."""
+
+    @property
+    def text(self) -> str:
+        """As in a job file."""
+
+
+class Decoder(Protocol):
+    """Finds the messages in the bytes of both directions; a fresh `isel_twin.language.Language` does."""
+
+    def messages(self, data: bytes, sent: bool) -> Iterator[Said]:
+        """Messages complete with these bytes."""
+
+
+class _Raw:
+    """Without a language every run of bytes that is looked for is a message, wherever it stands."""
+
+    def __init__(self, texts: Sequence[tuple[str, bool]]) -> None:
+        self._wanted = [(text, _bytes(text), sent) for text, sent in texts]
+        self._tail = {True: b"", False: b""}
+        self._keep = max(len(data) for _, data, _ in self._wanted) - 1
+
+    def found(self, data: bytes, sent: bool) -> Iterator[str]:
+        """Texts in the order in which they end."""
+        before = self._tail[sent]
+        stream = before + data
+        self._tail[sent] = stream[len(stream) - self._keep :] if self._keep else b""
+        for end in range(len(before) + 1, len(stream) + 1):
+            yield from (text for text, wanted, by in self._wanted if by == sent and stream[:end].endswith(wanted))
+
+
+class Schedule:
+    """The events that are still to come. Times are ns of virtual time and never run back."""
+
+    def __init__(self, events: Sequence[ScenarioEvent] = (), decoder: Decoder | None = None) -> None:
+        """events: those with a time sorted by it. decoder: of the messages, if the controller has a language."""
+        self.events = tuple(events)
+        self._due: list[tuple[int, int, int, ScenarioEvent, int]] = []
+        """Heap of time, number in the file, sequence, event and its place here (_END: none)."""
+        self._sequence = 0
+        self._met: list[int] = []
+        """Places of events whose conditions have been met at this instant."""
+        self._happened = [0] * len(self.events)
+        self._begun = [0] * len(self.events)
+        self._armed_ns = [0] * len(self.events)
+        self._so: list[bool | None] = [None] * len(self.events)
+        """Whether the condition of a state holds; None: nobody has said yet."""
+        self._by_kind: dict[str, list[int]] = defaultdict(list)
+        for place, event in enumerate(self.events):
+            if event.when is None:
+                self._push(event.at_ns, place)
+            else:
+                self._by_kind[event.when.kind].append(place)
+        self.left = sum(event.times if event.when is None else 1 for event in self.events)
+        """Events that have not happened; each repeat of one with a time counts."""
+        self._decoder = decoder
+        texts = [
+            (self._condition(place).name, kind == "sent") for kind in ("sent", "replied") for place in self._of(kind)
+        ]
+        self._raw = _Raw(texts) if texts and decoder is None else None
+
+    # What is asked
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next one is due; None if only something else can bring one about."""
+        return self._due[0][0] if self._due else None
+
+    @property
+    def positions(self) -> tuple[Condition, ...]:
+        """Conditions of positions, in the order in which `passed` numbers them."""
+        return tuple(self._condition(place) for place in self._of("position"))
+
+    @property
+    def of_states(self) -> bool:
+        """Some event waits for a state of an output or an input."""
+        return bool(self._of("output") or self._of("input"))
+
+    @property
+    def of_messages(self) -> bool:
+        """Some event waits for a message."""
+        return bool(self._of("sent") or self._of("replied"))
+
+    def take(self, t_ns: int) -> ScenarioEvent | None:
+        """The next event that is due at t_ns, which happens now; None if there is none."""
+        for place in self._met:
+            self._begin(place, t_ns)
+        self._met.clear()
+        if not self._due or self._due[0][0] > t_ns:
+            return None
+        at_ns, _, _, event, place = heapq.heappop(self._due)
+        if place != _END:
+            self._happens(place, event, at_ns)
+        return event
+
+    def end_later(self, t_ns: int, event: ScenarioEvent) -> None:
+        """Let an event that ends something happen at t_ns."""
+        self._sequence += 1
+        heapq.heappush(self._due, (t_ns, _END, self._sequence, event, _END))
+
+    # What is told; `take` follows at the same instant. The first word about a state is how it is at power-on.
+
+    def heard(self, data: bytes, sent: bool) -> None:
+        """Bytes of the host have arrived (sent) or the controller has answered some."""
+        if not self.of_messages:
+            return
+        kind = "sent" if sent else "replied"
+        if self._decoder is not None:
+            texts = [message.text for message in self._decoder.messages(data, sent)]
+        else:
+            texts = [] if self._raw is None else list(self._raw.found(data, sent))
+        for text in texts:
+            self._met += [place for place in self._of(kind) if text.startswith(self._condition(place).name)]
+
+    def passed(self, number: int, beyond: bool) -> None:
+        """The position of condition `number` has been passed or left."""
+        self._becomes(self._of("position")[number], beyond)
+
+    def look(self, so: Callable[[Condition], bool]) -> None:
+        """Outputs or inputs may have changed; `so` tells whether a condition of one holds now."""
+        for place in self._of("output") + self._of("input"):
+            self._becomes(place, so(self._condition(place)))
+
+    # Inside
+
+    def _of(self, kind: str) -> list[int]:
+        return self._by_kind.get(kind, [])
+
+    def _condition(self, place: int) -> Condition:
+        condition = self.events[place].when
+        assert condition is not None
+        return condition
+
+    def _becomes(self, place: int, so: bool) -> None:
+        if so and self._so[place] is False:
+            self._met.append(place)
+        self._so[place] = so
+
+    def _begin(self, place: int, t_ns: int, later_ns: int = 0) -> None:
+        """The condition of an event has been met at t_ns."""
+        event = self.events[place]
+        if t_ns >= self._armed_ns[place] and (not event.times or self._begun[place] < event.times):
+            self._begun[place] += 1
+            self._armed_ns[place] = t_ns + REARM_NS
+            self._push(t_ns + later_ns + event.delay_ns, place)
+
+    def _happens(self, place: int, event: ScenarioEvent, at_ns: int) -> None:
+        self._happened[place] += 1
+        if event.when is None and self._happened[place] < event.times:
+            self._push(at_ns + event.every_ns, place)
+        if event.when is None or self._happened[place] == 1:
+            self.left -= 1
+        for other in self._of("after") if event.name else ():
+            condition = self._condition(other)
+            if condition.name == event.name:
+                self._begin(other, at_ns, round(float(condition.value) * 1e9))
+
+    def _push(self, t_ns: int, place: int) -> None:
+        self._sequence += 1
+        event = self.events[place]
+        heapq.heappush(self._due, (t_ns, event.number, self._sequence, event, place))
+
+
+def _bytes(text: str) -> bytes:
+    """The bytes of a readable text, <13> being the byte 13."""
+    return re.sub(r"<(\d{1,3})>", lambda found: chr(int(found[1]) % 256), text).encode("latin-1", "replace")

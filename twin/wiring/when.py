@@ -1,0 +1,130 @@
+"""The words of a condition: what stands behind `when` in a scenario file.
+
+    sent @0M                     a message of the host that begins so: the controller has just got the last byte of it
+    replied 0                    a message of the controller that begins so: it has just given it to the line
+    x > 120 mm, z < 5 mm         true position of a carriage in machine coordinates: 0 at the switch at the motor end
+    output spindle == 1          an output of the controller, or a relay of the cabinet
+    input hood == open           an element, a position switch (free, struck), or a contact (its fault, or ok)
+    0.5 s after trip             so long after the event of this name has happened; ms, too
+
+Messages are found and written as the controller's language does it, without the end of a line; without a language the
+text stands for bytes, <13> being the byte 13, and is found wherever they are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.parameters import Limits, Place, hint, plain
+from isel_twin.wiring.schedule import Condition
+
+__all__ = ["EXAMPLES", "SWITCH_STATES", "condition"]
+
+EXAMPLES = (
+    "sent TEXT",
+    "replied TEXT",
+    "x > 120 mm",
+    "output spindle == 1",
+    "input hood == open",
+    "0.5 s after NAME",
+)
+SWITCH_STATES = ("free", "struck")
+"""What a position switch is, beside its faults."""
+
+_MM = Limits("mm", -1e5, 1e5)
+_LATER_S = Limits("s", 0.0, 1e9)
+_OUTPUT = Limits("", 0, 255)
+_SECONDS = {"s": 1.0, "ms": 1e-3}
+
+
+def condition(
+    words: object,
+    place: Place,
+    settable: Mapping[str, tuple[str, ...]],
+    switches: Sequence[str],
+    outputs: Sequence[str],
+    names: Sequence[str],
+) -> Condition:
+    """The condition in some words. Raises the error of `place`.
+
+    settable: see `Wiring.settable`; switches: contacts that are position switches; outputs, names: of outputs and
+    relays, and of events.
+    """
+    if not isinstance(words, str) or not words.strip():
+        raise place.wrong(f"{words!r}; {_examples()}")
+    kind, _, rest = words.strip().partition(" ")
+    rest = rest.strip()
+    if kind in ("sent", "replied"):
+        if not rest:
+            raise place.wrong(f"{words!r}: {kind} what? allowed: how the message begins, such as '{kind} TEXT'")
+        return Condition("sent" if kind == "sent" else "replied", rest)
+    if re.match(rf"[{''.join(CARRIAGES)}]\s*([^\w\s]|$)", words.strip()):
+        return _position(words.strip(), place)
+    if kind in ("output", "input"):
+        found = re.fullmatch(r"(\S+)\s*==\s*(\S+)", rest)
+        if found is None:
+            example = "output spindle == 1" if kind == "output" else "input hood == open"
+            raise place.wrong(f"{words!r}; allowed: {kind} NAME == VALUE, such as {example!r}")
+        name, value = found.groups()
+        if kind == "output":
+            return _output(name, value, place, outputs)
+        return _input(name, value, place, settable, switches)
+    found = re.fullmatch(r"(\S+)\s+(\S+)\s+after\s+(\S+)", words.strip())
+    if found is not None:
+        return _after(found[1], found[2], found[3], place, names)
+    raise place.wrong(f"{words!r}; {_examples()}")
+
+
+def _examples() -> str:
+    return f"allowed: {', '.join(repr(example) for example in EXAMPLES)}"
+
+
+def _position(words: str, place: Place) -> Condition:
+    axis = words[0]
+    found = re.fullmatch(r".\s*([<>])\s*(\S+?)\s*([a-z]*)", words)
+    number = _number(found[2]) if found else None
+    if found is None or number is None:
+        raise place.wrong(f"{words!r}; allowed: {axis} > NUMBER mm or {axis} < NUMBER mm")
+    if found[3] != "mm":
+        raise place.wrong(f"{words!r}: unit {found[3]!r}; allowed: 'mm'")
+    return Condition("position", axis, plain(number, _MM, place), 1 if found[1] == ">" else -1)
+
+
+def _output(name: str, value: str, place: Place, outputs: Sequence[str]) -> Condition:
+    if name not in outputs:
+        raise place.wrong(f"unknown output {name!r}; {hint(name, outputs, 'there are')}")
+    if not value.isdigit():
+        raise place.wrong(f"output {name!r} cannot be {value!r}; allowed: a whole number")
+    return Condition("output", name, plain(int(value), _OUTPUT, place))
+
+
+def _input(
+    name: str, value: str, place: Place, settable: Mapping[str, tuple[str, ...]], switches: Sequence[str]
+) -> Condition:
+    if name not in settable:
+        raise place.wrong(f"unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
+    states = (*(SWITCH_STATES if name in switches else ()), *settable[name])
+    if value not in states:
+        raise place.wrong(f"input {name!r} cannot be {value!r}; it can be: {', '.join(states)}")
+    return Condition("input", name, value)
+
+
+def _after(number: str, unit: str, name: str, place: Place, names: Sequence[str]) -> Condition:
+    value = _number(number)
+    if value is None:
+        raise place.wrong(f"{number!r} is no number; {_examples()}")
+    if unit not in _SECONDS:
+        raise place.wrong(f"unit {unit!r}; allowed: {', '.join(map(repr, _SECONDS))}")
+    if name not in names:
+        there = hint(name, names, "there are") if names else "no event has a name"
+        raise place.wrong(f"unknown event {name!r}; {there}")
+    return Condition("after", name, plain(value * _SECONDS[unit], _LATER_S, place))
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
