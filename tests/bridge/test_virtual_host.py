@@ -285,9 +285,12 @@ def test_list_ports_shows_the_port(host, capsys):
 
 
 def test_another_speed_is_told(host):
-    assert host("import serial\nserial.Serial('COM4', 9600)").notes == (
-        "the host set 9600 baud; the controller's line has 19200, and a real one would not answer",
-    )
+    (note,) = host("import serial\nserial.Serial('COM4', 9600).write(b'x')").notes
+    assert note.startswith("the host's port is set to 9600 8N1, the controller's line has 19200 8N1")
+
+
+def test_settings_made_after_the_opening_are_those_that_count(host):
+    assert host("import serial\np = serial.Serial('COM4')\np.baudrate = 19200\np.write(b'x')").notes == ()
 
 
 def test_a_read_cancelled_and_a_port_closed_by_another_thread(host, capsys):

@@ -19,6 +19,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    parse_override,
 )
 from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
 from isel_twin.units import MICROSECOND_NS, SECOND_NS
@@ -87,7 +88,7 @@ def drive(
     if report is not None:
         need_matplotlib()
     check_writable(steps, vcd, trace, report, kept=(capture, scenario))
-    overrides = dict(_override(text) for text in set)
+    overrides = dict(parse_override(text) for text in set)
     call = TwinCall(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
 
     from isel_twin.capture.load import load
@@ -154,21 +155,6 @@ def drive(
         outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
         return 128 + stopped[0]
     return 0 if verdict.ok and all(allowed(strike.switch) for strike in strikes.seen) else 1
-
-
-def _override(text: str) -> tuple[str, Any]:
-    """KEY=VALUE; the value a number, true, false or a word."""
-    key, equals, word = (part.strip() for part in text.partition("="))
-    if not equals or not key or not word:
-        raise CallError(f"set {text!r}: must be KEY=VALUE, for example axes.all.steps_per_rev=3200", option=True)
-    if word in ("true", "false"):
-        return key, word == "true"
-    for number in (int, float):
-        try:
-            return key, number(word)
-        except ValueError:
-            continue
-    return key, word
 
 
 def _start(text: str) -> tuple[float, ...] | None:
