@@ -125,27 +125,27 @@ def _clock_gettime(whole: bool) -> Callable[..., Any]:
 
 
 class _DateMeta(type):
+    """Real dates are instances of what stands in for their class, too; a host's own subclasses are as ever."""
+
     def __instancecheck__(cls, value: object) -> bool:
-        return isinstance(value, cls.__mro__[1])
+        return isinstance(value, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__instancecheck__(cls, value)
 
     def __subclasscheck__(cls, other: type) -> bool:
-        return issubclass(other, cls.__mro__[1])
+        return issubclass(other, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__subclasscheck__(cls, other)
 
 
 class _Date(datetime.date, metaclass=_DateMeta):
     @classmethod
     def today(cls) -> Any:
         active = here()
-        return _date_type.today() if active is None else _date_type.fromtimestamp(_epoch_s(active))
+        return super().today() if active is None else cls.fromtimestamp(_epoch_s(active))
 
 
 class _Datetime(datetime.datetime, metaclass=_DateMeta):
     @classmethod
     def now(cls, tz: datetime.tzinfo | None = None) -> Any:
         active = here()
-        if active is None:
-            return _datetime_type.now(tz)
-        return _datetime_type.fromtimestamp(_epoch_s(active), tz)
+        return super().now(tz) if active is None else cls.fromtimestamp(_epoch_s(active), tz)
 
     @classmethod
     def utcnow(cls) -> Any:
@@ -155,9 +155,11 @@ class _Datetime(datetime.datetime, metaclass=_DateMeta):
     def today(cls) -> Any:
         return cls.now()
 
+    def date(self) -> Any:
+        return _Date(self.year, self.month, self.day)
 
-_datetime_type = datetime.datetime
-_date_type = datetime.date
+
+_REAL_DATES: dict[type, type] = {_Date: datetime.date, _Datetime: datetime.datetime}
 for _stand, _name in ((_Date, "date"), (_Datetime, "datetime")):
     _stand.__name__ = _stand.__qualname__ = _name
     _stand.__module__ = "datetime"
@@ -273,6 +275,9 @@ def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
     return True  # the host is over, and so is whoever held it
 
 
+_real_start = _thread.start_new_thread
+
+
 def _start(real: Callable[..., Any]) -> StandIn:
     """`_thread.start_new_thread`, and its successor of Python 3.13, which takes keywords of its own."""
 
@@ -280,7 +285,7 @@ def _start(real: Callable[..., Any]) -> StandIn:
         arguments = args[0] if args else ()
         named = args[1] if len(args) > 1 else {}
         task = active.spawn(function)
-        if real is _thread.start_new_thread:
+        if real is _real_start:
             return real(active.body, (task, function, arguments, named))
         return real(lambda: active.body(task, function, arguments, named), **kwargs)
 
@@ -507,7 +512,7 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
 
 
 _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_bootstrap")
-"""Modules that keep the real functions, with all below them."""
+"""Modules that keep the real functions, with all below them: the twin, and what imports modules."""
 
 
 def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
@@ -534,6 +539,7 @@ def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Ca
     for name, method in (("join", _join), ("is_alive", _is_alive)):
         put(threading.Thread, name, method)
     put(threading.Event, "is_set", _is_set)
+    put(_thread, "start_new_thread", table[id(_real_start)][1])
     from serial import serialutil
 
     put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])

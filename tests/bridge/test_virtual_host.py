@@ -214,6 +214,23 @@ def test_an_exception_in_a_thread_is_printed_and_the_program_goes_on(host, capsy
     assert "ZeroDivisionError" in err
 
 
+def test_a_thread_without_an_object(host, capsys):
+    done = host(
+        "import _thread, time\n_thread.start_new_thread(lambda: (time.sleep(1), print('ran')), ())\ntime.sleep(2)"
+    )
+    assert (done.code, done.ended_ns) == (0, 2_000_000_000)
+    assert printed(capsys) == ["ran"]
+
+
+def test_dates_can_be_pickled_and_subclassed(host):
+    done = host(
+        "import datetime, pickle\nclass Mine(datetime.datetime): pass\nnow = datetime.datetime.now()\n"
+        "assert pickle.loads(pickle.dumps((now, now.date()))) == (now, datetime.date.today())\n"
+        "assert type(now) is datetime.datetime and not isinstance(now, Mine) and isinstance(Mine.now(), Mine)\n"
+    )
+    assert done.code == 0
+
+
 def test_an_rlock_and_its_condition(host, capsys):
     done = host(
         "import threading, time\nl = threading.RLock()\n"
