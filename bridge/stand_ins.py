@@ -140,6 +140,9 @@ class _Date(datetime.date, metaclass=_DateMeta):
         active = here()
         return super().today() if active is None else cls.fromtimestamp(_epoch_s(active))
 
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Date else super().__repr__()
+
 
 class _Datetime(datetime.datetime, metaclass=_DateMeta):
     @classmethod
@@ -157,6 +160,9 @@ class _Datetime(datetime.datetime, metaclass=_DateMeta):
 
     def date(self) -> Any:
         return _Date(self.year, self.month, self.day)
+
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Datetime else super().__repr__()
 
 
 _REAL_DATES: dict[type, type] = {_Date: datetime.date, _Datetime: datetime.datetime}

@@ -227,6 +227,7 @@ def test_dates_can_be_pickled_and_subclassed(host):
         "import datetime, pickle\nclass Mine(datetime.datetime): pass\nnow = datetime.datetime.now()\n"
         "assert pickle.loads(pickle.dumps((now, now.date()))) == (now, datetime.date.today())\n"
         "assert type(now) is datetime.datetime and not isinstance(now, Mine) and isinstance(Mine.now(), Mine)\n"
+        "assert eval(repr((now, now.date()))) == (now, now.date())\n"
     )
     assert done.code == 0
 
