@@ -100,7 +100,7 @@ def run(
         check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
-        recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
+        recording = None if record is None else begin(record, twin, interval, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
