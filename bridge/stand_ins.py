@@ -30,6 +30,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType, ModuleType
 from typing import Any
 
+import isel_twin
 from isel_twin.bridge.virtual_time import EPOCH_NS, UPTIME_NS, HostEnded, VirtualTime, here
 from isel_twin.units import SECOND_NS
 
@@ -68,6 +69,10 @@ class StandIn:
         return typing.Any
 
     __ror__ = __or__
+
+
+FOR_EVER_S = 1e9
+"""A timeout from which on nobody means it: `threading.TIMEOUT_MAX` is taken by hosts that want to hear Ctrl-C."""
 
 
 # Clocks
@@ -277,7 +282,7 @@ def _check_timeout(blocking: bool, timeout: float) -> None:
 def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
     active = here()
     if active is not None:
-        return active.wait(ready, None if timeout == -1 else active.deadline(timeout), why)
+        return active.wait(ready, None if timeout == -1 or timeout >= FOR_EVER_S else active.deadline(timeout), why)
     return True  # the host is over, and so is whoever held it
 
 
@@ -435,9 +440,15 @@ class _Finder:
 
 
 LIBRARIES = tuple(
-    {os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(os.path.abspath(__file__)))}
-    | {folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))}
+    folder.rstrip(os.sep) + os.sep
+    for folder in (
+        os.path.dirname(os.__file__),
+        os.path.dirname(os.path.abspath(__file__)),
+        os.path.dirname(os.path.abspath(isel_twin.__file__)),
+        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
+    )
 )
+"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
 
 
 def host_line(frame: FrameType | None) -> str:
@@ -497,6 +508,7 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
     for name in ("clock_gettime", "clock_gettime_ns"):
         if (real := getattr(time, name, None)) is not None:
             pairs.append((real, StandIn(real, _clock_gettime(name.endswith("_ns")))))
+    pairs.append((threading._allocate_lock, StandIn(threading._allocate_lock, lambda _: VirtualLock())))  # type: ignore[attr-defined]
     for name in ("_start_new_thread", "_start_joinable_thread"):
         if (real := getattr(threading, name, None)) is not None:
             pairs.append((real, _start(real)))
