@@ -5,8 +5,9 @@
     assert run.code == 0 and run.verdict.ok
 
 The host is run as `python host.py ...` would run it: its folder first in `sys.path`, its words in `sys.argv`, its
-module `__main__`, its own modules imported anew. What it changes of the process is put back afterwards: names replaced,
-signal handlers, folder, environment, `sys.path`, modules of its own, handlers of the root logger, state of `random`.
+module `__main__`. What it changes of the process is put back afterwards: names replaced, signal handlers, folder,
+environment, `sys.path`, modules that are neither Python's nor a package's, handlers of the root logger, state of
+`random`.
 
 How it ends                                          code
     its last line, `sys.exit()`                      0, as in Python the number given; 1 for a text, which is printed
@@ -277,9 +278,12 @@ def _execute(program: Program) -> None:
     if program.module is not None:
         sys.path.insert(0, os.getcwd())
         sys.argv[:] = ["-m", *program.arguments]
-        if importlib.util.find_spec(program.module) is None:
-            print(f"{sys.executable}: No module named {program.module}", file=sys.stderr)
-            raise SystemExit(1)
+        try:
+            found = importlib.util.find_spec(program.module)
+        except (ImportError, ValueError):  # not even the package that it is in
+            found = None
+        if found is None:
+            raise SystemExit(f"{sys.executable}: No module named {program.module}")
         runpy.run_module(program.module, run_name="__main__", alter_sys=True)
         return
     if program.code is not None:
@@ -313,10 +317,17 @@ def _put_back() -> Iterator[None]:
     streams = sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook
     root = logging.getLogger()
     handlers, level = list(root.handlers), root.level
+    log = logging.getLogger("isel_twin")
+    its_handlers, propagates = list(log.handlers), log.propagate
     chance = random.getstate()
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
+    root.handlers.clear()  # so that the host finds none, as in a process of its own
+    root.setLevel(logging.WARNING)
+    if propagates:
+        log.handlers += handlers  # and the twin's words go where they went
+        log.propagate = False
     sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
     try:
         with warnings.catch_warnings():
@@ -328,6 +339,7 @@ def _put_back() -> Iterator[None]:
             if file is not None and not _in_library(file):
                 del sys.modules[name]
         sys.modules.update(own)
+        log.handlers[:], log.propagate = its_handlers, propagates
         root.handlers[:] = handlers
         root.setLevel(level)
         sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook = streams

@@ -231,6 +231,7 @@ class VirtualTime:
             self._check(task)
             self._inside = True
             self._catch_up()
+            self._busy_ns = self.twin.time_ns
             task.ready, task.deadline_ns, task.why, task.hears = ready, deadline_ns, why, hears
             task.spun_ns = task.free_looks = 0
             self._waiting.append(task)

@@ -9,10 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import serial
 
+from isel_twin.bridge.stand_ins import LIBRARIES
 from isel_twin.bridge.virtual_host import run_host
 from isel_twin.bridge.virtual_time import EPOCH_NS, VirtualTime, here
 from isel_twin.twin import Twin
@@ -214,6 +216,24 @@ def test_an_exception_in_a_thread_is_printed_and_the_program_goes_on(host, capsy
     assert "ZeroDivisionError" in err
 
 
+def test_a_thread_without_an_object(host, capsys):
+    done = host(
+        "import _thread, time\n_thread.start_new_thread(lambda: (time.sleep(1), print('ran')), ())\ntime.sleep(2)"
+    )
+    assert (done.code, done.ended_ns) == (0, 2_000_000_000)
+    assert printed(capsys) == ["ran"]
+
+
+def test_dates_can_be_pickled_and_subclassed(host):
+    done = host(
+        "import datetime, pickle\nclass Mine(datetime.datetime): pass\nnow = datetime.datetime.now()\n"
+        "assert pickle.loads(pickle.dumps((now, now.date()))) == (now, datetime.date.today())\n"
+        "assert type(now) is datetime.datetime and not isinstance(now, Mine) and isinstance(Mine.now(), Mine)\n"
+        "assert eval(repr((now, now.date()))) == (now, now.date())\n"
+    )
+    assert done.code == 0
+
+
 def test_an_rlock_and_its_condition(host, capsys):
     done = host(
         "import threading, time\nl = threading.RLock()\n"
@@ -285,9 +305,12 @@ def test_list_ports_shows_the_port(host, capsys):
 
 
 def test_another_speed_is_told(host):
-    assert host("import serial\nserial.Serial('COM4', 9600)").notes == (
-        "the host set 9600 baud; the controller's line has 19200, and a real one would not answer",
-    )
+    (note,) = host("import serial\nserial.Serial('COM4', 9600).write(b'x')").notes
+    assert note.startswith("the host's port is set to 9600 8N1, the controller's line has 19200 8N1")
+
+
+def test_settings_made_after_the_opening_are_those_that_count(host):
+    assert host("import serial\np = serial.Serial('COM4')\np.baudrate = 19200\np.write(b'x')").notes == ()
 
 
 def test_a_read_cancelled_and_a_port_closed_by_another_thread(host, capsys):
@@ -379,6 +402,43 @@ def test_functions_for_the_end_run_at_the_end(host, capsys, twin):
     assert done.code == 0
     assert printed(capsys) == ["last", "first"]
     assert done.ended_ns == 2_000_000_000
+
+
+def test_a_wait_for_as_long_as_there_is_is_one_without_timeout(host):
+    assert host("import threading\nthreading.Event().wait(threading.TIMEOUT_MAX)").ending == "deadlock"
+
+
+def test_after_a_long_sleep_a_byte_may_still_come(tmp_path, capsys):
+    """Two hours of sleep are no sign that nothing comes any more: the stop button is pressed ten minutes later."""
+    scenario = tmp_path / "stop.toml"
+    scenario.write_text('[[event]]\nat = 7800.0\nset = { estop = "pressed" }\n')
+    twin = Twin(plant="kinematic", line_speed=True, scenario=scenario)
+    file = tmp_path / "host.py"
+    file.write_text(OPEN + "time.sleep(7200)\nport.timeout = None\nport.read()\n")
+    assert run_host(twin, [str(file)]).ending == "deadlock"
+    assert twin.time_ns > 7800e9
+
+
+def test_the_log_of_a_host_is_its_own(host, capsys):
+    """Its basicConfig works under a test runner that has handlers of its own, and the twin's words are not in it."""
+    done = host(
+        "import logging, sys\nlogging.basicConfig(stream=sys.stdout, format='%(message)s', level=logging.INFO)\n"
+        "logging.info('mine')\nlogging.getLogger('isel_twin').warning('not mine')\n"
+    )
+    assert done.code == 0
+    assert printed(capsys) == ["mine"]
+
+
+def test_a_host_in_the_twins_own_repository_is_no_library(twin):
+    hosts = Path(__file__).parents[1] / "hosts"
+    assert not str(hosts / "polling.py").startswith(LIBRARIES)
+    for library in (
+        serial.__file__,
+        threading.__file__,
+        run_host.__code__.co_filename,
+        Twin.__init__.__code__.co_filename,
+    ):
+        assert library.startswith(LIBRARIES)
 
 
 # Around it

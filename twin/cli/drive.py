@@ -19,6 +19,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
@@ -90,7 +91,7 @@ def drive(
         need_matplotlib()
     check_record(record)
     check_writable(steps, vcd, trace, report, record, kept=(capture, scenario))
-    overrides = dict(_override(text) for text in set)
+    overrides = dict(parse_override(text) for text in set)
     call = TwinCall(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
 
     from isel_twin.capture.load import load
@@ -163,21 +164,6 @@ def drive(
         return 128 + stopped[0]
     struck = not all(allowed(strike.switch) for strike in strikes.seen)
     return 0 if verdict.ok and recorded and not struck else 1
-
-
-def _override(text: str) -> tuple[str, Any]:
-    """KEY=VALUE; the value a number, true, false or a word."""
-    key, equals, word = (part.strip() for part in text.partition("="))
-    if not equals or not key or not word:
-        raise CallError(f"set {text!r}: must be KEY=VALUE, for example axes.all.steps_per_rev=3200", option=True)
-    if word in ("true", "false"):
-        return key, word == "true"
-    for number in (int, float):
-        try:
-            return key, number(word)
-        except ValueError:
-            continue
-    return key, word
 
 
 def _start(text: str) -> tuple[float, ...] | None:

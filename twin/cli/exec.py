@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.call import TwinCall, call_errors
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -19,6 +19,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    parse_override,
 )
 from isel_twin.units import SECOND_NS
 
@@ -71,7 +72,8 @@ def exec_(
         check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
     check_writable(steps, kept=(flash, scenario, program.path))
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=_settings(overrides))
+    settings = dict(parse_override(text) for text in overrides or ())
+    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
     from isel_twin.cli import outputs
     from isel_twin.trace.write import write_trace
@@ -92,7 +94,7 @@ def exec_(
         import json as json_
 
         print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
-    else:
+    elif done.ending != "refused":
         outputs.say(told(done))
     code = done.code or (1 if check and not done.verdict.ok else 0)
     if done.left:
@@ -136,22 +138,6 @@ def _leave(code: int) -> None:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
-
-
-def _settings(pairs: list[str] | None) -> dict[str, Any]:
-    """Machine parameters of KEY=VALUE texts, values as TOML has them. Raises CallError."""
-    import tomllib
-
-    settings = {}
-    for pair in pairs or ():
-        key, equals, text = pair.partition("=")
-        if not equals or not key:
-            raise CallError(f"set {pair}: must be KEY=VALUE, such as axes.x.lead=10", option=True)
-        try:
-            settings[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            settings[key.strip()] = text
-    return settings
 
 
 def summary(done: HostRun, twin: Twin) -> dict[str, Any]:
