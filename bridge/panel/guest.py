@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import logging
 import math
+import socket
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -30,7 +31,7 @@ from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.panel.menu import BESIDE, menu
 from isel_twin.bridge.panel.monitor import Monitor
 from isel_twin.bridge.server import Line, Server, Watch
-from isel_twin.bridge.tcp import listen
+from isel_twin.bridge.tcp import listen, parse_address
 from isel_twin.bridge.token import token_for
 from isel_twin.decode import DecodeError, typed
 from isel_twin.language import LanguageError, needed
@@ -150,7 +151,11 @@ class Panel:
     @property
     def url(self) -> str:
         """What a person types into a browser."""
-        return f"http://{self.address}/" + (f"?token={self.token}" if self.token else "")
+        host, port = parse_address(self.address)
+        if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
+            host = socket.gethostname()
+        where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
 
     def take(self, asked: Asked) -> None:
         """A browser wants something. Called from any thread."""
