@@ -9,6 +9,7 @@
     replay       a recorded session once more, and what is different
     compare      two recordings laid over each other, command by command
     export       a recording as a file for other tools
+    check        jobs against their bounds
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
@@ -35,6 +36,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
 from isel_twin.cli import (
+    check,
     compare,
     controllers,
     ctl,
@@ -70,6 +72,7 @@ for command in (
     run.run,
     drive.drive,
     exec_,
+    check.check,
     decode.decode,
     export.export,
     replay.replay,
