@@ -38,6 +38,7 @@ from isel_twin.language import LanguageError, needed
 from isel_twin.machine import Machine
 from isel_twin.parameters import Place, known
 from isel_twin.twin import Twin
+from isel_twin.units import MILLISECOND_NS
 from isel_twin.version import VERSION
 from isel_twin.wiring import FAULTS
 
@@ -50,6 +51,9 @@ FRAMES_PER_S = 20.0
 
 ROUND = 32
 """Requests dealt with in one round of the server's loop."""
+
+MARGIN_NS = 5 * MILLISECOND_NS
+"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
 
 SAID_BYTES = 4096
 """Longest text typed at once, as bytes on the line."""
@@ -136,7 +140,7 @@ class Panel:
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0
         self._last: Frame = {}
-        self._margin_ns = -1
+        self._margin_ns = -MARGIN_NS
         self._margin: list[float | None] = []
         """Least margins from the frame before to that time."""
         if site is not None:
@@ -310,7 +314,7 @@ class Panel:
         twin, pacer = self._twin, self._server.pacer
         frame = self._operator.state()
         frame["step_hz"] = twin.step_hz.tolist()
-        if twin.time_ns != self._margin_ns:
+        if twin.time_ns >= self._margin_ns + MARGIN_NS:
             self._margin_ns = twin.time_ns
             self._margin = [None if math.isnan(margin) else margin for margin in twin.take_margin().tolist()]
         frame["margin_now"] = self._margin
