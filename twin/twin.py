@@ -358,9 +358,8 @@ class Twin:
     def take_margin(self) -> NDArray[np.float64]:
         """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
         panel does. Nobody else notices."""
-        taken = self._plant.margin
+        taken = self._plant.take_margin()
         self._least_margin = np.minimum(self._least_margin, taken)
-        self._plant.watch_margin()
         return taken
 
     @property

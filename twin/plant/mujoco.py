@@ -482,6 +482,12 @@ class MujocoPlant:
         margin[: memory.AXES] = self._axes["margin"]
         return margin[: self._count]
 
+    def take_margin(self) -> NDArray[np.float64]:
+        """See Plant.take_margin."""
+        taken = self.margin
+        self._axes["margin"] = 1.0
+        return taken
+
     def watch_margin(self) -> None:
         """See Plant.watch_margin."""
         kernel.look(self._memory)
