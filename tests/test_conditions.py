@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin import Twin
+from isel_twin.controller import Output, create_controller
+from isel_twin.wiring import ScenarioError
 
 START_MM = (30.0, 30.0, 30.0)
 OUT = "@0A8000,8000,0,30,0,30,0,30"  # 25 mm at 25 mm/s
@@ -134,6 +136,18 @@ def test_an_output(tmp_path: Path) -> None:
     assert high[0] == began + 200_000_000
 
 
+def test_an_output_that_a_controller_adds(tmp_path: Path) -> None:
+    text = f'[[event]]\nwhen = "output vacuum == 1"\n{PRESS}'
+    with pytest.raises(ScenarioError, match="unknown output 'vacuum'; there are: stages,"):
+        twin_with(tmp_path, text)
+    controller: Any = create_controller("imc-s8")
+    controller.output_names = ("vacuum",)
+    twin = twin_with(tmp_path, text, controller=controller)
+    controller._events.append(Output("vacuum", 1))
+    twin.write(b"@")
+    assert twin.inputs["estop"] == "pressed"
+
+
 def test_an_input_and_what_comes_after(tmp_path: Path) -> None:
     events = f"""
         [[event]]
@@ -241,6 +255,12 @@ for = 0.1
 when = "replied 0"
 always = true
 obstacle_mm = { y = 200 }
+[[event]]
+when = "replied 0"
+times = 5
+delay = 0.0006
+line_cut = true
+for = 0.0011
 [[event]]
 at = 12
 every = 0.25
