@@ -188,8 +188,12 @@ class VirtualSerial(SerialBase):
                 gap_ns = time.deadline(gap)
                 limit_ns = gap_ns if end_ns is None or gap_ns is None else min(end_ns, gap_ns)
             wanted = size if gap is None else had + 1
+
+            def enough(wanted: int = wanted) -> bool:
+                return len(inbox) >= wanted or self._cancelled or not self.is_open
+
             ready = time.wait(
-                lambda wanted=wanted: len(inbox) >= wanted or self._cancelled or not self.is_open,
+                enough,
                 limit_ns,
                 why,
                 hears=True,

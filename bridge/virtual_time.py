@@ -370,7 +370,12 @@ class VirtualTime:
         if self.ending is None or (self._exempt and task is self._main):
             return
         if task is not self._main and task.strikes >= STRIKES:
-            self._hand_over(self._main)
+            if not self._exempt:
+                self._leave(task)
+                self._inside = True
+                self._hand_over(self._choose())
+            else:
+                self._hand_over(self._main)
             task.turn.acquire()  # for ever: it will not go
         if task is self._main and task.strikes >= STRIKES**4 and self.give_up is not None:
             self.give_up()

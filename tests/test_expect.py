@@ -452,3 +452,21 @@ def test_repetitions_expect_the_same(call: Any) -> None:
     code, out, _ = call("@07\n@0R7\n! clock == 33.757 +- 0.01 s\n", "--robust", "2", "--jobs", "2", plant="mujoco")
     assert code == 1  # it stands elsewhere at power-on, so a reference run takes another time
     assert "fragile: 2 of 2 repetitions" in out
+
+
+def test_a_golden_run_has_commands_and_the_verdict(
+    call: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "job.txt").write_text(f"{FAR} => 2\n! x > 390 mm\n! lost == 0\n")
+    for words, code in ((["record"], 0), (["compare"], 0)):
+        with pytest.raises(SystemExit) as caught:
+            main(["golden", *words, "job.txt", *(["--plant", "kinematic"] if words == ["record"] else [])])
+        assert caught.value.code == code, capsys.readouterr()
+    written = (tmp_path / "job.golden").read_text()
+    assert "390" not in written
+    assert "ok = true" in written
+    (tmp_path / "job.txt").write_text(f"{FAR} => 2\n! y\n")
+    with pytest.raises(SystemExit) as caught:
+        main(["golden", "compare", "job.txt"])
+    assert caught.value.code == 2
+    assert "line 4, column 4: y must be followed by one of" in capsys.readouterr().err

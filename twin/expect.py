@@ -149,8 +149,8 @@ class Expected:
 
 
 def _fits_either(reply: bytes, parts: tuple[bytes, ...]) -> bool:
-    """With the end of a line that it may have, or without."""
-    return _fits(reply, parts) or _fits(reply.rstrip(b"\r\n"), parts)
+    """With white space at its end, such as that of a line, or without."""
+    return _fits(reply, parts) or _fits(reply.rstrip(), parts)
 
 
 def _fits(reply: bytes, parts: tuple[bytes, ...]) -> bool:

@@ -20,6 +20,7 @@ import logging
 import math
 import time
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
@@ -73,8 +74,8 @@ class Site(Protocol):
     def watched(self) -> bool:
         """Whether a browser looks."""
 
-    def start(self, about: Mapping[str, Any], machine: Machine) -> None:
-        """Let browsers in. `about`: what does not change while the server runs."""
+    def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None) -> None:
+        """Let browsers in. about: what does not change while the server runs; recording: a file that they may have."""
 
     def show(self, frame: Frame) -> None:
         """Show this from now on."""
@@ -125,6 +126,8 @@ class Panel:
         site: None for the page itself. Raises ImportError without the extra `panel`.
         """
         self.monitor = Monitor()
+        self.recording: Path | None = None
+        """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
         self._line = _Line()
@@ -164,7 +167,7 @@ class Panel:
         self._server, self._twin = server, server.twin
         self._operator = Operator(server, server.twin)
         self.monitor.begin(server.twin.controller_name)
-        self._site.start(self._about(), self._twin.machine)
+        self._site.start(self._about(), self._twin.machine, self.recording)
 
     def watches(self) -> Iterable[Watch]:
         """See Guest: browsers are not waited for here, they wake the server."""
@@ -292,6 +295,7 @@ class Panel:
             "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},
             "acts": menu(),
             "beside": list(BESIDE),
+            "recording": None if self.recording is None else self.recording.name,
             "language": twin.language is not None,
         }
 

@@ -1,6 +1,7 @@
 """Page, scene and browsers: one port, in a thread of its own. Needs viser.
 
     GET /  /panel.css  /panel.js     the page                                    page/
+    GET /recording                   what there is of the recording, if the server makes one
     GET /scene                       viser's client, which the page frames       of the package viser
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message
     WebSocket, any other path        the scene, in viser's own protocol
@@ -28,6 +29,7 @@ import socket
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -59,6 +61,9 @@ BROWSERS = 16
 
 MESSAGE_BYTES = 1 << 20
 """Longest message of a browser."""
+
+FILE_BYTES = 1 << 28
+"""Longest recording that goes through the page; all of it is in memory for a moment."""
 
 HISTORY = 600
 """Frames whose plots a browser that comes later gets: half a minute of them."""
@@ -179,6 +184,7 @@ class WebSite:
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self._stage: _Stage | None = None
         self._files = _pages()
+        self._recording: Path | None = None
 
     # Called by the server
 
@@ -187,8 +193,9 @@ class WebSite:
         """See Site."""
         return bool(self._browsers)
 
-    def start(self, about: Mapping[str, Any], machine: Machine) -> None:
+    def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None = None) -> None:
         """See Site."""
+        self._recording = recording
         self._about = dict(about)
         with contextlib.redirect_stdout(io.StringIO()), _Serving(self):  # viser greets on the standard output
             self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -294,7 +301,10 @@ class WebSite:
             return _response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return None
-        found = self._files.get(urlsplit(request.path).path)
+        path = urlsplit(request.path).path
+        if path == "/recording" and self._recording is not None:
+            return _file(self._recording)
+        found = self._files.get(path)
         if found is None:
             return _response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
         kind, data = found
@@ -450,6 +460,19 @@ def _response(
     headers["Cross-Origin-Resource-Policy"] = "same-origin"
     headers["Cache-Control"] = "no-store"
     return Response(status.value, status.phrase, headers, data)
+
+
+def _file(path: Path) -> Response:
+    """What there is of a file that is being written."""
+    try:
+        if path.stat().st_size > FILE_BYTES:
+            return _response(http.HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"{path} is too large: copy it there\n".encode())
+        data = path.read_bytes()
+    except OSError as error:
+        return _response(http.HTTPStatus.NOT_FOUND, f"{path.name}: {error.strerror}\n".encode())
+    response = _response(http.HTTPStatus.OK, data, "application/octet-stream")
+    response.headers["Content-Disposition"] = "attachment"
+    return response
 
 
 def _json(message: Mapping[str, Any]) -> str:

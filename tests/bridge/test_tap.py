@@ -28,6 +28,9 @@ from isel_twin.bridge.tap import LOOK_S, Scribe, Tap
 from isel_twin.bridge.tcp import TcpEndpoint
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
+from isel_twin.language import create_language
+from isel_twin.trace.compare import compare
+from isel_twin.trace.reading import read
 from isel_twin.twin import Twin
 from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask
 
@@ -45,7 +48,7 @@ class Notes:
     def __init__(self) -> None:
         self.rows: list[tuple[int, str, bytes]] = []
         self.said: list[str] = []
-        self.ended = False
+        self.broken = False
 
     def sent(self, time_ns: int, data: bytes) -> None:
         self.rows.append((time_ns, "sent", data))
@@ -342,7 +345,7 @@ class FullDisk(Notes):
 
     def sent(self, time_ns: int, data: bytes) -> None:
         super().sent(time_ns, data)
-        self.ended = True
+        self.broken = True
 
 
 def test_a_recording_that_ends_does_not_end_the_session(device):
@@ -422,6 +425,28 @@ def test_a_session_recorded_by_the_command(device, tap, tmp_path):
     assert "host  @0P" in log
     assert "real  0000000000000000000" in log
     assert not os.path.lexists(tmp_path / "imc")
+
+
+def test_it_agrees_with_the_recording_of_the_controller_itself(serve, tap, tmp_path):
+    """A twin in place of the real controller, which records itself: the same bytes, no difference."""
+    files = {"twin": tmp_path / "twin.mcap", "tap": tmp_path / "real.mcap"}
+    served = serve("--record", str(files["twin"]), speed="20")
+    tapped = tap(served.info["pty"], "--record", str(files["tap"]))
+    with tapped.open() as port:
+        came = talk(port)
+    assert tapped.stop(signal.SIGTERM) == 0
+    assert served.stop(signal.SIGTERM) == 0
+    recorded = {who: read(file) for who, file in files.items()}
+    assert recorded["tap"].metadata["kind"] == "tap"
+    for recording in recorded.values():
+        assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/sent")) == SENT
+        assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/received")) == came
+    language = [create_language("imc-s8") for _ in recorded]
+    between = compare(
+        recorded["tap"], recorded["twin"], language[0], language[1], 10**12
+    )  # 20 times as fast: not the times
+    assert between.same
+    assert len(between.pairs) == len(SESSION)
 
 
 def test_after_a_kill_the_last_second_at_most_is_missing(device, tap, tmp_path):

@@ -172,7 +172,7 @@ class NoSite:
         self.watched = watched
         self.frames: list[dict[str, object]] = []
 
-    def start(self, about: object, machine: object) -> None: ...
+    def start(self, about: object, machine: object, recording: object) -> None: ...
     def show(self, frame: dict[str, object]) -> None:
         self.frames.append(frame)
 

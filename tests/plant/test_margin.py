@@ -130,6 +130,9 @@ def test_between_two_speeds_of_the_table_it_is_interpolated_and_beyond_the_last_
         for sense in (1.0, -1.0):
             left = margin(sense * 0.5, 0.0, -sense * place * SPEED_STEP_RAD_S, table, 10.0)
             assert left == pytest.approx(1.0 - 0.5 / largest, rel=1e-12)
+    assert margin(0.25, 0.0, 0.0, table, 0.5) == pytest.approx(0.5, rel=1e-12), (
+        "half the current, half of the first one"
+    )
     for beyond in (SPEEDS, SPEEDS + 3, 1e6):
         assert margin(0.5, 0.0, beyond * SPEED_STEP_RAD_S, table, 10.0) == pytest.approx(1.0 - 0.5 / 3.55, rel=1e-12)
 

@@ -17,6 +17,7 @@
 One file a command, each with one function that returns the exit code; what they share:
 
     options.py   parameters that several commands have, and checks of their values
+    jobs.py      job files as they are given to a command
     outputs.py   where results go: table, JSON, recorder
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,

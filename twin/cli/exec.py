@@ -42,7 +42,7 @@ def exec_(
     scenario: ScenarioFile = None,
     overrides: Annotated[
         list[str] | None,
-        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as x.friction_n=12.", negative=()),
+        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as axes.x.lead=10.", negative=()),
     ] = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
     log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
@@ -146,7 +146,7 @@ def _settings(pairs: list[str] | None) -> dict[str, Any]:
     for pair in pairs or ():
         key, equals, text = pair.partition("=")
         if not equals or not key:
-            raise CallError(f"set {pair}: must be KEY=VALUE, such as x.friction_n=12", option=True)
+            raise CallError(f"set {pair}: must be KEY=VALUE, such as axes.x.lead=10", option=True)
         try:
             settings[key.strip()] = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import (
     STANDARD_INPUT,
     ControllerName,
@@ -23,7 +24,6 @@ from isel_twin.cli.options import (
 
 if TYPE_CHECKING:
     from isel_twin.golden import Difference, Golden
-    from isel_twin.job import Line
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
@@ -135,28 +135,14 @@ def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tup
     from isel_twin.verdict import judge
 
     twin, scribe = call.build(), Scribe()
-    lines = _lines(job, call.controller)
+    lines = read_job(job, call.controller)
+    check_names(job, lines, twin)
     results, moves = [], []
     for result in play(twin, lines, timeout_s):
         results.append(result)
-        moves.append(scribe.move(result, twin.steps))
+        if not result.condition:  # whether it is met is in the verdict, and what it found has more digits than tell
+            moves.append(scribe.move(result, twin.steps))
     return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
-
-
-def _lines(job: Path, controller: str) -> list[Line]:
-    from isel_twin.job import decode_job, parse_job
-    from isel_twin.language import create_language
-
-    with call_errors(job):
-        language = create_language(controller)
-        data = job.read_bytes()
-        try:
-            lines = parse_job(decode_job(data), language, controller)
-        except ValueError as error:
-            raise CallError(f"{job}: {error}") from None
-    if not lines:
-        raise CallError(f"{job}: there is no command in it")
-    return lines
 
 
 def _called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:

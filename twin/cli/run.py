@@ -6,7 +6,6 @@ A job that is stopped by Ctrl-C, or ends because a line is not over in time, kee
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -25,7 +25,6 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
-    is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
@@ -77,7 +76,7 @@ def run(
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
-    lines = _lines(job, controller)
+    lines = read_job(job, controller)
     needs_recorder = vcd is not None or trace is not None or report is not None
     if needs_recorder or record is not None:
         _check_samples(lines, interval)
@@ -93,18 +92,15 @@ def run(
         twin = call.build()
 
         from isel_twin.cli import outputs
-        from isel_twin.job import JobError, check_conditions, play
+        from isel_twin.job import play
         from isel_twin.trace.write import write_trace
         from isel_twin.verdict import judge
         from isel_twin.warm import told_of_compiling
 
-        try:
-            check_conditions(lines, twin)
-        except JobError as error:
-            raise CallError(f"{_name(job)}: {error}", excerpt=error.excerpt) from None
+        check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
-        recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
+        recording = None if record is None else begin(record, twin, interval, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
@@ -122,7 +118,7 @@ def run(
             why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
             remedy = "" if interrupted else "; --timeout waits longer"
-            outputs.say(f"{_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
+            outputs.say(f"{job_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
         verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
         for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
@@ -138,7 +134,7 @@ def run(
                 from isel_twin.trace.report import write_report
 
                 summary = {**verdict.summary(), **called}
-                write_report(report, f"isel-twin: {_name(job)}", twin, recorder, results, summary)
+                write_report(report, f"isel-twin: {job_name(job)}", twin, recorder, results, summary)
         show.verdict(verdict, called)
         sound = True
         if repetitions and not interrupted:
@@ -148,7 +144,7 @@ def run(
                     seen.append(trial)
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
-                outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
+                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
             sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
@@ -216,27 +212,6 @@ def interruption() -> Iterator[list[int]]:
 
 def _lines_are(number: int) -> str:
     return "1 line is" if number == 1 else f"{number} lines are"
-
-
-def _lines(job: Path, controller: str) -> list[Line]:
-    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
-    from isel_twin.job import decode_job, parse_job
-    from isel_twin.language import create_language
-
-    with call_errors(_name(job)):
-        language = create_language(controller)
-        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
-        try:
-            lines = parse_job(decode_job(data), language, controller)
-        except ValueError as error:
-            raise CallError(f"{_name(job)}: {error}", excerpt=getattr(error, "excerpt", "")) from None
-    if not lines:
-        raise CallError(f"{_name(job)}: there is no command in it")
-    return lines
-
-
-def _name(job: Path) -> str:
-    return "standard input" if is_standard_input(job) else str(job)
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

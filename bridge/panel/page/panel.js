@@ -91,6 +91,8 @@ function begin(told) {
   $("link").dataset.state = "on";
   put($("link"), "connected");
   $("monitor").replaceChildren();
+  $("recording").hidden = !about.recording;
+  if (about.recording) $("recording").download = about.recording;
   build_time(); build_elements(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
 }
 
