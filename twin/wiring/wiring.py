@@ -299,8 +299,10 @@ class Wiring:
             self._set_mains(not value)
         elif key == "line_cut":
             self._line.cut(t_ns, value)
-        elif key in ("dropped", "doubled"):
-            setattr(self._line, key, value)
+        elif key == "dropped":
+            self._line.dropped = value
+        elif key == "doubled":
+            self._line.doubled = value
         elif key == "undervoltage":
             plant.set_undervoltage(value)
         for name, one in value.items() if act.by in ("axis", "place") else ():
