@@ -3,7 +3,7 @@
     {"set": {"estop": "pressed"}}      --->
                                        <---      {"ok": {"time_s": 12.5, "time_ns": 12500000000, "inputs": {...}}}
     {"set": {"estop": "half"}}         --->
-                                       <---      {"error": "request: input 'estop' cannot be 'half'; ..."}
+                                       <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
 
 What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
 meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that

@@ -117,6 +117,9 @@ class PtyEndpoint:
 
 _TCGETS2 = 0x802C542A
 """Linux: the settings of a terminal with its speeds in bit/s (asm-generic/ioctls.h, struct termios2)."""
+_TCSETS2 = 0x402C542B
+_CBAUD, _BOTHER = 0o010017, 0o010000
+"""Linux: the bits of the speed among the control flags; there: it stands for itself."""
 _TERMIOS2 = struct.Struct("4I20B2I")
 _SPEEDS = {
     int(getattr(termios, name)): int(name[1:]) for name in dir(termios) if name.startswith("B") and name[1:].isdigit()
@@ -142,7 +145,14 @@ def _flags_and_speed(file: int) -> tuple[int, int]:
 
 
 def _set_speed(file: int, baud: int) -> None:
-    """Give a terminal its first speed, if that is one of those with a name."""
+    """Give a terminal its first speed; where any number can be one, any, else one of those with a name."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            values = list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))
+            values[2] = values[2] & ~_CBAUD | _BOTHER
+            values[-2:] = baud, baud
+            fcntl.ioctl(file, _TCSETS2, _TERMIOS2.pack(*values))
+            return
     codes = {speed: code for code, speed in _SPEEDS.items()}
     if baud in codes:
         now = termios.tcgetattr(file)

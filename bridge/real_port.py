@@ -158,13 +158,21 @@ def _os_errors() -> Iterator[None]:
         raise OSError(str(error)) from error
 
 
+_PLAIN = {
+    "exclusively lock": "is in use by another program",
+    "returned no data": "it was unplugged, or its other end has closed",
+}
+"""What parts of pySerial's messages mean."""
+
+
 def _plain(error: OSError) -> str:
     """What pySerial says without what it says twice: 'could not open port X: [Errno 2] Y: X' is Y."""
     text = str(error)
     if isinstance(error, serial.SerialException):
         cause = re.search(r"\[Errno \d+\] ([^:\]]+)", text.removeprefix(f"[Errno {error.errno}] "))
-        if "exclusively lock" in text:
-            return "is in use by another program"
+        for part, plain in _PLAIN.items():
+            if part in text:
+                return plain
         return cause[1] if cause else text
     return error.strerror or text
 
@@ -192,6 +200,7 @@ class RealPort:
         self._outgoing: deque[bytes | Mapping[str, Any]] = deque()
         self._waiting = 0
         self._ending = False
+        self._writing = threading.Lock()
         self._port: Port | None = open_port(address, self._settings)
         self.nowhere = 0
         """Bytes put while there was no port."""
@@ -284,7 +293,10 @@ class RealPort:
             self._port = None
             self._changed.notify_all()
         port.cancel()
+        out = self._writing.acquire(timeout=2 * LOOK_S)  # closed under the writer, its number could be another file's
         port.close()
+        if out:
+            self._writing.release()
         self._hand_over(Arrived(time.perf_counter_ns(), b"", f"has gone: {error.strerror or error}"))
 
     def _again(self) -> None:
@@ -310,12 +322,13 @@ class RealPort:
             if not isinstance(item, bytes):
                 self._settings.update(item)
             try:
-                if port is None:
-                    raise OSError("no port")
-                if isinstance(item, bytes):
-                    port.write(item)
-                else:
-                    port.set(item)
+                with self._writing:
+                    if port is None or port is not self._port:
+                        raise OSError("no port")
+                    if isinstance(item, bytes):
+                        port.write(item)
+                    else:
+                        port.set(item)
             except OSError:
                 self.nowhere += len(item) if isinstance(item, bytes) else 0
             if isinstance(item, bytes):

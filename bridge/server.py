@@ -354,7 +354,7 @@ class Server:
 
     def _watches(self) -> list[Watch]:
         watches = [self._wake.watch]
-        listening = self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
+        listening = self.listening
         for endpoint in self.endpoints:
             watches += endpoint.watches(listening)
         for guest in self._guests:
@@ -377,6 +377,11 @@ class Server:
             return 0.0
         room_ns = LINE_BYTES * self.twin.serial_format.byte_ns
         return self.pacer.until_s(self._line_free_ns - room_ns)
+
+    @property
+    def listening(self) -> bool:
+        """Whether the line has room for what a host says now."""
+        return self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
 
     def _replies_pile_up(self) -> bool:
         """Whether the line to the host is so far behind that no more questions should be asked."""

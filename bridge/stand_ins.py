@@ -16,6 +16,7 @@ from __future__ import annotations
 import _thread
 import atexit
 import datetime
+import importlib
 import os
 import queue
 import select
@@ -24,10 +25,12 @@ import sys
 import threading
 import time
 import typing
+import warnings
 from collections.abc import Callable, Sequence
 from types import FrameType, ModuleType
 from typing import Any
 
+import isel_twin
 from isel_twin.bridge.virtual_time import EPOCH_NS, UPTIME_NS, HostEnded, VirtualTime, here
 from isel_twin.units import SECOND_NS
 
@@ -68,6 +71,10 @@ class StandIn:
     __ror__ = __or__
 
 
+FOR_EVER_S = 1e9
+"""A timeout from which on nobody means it: `threading.TIMEOUT_MAX` is taken by hosts that want to hear Ctrl-C."""
+
+
 # Clocks
 
 
@@ -105,7 +112,7 @@ def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
     def virtual(active: VirtualTime, *args: Any) -> Any:
         if len(args) <= position or args[position] is None:
             present: Any = _epoch_s(active)
-            if real is time.strftime or real is time.asctime:
+            if real.__name__ in ("strftime", "asctime"):
                 present = time.localtime(present)
             args = (*args[:position], present)
         return real(*args)
@@ -123,27 +130,30 @@ def _clock_gettime(whole: bool) -> Callable[..., Any]:
 
 
 class _DateMeta(type):
+    """Real dates are instances of what stands in for their class, too; a host's own subclasses are as ever."""
+
     def __instancecheck__(cls, value: object) -> bool:
-        return isinstance(value, cls.__mro__[1])
+        return isinstance(value, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__instancecheck__(cls, value)
 
     def __subclasscheck__(cls, other: type) -> bool:
-        return issubclass(other, cls.__mro__[1])
+        return issubclass(other, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__subclasscheck__(cls, other)
 
 
 class _Date(datetime.date, metaclass=_DateMeta):
     @classmethod
     def today(cls) -> Any:
         active = here()
-        return _date_type.today() if active is None else _date_type.fromtimestamp(_epoch_s(active))
+        return super().today() if active is None else cls.fromtimestamp(_epoch_s(active))
+
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Date else super().__repr__()
 
 
 class _Datetime(datetime.datetime, metaclass=_DateMeta):
     @classmethod
     def now(cls, tz: datetime.tzinfo | None = None) -> Any:
         active = here()
-        if active is None:
-            return _datetime_type.now(tz)
-        return _datetime_type.fromtimestamp(_epoch_s(active), tz)
+        return super().now(tz) if active is None else cls.fromtimestamp(_epoch_s(active), tz)
 
     @classmethod
     def utcnow(cls) -> Any:
@@ -153,9 +163,14 @@ class _Datetime(datetime.datetime, metaclass=_DateMeta):
     def today(cls) -> Any:
         return cls.now()
 
+    def date(self) -> Any:
+        return _Date(self.year, self.month, self.day)
 
-_datetime_type = datetime.datetime
-_date_type = datetime.date
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Datetime else super().__repr__()
+
+
+_REAL_DATES: dict[type, type] = {_Date: datetime.date, _Datetime: datetime.datetime}
 for _stand, _name in ((_Date, "date"), (_Datetime, "datetime")):
     _stand.__name__ = _stand.__qualname__ = _name
     _stand.__module__ = "datetime"
@@ -239,6 +254,9 @@ class VirtualRLock:
 
     # what threading.Condition wants of it
 
+    def _recursion_count(self) -> int:
+        return self._count if self._owner == _thread.get_ident() else 0
+
     def _is_owned(self) -> bool:
         return self._owner == _thread.get_ident()
 
@@ -264,8 +282,11 @@ def _check_timeout(blocking: bool, timeout: float) -> None:
 def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
     active = here()
     if active is not None:
-        return active.wait(ready, None if timeout == -1 else active.deadline(timeout), why)
+        return active.wait(ready, None if timeout == -1 or timeout >= FOR_EVER_S else active.deadline(timeout), why)
     return True  # the host is over, and so is whoever held it
+
+
+_real_start = _thread.start_new_thread
 
 
 def _start(real: Callable[..., Any]) -> StandIn:
@@ -275,7 +296,7 @@ def _start(real: Callable[..., Any]) -> StandIn:
         arguments = args[0] if args else ()
         named = args[1] if len(args) > 1 else {}
         task = active.spawn(function)
-        if real is _thread.start_new_thread:
+        if real is _real_start:
             return real(active.body, (task, function, arguments, named))
         return real(lambda: active.body(task, function, arguments, named), **kwargs)
 
@@ -379,6 +400,8 @@ def _refused(what: str) -> Callable[..., Any]:
             "concurrent": "a pool of processes",
             "subprocess": "subprocess",
         }
+        if by == "asyncio":
+            warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
         refuse(told.get(by or "", what), SERVE)
 
     return virtual
@@ -397,7 +420,9 @@ _REFUSED: dict[str, tuple[str, ...]] = {
 _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
     ("socket", "socket"): ("connect", "connect_ex", "accept", "bind", "listen", "recv", "recvfrom", "sendto"),
     ("selectors", "_BaseSelectorImpl"): ("__init__",),
+    ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
 }
+"""Methods that are refused, by module and class."""
 
 REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})
 """Packages whose main loops wait in real time."""
@@ -415,9 +440,15 @@ class _Finder:
 
 
 LIBRARIES = tuple(
-    {os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(os.path.abspath(__file__)))}
-    | {folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))}
+    folder.rstrip(os.sep) + os.sep
+    for folder in (
+        os.path.dirname(os.__file__),
+        os.path.dirname(os.path.abspath(__file__)),
+        os.path.dirname(os.path.abspath(isel_twin.__file__)),
+        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
+    )
 )
+"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
 
 
 def host_line(frame: FrameType | None) -> str:
@@ -435,6 +466,7 @@ def host_line(frame: FrameType | None) -> str:
 
 def _signal(active: VirtualTime, number: int, handler: Any, /) -> Any:
     before = signal_function(number, active.deferred(handler) if callable(handler) else handler)
+    active.handlers.setdefault(number, before)
     return getattr(before, "__wrapped__", before)
 
 
@@ -476,6 +508,7 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
     for name in ("clock_gettime", "clock_gettime_ns"):
         if (real := getattr(time, name, None)) is not None:
             pairs.append((real, StandIn(real, _clock_gettime(name.endswith("_ns")))))
+    pairs.append((threading._allocate_lock, StandIn(threading._allocate_lock, lambda _: VirtualLock())))  # type: ignore[attr-defined]
     for name in ("_start_new_thread", "_start_joinable_thread"):
         if (real := getattr(threading, name, None)) is not None:
             pairs.append((real, _start(real)))
@@ -489,8 +522,6 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
         (atexit.register, StandIn(atexit.register, _register)),
         (atexit.unregister, StandIn(atexit.unregister, _unregister)),
     ]
-    import socket  # noqa: F401  (so that its functions are refused)
-
     for module, names in _REFUSED.items():
         for name in names:
             if (real := getattr(sys.modules.get(module), name, None)) is not None:
@@ -499,12 +530,13 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
 
 
 _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_bootstrap")
-"""Modules that keep the real functions, with all below them."""
+"""Modules that keep the real functions, with all below them: the twin, and what imports modules."""
 
 
 def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
     """Put the stand-ins in place, and `more` pairs of what is real and what stands in; return what undoes it."""
-    import _posixsubprocess  # noqa: F401
+    for module_name, _ in _REFUSED_METHODS:
+        importlib.import_module(module_name)
 
     table = _stand_ins() | {id(real): (real, stand_in) for real, stand_in in more}
     undo: list[tuple[Any, str, Any]] = []
@@ -525,6 +557,7 @@ def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Ca
     for name, method in (("join", _join), ("is_alive", _is_alive)):
         put(threading.Thread, name, method)
     put(threading.Event, "is_set", _is_set)
+    put(_thread, "start_new_thread", table[id(_real_start)][1])
     from serial import serialutil
 
     put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])
@@ -532,7 +565,7 @@ def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Ca
         owner = getattr(sys.modules[module_name], class_name)
         for name in names:
             real = getattr(owner, name)
-            put(owner, name, _method(real, f"{class_name}.{name}"))
+            put(owner, name, _method(real, f"{module_name}.{class_name}.{name}"))
     finder = _Finder()
     sys.meta_path.insert(0, finder)
 
@@ -553,10 +586,12 @@ _ABSENT = object()
 
 
 def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
-    virtual = _refused(what)
+    virtual = _refused(what.removesuffix(".__init__"))
 
     def method(self: Any, *args: Any, **kwargs: Any) -> Any:
         active = here()
-        return real(self, *args, **kwargs) if active is None else virtual(active, *args, **kwargs)
+        if active is not None:
+            virtual(active)
+        return real(self) if real is object.__new__ else real(self, *args, **kwargs)
 
     return method

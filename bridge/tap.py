@@ -50,7 +50,8 @@ PATIENCE_S = 5.0
 class Book(Protocol):
     """What a tap writes to: `isel_twin.trace.mcap.RecordingWriter`."""
 
-    ended: bool
+    broken: bool
+    """There was no room for some of it."""
 
     def sent(self, time_ns: int, data: bytes) -> None:
         """Bytes of the host."""
@@ -118,9 +119,8 @@ class Scribe:
             self._closing = True
             self._changed.notify()
         self._thread.join()
-        whole = self._whole and not self._book.ended
         self._book.close()
-        return whole
+        return self._whole and not self._book.broken
 
 
 def port_settings(form: SerialFormat) -> dict[str, Any]:

@@ -5,14 +5,16 @@
     assert run.code == 0 and run.verdict.ok
 
 The host is run as `python host.py ...` would run it: its folder first in `sys.path`, its words in `sys.argv`, its
-module `__main__`, its own modules imported anew. What it changes of the process is put back afterwards: names replaced,
-signal handlers, folder, environment, `sys.path`, modules of its own, handlers of the root logger, state of `random`.
+module `__main__`. What it changes of the process is put back afterwards: names replaced, signal handlers, folder,
+environment, `sys.path`, modules that are neither Python's nor a package's, handlers of the root logger, state of
+`random`.
 
 How it ends                                          code
     its last line, `sys.exit()`                      0, as in Python the number given; 1 for a text, which is printed
     an exception that nobody has caught              1, traceback printed
     Ctrl-C that nobody has caught                    130
     all threads wait for what cannot come            1, and `reason` says who waits where
+    more virtual time than it was given              1, and `reason` says so
     something virtual time cannot do                 2, and `reason` says what, where, and what to do
 
 What virtual time is, and what a look costs: `isel_twin.bridge.virtual_time`.
@@ -29,7 +31,8 @@ import sys
 import threading
 import traceback
 import types
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,9 +73,9 @@ class HostRun:
     code: int
     """Exit code of the host."""
     ending: str
-    """`exit`, `exception`, `interrupt`, `deadlock` or `refused`."""
+    """`exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`."""
     reason: str
-    """One line for people, if it was a deadlock or refused."""
+    """One line for people, if it was one of the last three."""
     began_ns: int
     ended_ns: int
     """Virtual time when the last thread of the host had ended."""
@@ -84,6 +87,8 @@ class HostRun:
     """End switches that were struck at any time, in reference runs too."""
     notes: tuple[str, ...] = field(default=())
     """What a real machine would not have taken."""
+    left: tuple[str, ...] = ()
+    """Threads that went on after the host had ended; they stand still for good."""
 
     @property
     def ok(self) -> bool:
@@ -130,11 +135,15 @@ def run_host(
     port: str | None = None,
     *,
     wire: Wire | None = None,
+    limit_s: float | None = None,
+    give_up: Callable[[VirtualTime], object] | None = None,
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
+    limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
+    which may end themselves when the host goes on after it was told that it has ended.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -142,13 +151,15 @@ def run_host(
     program = argv if isinstance(argv, Program) else parse_program(argv)
     began_ns = twin.time_ns
     struck = _Struck(twin)
-    with _put_back(), VirtualTime(twin, port, wire=wire) as time:
+    with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
+        if give_up is not None:
+            time.give_up = lambda: give_up(time)
         code, ending = _run(program, time)
     if time.broken is not None:
         raise time.broken
     ended_ns = twin.time_ns
     reason = ""
-    if time.ending is not None and time.ending.kind in ("deadlock", "refused"):
+    if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
         ending, reason = time.ending.kind, time.ending.reason
         code = 2 if ending == "refused" else 1
     verdict = judge(twin, ())
@@ -162,6 +173,7 @@ def run_host(
         struck=struck.now(twin),
         was_struck=tuple(sorted(struck.seen)),
         notes=tuple(time.ports.notes),
+        left=tuple(time.left),
     )
 
 
@@ -183,7 +195,7 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
     """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
-        rest_code, rest_ending = _guarded(time.wait_for_threads, time)
+        rest_code, rest_ending = _guarded(lambda: _wait_for_threads(time), time)
         if rest_ending != "exit":
             code, ending = rest_code, rest_ending
     while time.at_exit and time.ending is None:
@@ -193,6 +205,23 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
         if stream is not None:
             stream.flush()
     return code, ending
+
+
+def _wait_for_threads(time: VirtualTime) -> None:
+    """Wait for the threads of the host, those of executors told before that nothing more will come."""
+    pools: Any = sys.modules.get("concurrent.futures.thread")
+    if pools is not None:
+        workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if time.task_of(thread)]
+        if workers:
+            pools._shutdown = True
+            try:
+                for _, work in workers:
+                    work.put(None)
+                for thread, _ in workers:
+                    thread.join()
+            finally:
+                pools._shutdown = False
+    time.wait_for_threads()
 
 
 def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
@@ -249,9 +278,12 @@ def _execute(program: Program) -> None:
     if program.module is not None:
         sys.path.insert(0, os.getcwd())
         sys.argv[:] = ["-m", *program.arguments]
-        if importlib.util.find_spec(program.module) is None:
-            print(f"{sys.executable}: No module named {program.module}", file=sys.stderr)
-            raise SystemExit(1)
+        try:
+            found = importlib.util.find_spec(program.module)
+        except (ImportError, ValueError):  # not even the package that it is in
+            found = None
+        if found is None:
+            raise SystemExit(f"{sys.executable}: No module named {program.module}")
         runpy.run_module(program.module, run_name="__main__", alter_sys=True)
         return
     if program.code is not None:
@@ -285,12 +317,21 @@ def _put_back() -> Iterator[None]:
     streams = sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook
     root = logging.getLogger()
     handlers, level = list(root.handlers), root.level
+    log = logging.getLogger("isel_twin")
+    its_handlers, propagates = list(log.handlers), log.propagate
     chance = random.getstate()
     own = {name: module for name, module in sys.modules.items() if name == "__main__"}
     before = set(sys.modules)
     random.seed(0)
+    root.handlers.clear()  # so that the host finds none, as in a process of its own
+    root.setLevel(logging.WARNING)
+    if propagates:
+        log.handlers += handlers  # and the twin's words go where they went
+        log.propagate = False
+    sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
     try:
-        yield
+        with warnings.catch_warnings():
+            yield
     finally:
         random.setstate(chance)
         for name in set(sys.modules) - before:
@@ -298,6 +339,7 @@ def _put_back() -> Iterator[None]:
             if file is not None and not _in_library(file):
                 del sys.modules[name]
         sys.modules.update(own)
+        log.handlers[:], log.propagate = its_handlers, propagates
         root.handlers[:] = handlers
         root.setLevel(level)
         sys.stdin, sys.stdout, sys.stderr, sys.excepthook, threading.excepthook = streams

@@ -6,7 +6,7 @@
 
 It does what pySerial's ports do, in virtual time: reads wait for their bytes or for their timeouts, writes return at
 once unless BUFFER bytes are waiting to go over the line, one program has it open at a time. Line settings are accepted
-and change nothing; a host that sets another speed than the controller's is told so at the end (`Ports.notes`).
+and change nothing; a host that writes with other ones than the controller's is told so at the end (`Ports.notes`).
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ class Ports:
             raise SerialException(errno.EACCES, f"could not open port {name!r}: {reason}")
         self.open = port
 
-    def check_speed(self, port: VirtualSerial) -> None:
-        """Make a note if the host has set another speed than the controller's."""
-        line = self.time.twin.serial_format.baud
-        if port.baudrate != line:
-            note = (
-                f"the host set {port.baudrate} baud; the controller's line has {line}, and a real one would not answer"
-            )
+    def check_settings(self, port: VirtualSerial) -> None:
+        """Make a note if the host has set the port otherwise than the line is. Stop bits do not matter."""
+        line = self.time.twin.serial_format
+        if (port.baudrate, port.bytesize, port.parity) != (line.baud, line.data_bits, line.parity):
+            host = f"{port.baudrate} {port.bytesize}{port.parity}{port.stopbits:g}"
+            where = f"the host's port is set to {host}, the controller's line has {line}"
+            note = f"{where}; a real line would garble each byte, here it does not matter"
             if note not in self.notes:
                 self.notes.append(note)
 
@@ -122,7 +122,6 @@ class VirtualSerial(SerialBase):
             raise SerialException("Port must be configured before it can be used.")
         self.ports.claim(self)
         self.is_open = True
-        self.ports.check_speed(self)
         self._time.fetch().clear()
 
     def close(self) -> None:
@@ -136,7 +135,7 @@ class VirtualSerial(SerialBase):
                 self._fd = None
 
     def _reconfigure_port(self) -> None:
-        self.ports.check_speed(self)
+        """Settings are looked at when something is written: many hosts make them after opening."""
 
     def _check_open(self) -> None:
         if not self.is_open:
@@ -188,8 +187,12 @@ class VirtualSerial(SerialBase):
                 gap_ns = time.deadline(gap)
                 limit_ns = gap_ns if end_ns is None or gap_ns is None else min(end_ns, gap_ns)
             wanted = size if gap is None else had + 1
+
+            def enough(wanted: int = wanted) -> bool:
+                return len(inbox) >= wanted or self._cancelled or not self.is_open
+
             ready = time.wait(
-                lambda wanted=wanted: len(inbox) >= wanted or self._cancelled or not self.is_open,
+                enough,
                 limit_ns,
                 why,
                 hears=True,
@@ -215,6 +218,7 @@ class VirtualSerial(SerialBase):
         """
         with self._waiting() as time:
             sent = to_bytes(data)
+            self.ports.check_settings(self)
             byte_ns = self._byte_ns
             time.look()
             room_ns = self.ports.line_free_ns + (len(sent) - BUFFER) * byte_ns

@@ -14,7 +14,7 @@ may change) that does not wait costs
     min(max(LOOK_NS, spun / 1000), LONGEST_LOOK_NS)
 
 where `spun` is what the looks of this thread have cost since it last waited, so that a loop that spins for a time T
-ends after about 1000 (1 + ln(T / 1 ms)) looks, up to 1 s of T, and has its time to one part in a thousand.
+ends after about 1000 (1 + ln(T / 1 ms)) looks, up to 10 s of T, and has its time to one part in a thousand.
 
 All of this concerns the threads of the host only: those that stand in `VirtualTime` and those that they start. Other
 threads of the process (a test runner's) and the twin itself, whoever's thread it runs in, see the real functions.
@@ -42,8 +42,8 @@ __all__ = ["Ending", "HostEnded", "VirtualTime", "Wire", "here"]
 
 LOOK_NS = 1_000
 """Virtual time of a look that does not wait: 1 us."""
-LONGEST_LOOK_NS = MILLISECOND_NS
-"""And of one in a long row of them."""
+LONGEST_LOOK_NS = 10 * MILLISECOND_NS
+"""And of one in a long row of them: 10 ms."""
 SPIN = 1000
 """Looks that a spinning loop makes in a stretch of time as long as the one before; free looks until they cost."""
 
@@ -74,7 +74,7 @@ class Ending:
     """Why a host was ended from outside."""
 
     kind: str
-    """`deadlock`, `refused` or `over`."""
+    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
     reason: str
     """One line for people."""
 
@@ -112,26 +112,44 @@ class VirtualTime:
     """While this context is open, the thread in it and those it starts live in the virtual time of a twin.
 
     twin: the machine; bytes go to and come from it at its times. port: name of the serial port that it is at; None: of
-    every one that the host opens. wire: hears the line.
+    every one that the host opens. wire: hears the line. limit_s: virtual seconds after which the host is ended; None:
+    it may go on for ever.
 
     Names are replaced by `isel_twin.bridge.stand_ins` for as long. One at a time in a process: RuntimeError otherwise.
     When it is left, threads that are still there are ended: `HostEnded` is raised in them where they wait.
     """
 
-    def __init__(self, twin: Twin, port: str | None = None, *, wire: Wire | None = None) -> None:
+    def __init__(
+        self,
+        twin: Twin,
+        port: str | None = None,
+        *,
+        wire: Wire | None = None,
+        limit_s: float | None = None,
+    ) -> None:
         from isel_twin.bridge.virtual_serial import Ports
 
         self.twin = twin
+        self._lead_ns = 0
+        """Time that looks have taken and the twin has not been given yet."""
         self.ports = Ports(self, port)
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
         """What the host has given to `atexit.register`."""
+        self.handlers: dict[int, Any] = {}
+        """What was there of signal handlers that were replaced, by number of the signal."""
         self.inbox = bytearray()
         """Bytes that have arrived and not been read."""
         self.ending: Ending | None = None
         """Set when the host cannot go on."""
         self.broken: BaseException | None = None
         """An error in the twin itself, which is nobody's fault here."""
+        self.left: list[str] = []
+        """Threads that would not end."""
         self._wire = wire
+        self._limit_s = limit_s
+        self._limit_ns = self.deadline(limit_s)
+        self.give_up: Callable[[], object] | None = None
+        """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
         self._main = self._running = Task("MainThread", daemon=False)
         self._waiting: deque[Task] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, Task] = weakref.WeakKeyDictionary()
@@ -165,6 +183,7 @@ class VirtualTime:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         global _active
         try:
+            self._catch_up()
             self.end_threads()
         finally:
             _active = None
@@ -176,7 +195,7 @@ class VirtualTime:
     @property
     def now_ns(self) -> int:
         """Virtual time since the twin was switched on."""
-        return self.twin.time_ns
+        return self.twin.time_ns + self._lead_ns
 
     def deadline(self, seconds: float | None) -> int | None:
         """Virtual time of an event so many seconds from now; None stays None."""
@@ -186,9 +205,13 @@ class VirtualTime:
         """A look that does not wait: takes a moment, in which others may have their turn."""
         task = self._running
         cost = min(max(LOOK_NS, task.spun_ns // SPIN), LONGEST_LOOK_NS)
-        spun = task.spun_ns + cost
-        self.wait(None, self.now_ns + cost, "look")
-        task.spun_ns = spun
+        spun_ns = task.spun_ns + cost
+        if self._waiting:
+            self.wait(None, self.now_ns + cost, "look")
+        else:
+            self._check(task)
+            self._lead_ns += cost
+        task.spun_ns = spun_ns
 
     def free_look(self) -> None:
         """A look that costs nothing, unless there are very many in a row."""
@@ -207,6 +230,8 @@ class VirtualTime:
         while True:
             self._check(task)
             self._inside = True
+            self._catch_up()
+            self._busy_ns = self.twin.time_ns
             task.ready, task.deadline_ns, task.why, task.hears = ready, deadline_ns, why, hears
             task.spun_ns = task.free_looks = 0
             self._waiting.append(task)
@@ -236,6 +261,7 @@ class VirtualTime:
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
             task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
+            _silence(thread)
         else:
             task = Task("a thread", daemon=True)
         self._waiting.append(task)
@@ -277,9 +303,18 @@ class VirtualTime:
             task = self._waiting.popleft()
             self._hand_over(task)
             if not self._main.turn.acquire(timeout=GRACE_S):
-                task.strikes = STRIKES
+                task.strikes = STRIKES  # it computes, or waits in real time
                 self._running = self._main
             self._inside = False
+            if not task.ended:
+                self._leave(task)
+
+    def _leave(self, task: Task) -> None:
+        """Let the process end without a thread that will not."""
+        self.left.append(task.name)
+        for thread, its in self._tasks.items():
+            if its is task:
+                getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
 
     def places(self) -> str:
         """What each thread waits for and where in the host's code, for the line about a deadlock."""
@@ -310,15 +345,13 @@ class VirtualTime:
         """Let no handler that is there interrupt the twin in the middle of something; return what undoes it."""
         if threading.current_thread() is not threading.main_thread():
             return lambda: None
-        before = {}
         for number in (signal.SIGINT, signal.SIGTERM):
             handler = signal.getsignal(number)
-            before[number] = handler
             if callable(handler):
-                signal.signal(number, self.deferred(handler))
+                self.handlers[number] = signal.signal(number, self.deferred(handler))
 
         def restore() -> None:
-            for number, handler in before.items():
+            for number, handler in self.handlers.items():
                 if handler is not None:  # one of C's making, which could not be put back
                     signal.signal(number, handler)
 
@@ -332,14 +365,43 @@ class VirtualTime:
     # The row
 
     def _check(self, task: Task) -> None:
+        """Raise HostEnded if the host has."""
+        if self._limit_ns is not None and self.now_ns >= self._limit_ns:
+            self._end_late()
         if self.ending is None or (self._exempt and task is self._main):
             return
         if task is not self._main and task.strikes >= STRIKES:
-            self._hand_over(self._main)  # it will not go: it waits here until the process ends
-            task.turn.acquire()
-            task.turn.acquire()
+            if not self._exempt:
+                self._leave(task)
+                self._inside = True
+                self._hand_over(self._choose())
+            else:
+                self._hand_over(self._main)
+            task.turn.acquire()  # for ever: it will not go
+        if task is self._main and task.strikes >= STRIKES**4 and self.give_up is not None:
+            self.give_up()
         task.strikes += 1
         raise HostEnded(1)
+
+    def _end_late(self) -> None:
+        self.end("timeout", f"the host has not ended within {self._limit_s:g} s of virtual time")
+
+    def _catch_up(self) -> None:
+        """Let the twin have the time that looks have taken; it is not asked to for each of them."""
+        end_ns = self.now_ns
+        while self.twin.time_ns < end_ns and not self._signals and self.ending is None:
+            self._run_until(end_ns, self._wire is not None)
+            self._fetch()
+        self._lead_ns = max(0, end_ns - self.twin.time_ns)
+
+    def _run_until(self, until_ns: int, hears: bool) -> None:
+        """Let time pass, with `hears` to the next byte for the host at most, and to the next signal."""
+        twin = self.twin
+        try:
+            twin.run_until(until_ns, lambda: bool(self._signals) or (hears and twin.reply_waiting))
+        except Exception as error:  # the twin has broken: everybody ends, and whoever runs the host is told
+            self.broken = error
+            self.end("broken", "the twin has broken")
 
     def _hand_over(self, task: Task) -> None:
         self._running = task
@@ -352,11 +414,7 @@ class VirtualTime:
             if (task := self._runnable()) is not None:
                 self._waiting.remove(task)
                 return task
-            try:
-                self._advance()
-            except Exception as error:  # the twin has broken: everybody ends, and whoever runs the host is told
-                self.broken = error
-                self.end("broken", "the twin has broken")
+            self._advance()
 
     def _runnable(self) -> Task | None:
         if self._main.ended:
@@ -390,8 +448,12 @@ class VirtualTime:
                 self.end("deadlock", f"all threads wait for what cannot come: {self.places()}")
                 return
             until_ns = twin.time_ns + STRETCH_NS
-        hears = hears or self._wire is not None
-        twin.run_until(until_ns, lambda: bool(self._signals) or (hears and twin.reply_waiting))
+        if self._limit_ns is not None:
+            if twin.time_ns >= self._limit_ns:
+                self._end_late()
+                return
+            until_ns = min(until_ns, self._limit_ns)
+        self._run_until(until_ns, hears or self._wire is not None)
 
     def _fetch(self) -> None:
         if self.twin.reply_waiting:
@@ -407,6 +469,7 @@ class VirtualTime:
         """Bytes that have arrived by now and not been read; who reads takes them out."""
         self._inside = True
         try:
+            self._catch_up()
             self._fetch()
         finally:
             self._inside = False
@@ -416,12 +479,24 @@ class VirtualTime:
         """The host writes bytes now."""
         self._inside = True
         try:
+            self._catch_up()
             self.twin.write(data)
             self._busy_ns = self.twin.time_ns
             if self._wire is not None:
                 self._wire.carry(self.twin.time_ns, data, True)
         finally:
             self._inside = False
+
+
+def _silence(thread: threading.Thread) -> None:
+    """Let nothing be printed of HostEnded in a thread; everything else is as ever."""
+    told = getattr(thread, "_invoke_excepthook", None)
+
+    def tell(thread: threading.Thread) -> None:
+        if told is not None and not isinstance(sys.exc_info()[1], HostEnded):
+            told(thread)
+
+    thread._invoke_excepthook = tell  # type: ignore[attr-defined]
 
 
 _active: VirtualTime | None = None

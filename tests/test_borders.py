@@ -63,3 +63,15 @@ def test_ticks_are_not_packed(path: Path) -> None:
 def test_machines_name_no_terminal() -> None:
     for path in sorted((ROOT / "models").rglob("*.toml")):
         assert words(path, "terminal|" + "|".join(re.escape(name) for name in TERMINALS)) == []
+
+
+@pytest.mark.parametrize(
+    "path", list(sources("twin", "bridge", "envs", "models")), ids=lambda p: str(p.relative_to(ROOT))
+)
+def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
+    """What only POSIX has may be asked for where it is used, with an answer for where it is missing."""
+    if path == ROOT / "bridge" / "pty.py":
+        return
+    assert words(path, r"^(import|from) (fcntl|grp|posix|pty|pwd|resource|syslog|termios|tty)\b") == []
+    if path != DEMONSTRATION:
+        assert words(path, r"^(import|from) isel_twin\.bridge\.pty\b") == []

@@ -135,6 +135,18 @@ def test_a_pulse_that_is_counted_and_not_given_yet_moves_nothing(direction: int)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
+def test_an_axis_that_was_turned_round_has_its_zero_from_the_next_setting_of_any_counter(direction: int) -> None:
+    """Counters are set at rest: 10 mm gone and turned round, X is at 10 mm on the other side of its zero. A pulse that
+    is counted then, and that no drive has been told of, moves nothing, though nobody has looked before."""
+    axes = Axes(direction, 1, 1, 1)
+    axes.move(0, 3200)
+    axes.controller.direction = (-direction, 1, 1, 1)
+    axes.set(1, 500)
+    axes.controller.counts = (3201, 500, 0, 0)
+    assert axes.mm == pytest.approx([10.0, 500 / 320, 0.0])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
 def test_zero_is_where_the_carriage_stands_in_balance(direction: int) -> None:
     """Bent by 0.01 mm and a load angle of 3 steps at the moment the counter is set: zero is where it would be without
     either, and both show."""

@@ -196,6 +196,49 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     assert file.read_bytes() == stored
 
 
+# Other ways to say the job, and to read of it ---
+
+
+def command(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    words = (sys.executable, "-m", "isel_twin.cli", "run", *words)
+    return subprocess.run(words, cwd=folder, input=stdin, capture_output=True, text=True, timeout=240, check=False)
+
+
+def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> None:
+    """In other processes too, which have no standard input of it."""
+    (tmp_path / "job.txt").write_text(SOUND)
+    words = ("--robust", "2", "--jobs", "2", "--json")
+    from_file, from_input = command(tmp_path, "job.txt", *words), command(tmp_path, "-", *words, stdin=SOUND)
+    assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
+    assert from_file.stdout == from_input.stdout
+    assert json.loads(from_input.stdout.splitlines()[-1])["trials"] == 2
+
+
+def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None:
+    """The emergency stop is hit in the reference run, or never."""
+    (tmp_path / "stop.toml").write_text('[[event]]\nat = 0.1\nset = { estop = "pressed" }\n')
+    code, out, _ = run(SOUND, "--robust", "2", "--scenario", "stop.toml", "--json")
+    *_, job, first, second, last = (json.loads(line) for line in out)
+    assert (code, last["robust"], last["other"]) == (1, False, 0)
+    assert [seen["ok"] for seen in (job, first, second)] == [False] * 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes there do not break like that")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
+    """As `| head -1` does: no traceback, no thousand repetitions, and no success."""
+    (tmp_path / "job.txt").write_text(SOUND)
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs, "--json"]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, cwd=tmp_path, **pipes) as child:
+        assert child.stdout is not None
+        assert child.stderr is not None
+        assert json.loads(child.stdout.readline())["number"] == 1
+        child.stdout.close()
+        assert child.wait(timeout=60) != 0
+        assert "Traceback" not in child.stderr.read()
+
+
 # Ctrl-C ---
 
 

@@ -107,6 +107,8 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("events_without_effect", 0),
         ("margin", [0.71, 0.9, 0.93, None]),
         ("halfway", [False, False, False, False]),
+        ("expectations", 0),
+        ("unmet", []),
     ]
 
 

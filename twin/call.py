@@ -29,11 +29,13 @@ class CallError(ValueError):
     """A call cannot be carried out; the message is one line that says why and what to do.
 
     option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
+    excerpt: lines to be shown below it, such as a line of a file with a caret.
     """
 
-    def __init__(self, line: str, *, option: bool = False) -> None:
+    def __init__(self, line: str, *, option: bool = False, excerpt: str = "") -> None:
         super().__init__(line)
         self.option = option
+        self.excerpt = excerpt
 
 
 def one_line(text: str) -> str:
@@ -77,10 +79,13 @@ class TwinCall:
     start_mm: tuple[float, ...] | None = None
     """Carriage positions at power-on in machine coordinates; None: drawn from the seed."""
 
-    def build(self, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
+    def build(
+        self, keep_motions: int | None = None, controller: Controller | None = None, memory: bytes | None = None
+    ) -> Twin:
         """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
 
-        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named.
+        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named, and what
+        others could build it from again (`memory`, in place of a flash file).
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
@@ -99,7 +104,7 @@ class TwinCall:
                 controller or self.controller,
                 self.plant,
                 self.seed,
-                flash=image,
+                flash=image if controller is None else memory,
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,

@@ -248,6 +248,15 @@ class UsesDrives(Protocol):
         """The drives to be asked during later calls. Handed over once, before `power_on`."""
 
 
+@runtime_checkable
+class NamesOutputs(Protocol):
+    """What a controller offers beside `Controller` if it has outputs beyond OUTPUTS: events can wait for them."""
+
+    @property
+    def output_names(self) -> Sequence[str]:
+        """Their names."""
+
+
 ControllerFactory = Callable[..., Controller]
 """factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""
 

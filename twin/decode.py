@@ -79,7 +79,7 @@ def typed(text: str, sent: bool, language: Language, controller: str) -> list[Pi
             return [Piece(_BYTE.sub(_byte, encoded(text).decode("latin-1")).encode("latin-1"), sent)]
         return [Piece(line.sent, sent) for line in parse_job(text, language, controller)]
     except (JobError, ValueError) as error:
-        raise DecodeError(str(error).removeprefix("line 1: ")) from None
+        raise DecodeError(re.sub(r"^line 1(?=[:,])[:,] ", "", str(error))) from None
 
 
 def marked(text: str, language: Language, controller: str) -> Iterator[Piece]:

@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,12 +34,25 @@ from isel_twin.parameters import FileError, Place, known, read_toml, table
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
+    from isel_twin.call import TwinCall
     from isel_twin.job import Result
     from isel_twin.motion import Steps
     from isel_twin.verdict import Verdict
 
-__all__ = ["Difference", "Golden", "GoldenError", "Move", "Scribe", "differences", "dumps", "load"]
+__all__ = [
+    "Difference",
+    "Golden",
+    "GoldenError",
+    "Move",
+    "Scribe",
+    "called",
+    "differences",
+    "dumps",
+    "golden_file",
+    "load",
+]
 
+SUFFIX = ".golden"
 FORMAT = 1
 """Of the file."""
 WINDOWS = 16
@@ -106,17 +120,21 @@ class Scribe:
     def __init__(self) -> None:
         self._ticks = 0
         self.spans_ns: list[tuple[tuple[int, int], ...]] = []
-        """First and last tick in each window of each line, in ns since the line was sent."""
+        """First and last tick in each window of each command, in ns since it was sent."""
+        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
+        """int64 [axes], sum of the ticks of the last line."""
 
     def move(self, result: Result, steps: Steps) -> Move:
         """What came of a line; `steps`: the twin's stream, all of it, when the line has just ended."""
         t_ns, delta = _since(steps, self._ticks)
         self._ticks = len(steps)
+        self.way = delta.sum(axis=0, dtype=np.int64)
         moving = np.flatnonzero((delta != 0).any(axis=1))  # a stopped motion may end with ticks that change nothing
         t_ns, delta = t_ns[moving] - result.time_ns, delta[moving].astype("<i4")
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
         cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
-        self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
+        if not result.condition:
+            self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
         axes = range(delta.shape[1]) if len(t_ns) else ()
         return Move(
             line=result.number,
@@ -156,6 +174,26 @@ def _axis_digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
 
 
 # The file
+
+
+def golden_file(job: Path) -> Path:
+    """A job's golden run stands beside it, under its own name with the suffix SUFFIX."""
+    return job.with_suffix(SUFFIX)
+
+
+def called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
+    """The run with what it was called with; files as seen from the golden file."""
+    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
+    head |= {"plant": call.plant, "seed": call.seed}
+    if Path(call.machine).is_dir():
+        head["machine"] = _seen_from(file, Path(call.machine))
+    if call.scenario is not None:
+        head["scenario"] = _seen_from(file, call.scenario)
+    return replace(run, call=head)
+
+
+def _seen_from(file: Path, path: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
 
 
 def dumps(run: Golden) -> str:

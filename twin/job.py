@@ -4,11 +4,14 @@
     @07                                      text is sent as the controller's language frames it, its reply awaited
     @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
     <254>                                    text before a <...> is sent as it stands, only what follows is framed
+    @0M160000,5000,0,30,0,30,0,30 => 2       what must be answered, and what must be so afterwards: expect.py
+    ! x < 396 mm
 
 Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1. UTF-16
 is refused.
-A line is over when the controller has answered and stands still; its reply is everything that came meanwhile. A line
-that is not over in time ends the job: whatever came later would be taken for the reply to the lines after it.
+A line is over when the controller has answered and stands still, or when the time has passed in which it must not
+answer (`=> none within 1 s`); its reply is everything that came meanwhile. A line that is not over in time ends the
+job: whatever came later would be taken for the reply to the lines after it.
 
 The controller's language (`isel_twin.language`) knows what a frame is and what a refusal. A controller without one can
 be sent bytes only, and nothing that it answers is known to be a refusal.
@@ -23,6 +26,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.expect import (
+    Condition,
+    Expected,
+    ExpectError,
+    excerpt,
+    lost_steps,
+    parse_condition,
+    parse_expected,
+)
 from isel_twin.language import Language, LanguageError, encoded, needed, readable
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
@@ -30,7 +43,7 @@ from isel_twin.units import SECOND_NS
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["JobError", "Line", "Result", "decode_job", "parse_job", "play"]
+__all__ = ["JobError", "Line", "Result", "check_conditions", "decode_job", "parse_job", "play"]
 
 LONGEST_PAUSE_S = 1e9
 """Longest pause in virtual seconds, as for the times of a scenario."""
@@ -38,22 +51,36 @@ LONGEST_PAUSE_S = 1e9
 _LINE_END = re.compile(r"\r\n|\r|\n")  # and nothing else: str.splitlines also splits at controls such as 85h
 _BLANKS = " \t"
 _COMMENT = re.compile(r"(^|[ \t])#(?![A-Za-z0-9]).*", re.DOTALL)
+_EXPECTED = re.compile(r"=>(?=[ \t]|$)")
+_CONDITION = re.compile(r"[ \t]*(!)(?=[ \t]|$)")
 _ITEM = re.compile(r"[ \t]*<([^<>]*)>[ \t]*")
 _BYTE = re.compile(r"0*([0-9]{1,3})")
 _PAUSE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)[ \t]*s")
 
 
 class JobError(ValueError):
-    """A job file is wrong; the message is one line that names the line and the remedy."""
+    """A job file is wrong; the message is one line that names the line and the remedy.
+
+    excerpt: the line with a caret below the mistake, if its column is known.
+    """
+
+    def __init__(self, message: str, excerpt: str = "") -> None:
+        super().__init__(message)
+        self.excerpt = excerpt
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a job: `actions` are bytes to send and pauses in ns."""
+    """One line of a job: `actions` are bytes to send and pauses in ns; none for a condition."""
 
     number: int
     command: str
     actions: tuple[bytes | int, ...]
+    expected: Expected | None = None
+    condition: Condition | None = None
+    source: str = ""
+    """The line as it stands in the file, and where what is parsed of its condition begins in it."""
+    begin: int = 0
 
     @property
     def sent(self) -> bytes:
@@ -84,6 +111,22 @@ class Result:
     margin: tuple[float | None, ...] = ()
     """Least pull-out margin of each axis meanwhile, `Twin.margin`; None for an axis without a motor."""
     complete: bool = True
+    expected: str | None = None
+    """What the line expects; None if it expects nothing. `ok` then says whether it was so, and `why` why not."""
+    why: str = ""
+    condition: bool = False
+    """It is no command: the reply is what was found."""
+    lost_known: tuple[float | None, ...] = ()
+    """Steps lost of each axis that a condition on them has found well."""
+    fault_known: bool = False
+    """The same of the controller's fault."""
+
+    @property
+    def shown_reply(self) -> str:
+        """The reply, and if it should have been another one, which."""
+        if self.ok or self.expected is None or self.condition:
+            return self.reply
+        return f"{self.reply or 'none'} (not {self.expected}: {self.why})"
 
 
 def decode_job(data: bytes) -> str:
@@ -104,15 +147,59 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
     Only text that has to be framed needs the language.
     """
-    lines = []
+    lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
-        command = _COMMENT.sub("", raw).strip(_BLANKS)
-        if command:
-            try:
-                lines.append(Line(number, command, tuple(_actions(command, language, controller))))
-            except (JobError, LanguageError) as error:
-                raise JobError(f"line {number}: {error}") from None
+        told = _COMMENT.sub("", raw)
+        marker = _EXPECTED.search(told)
+        command = (told[: marker.start()] if marker else told).strip(_BLANKS)
+        try:
+            if not marker and (sign := _CONDITION.match(told)):
+                if not any(line.actions for line in lines):
+                    raise ExpectError("a condition stands after a command", sign.start(1))
+                lines.append(_condition_line(number, raw, told, sign.end()))
+            elif marker and (not command or _CONDITION.match(told)):
+                raise ExpectError("a reply is expected of a command, which is missing before it", marker.start())
+            elif command:
+                actions = tuple(_actions(command, language, controller))
+                lines.append(Line(number, command, actions, _expected(told, marker)))
+        except (JobError, LanguageError) as error:
+            raise JobError(f"line {number}: {error}") from None
+        except ExpectError as error:
+            raise expect_error(error, number, raw) from None
     return lines
+
+
+def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
+    """The error of a line of a job. begin: where what was parsed begins in it."""
+    at = begin + error.at
+    return JobError(f"line {number}, column {at + 1}: {error}", excerpt(source, at))
+
+
+def check_conditions(lines: Sequence[Line], twin: Twin) -> None:
+    """Raise JobError for a condition with a name that this twin does not know."""
+    for line in lines:
+        if line.condition is not None:
+            try:
+                line.condition.check(twin)
+            except ExpectError as error:
+                raise expect_error(error, line.number, line.source, line.begin) from None
+
+
+def _condition_line(number: int, raw: str, told: str, begin: int) -> Line:
+    try:
+        condition = parse_condition(told[begin:])
+    except ExpectError as error:
+        raise ExpectError(str(error), begin + error.at) from None
+    return Line(number, told.strip(_BLANKS), (), None, condition, raw, begin)
+
+
+def _expected(told: str, marker: re.Match[str] | None) -> Expected | None:
+    if marker is None:
+        return None
+    try:
+        return parse_expected(told[marker.end() :])
+    except ExpectError as error:
+        raise ExpectError(str(error), marker.end() + error.at) from None
 
 
 def _actions(command: str, language: Language | None, controller: str) -> Iterator[bytes | int]:
@@ -148,32 +235,68 @@ def play(
     ends there. stop: asked whenever something has happened; once it returns True, the job ends in the same way.
     """
     language = twin.language
+    last: Result | None = None
     for line in lines:
         if stop is not None and stop():
             return
+        if line.condition is not None:
+            yield _look(twin, line, line.condition, last)
+            continue
         time_ns = twin.time_ns
         twin.watch_margin()
         complete = _converse(twin, line, timeout_s, stop)
         reply = twin.read()
         seen = snapshot(twin)
-        yield Result(
+        why = "" if line.expected is None else line.expected.why_not(reply, complete, twin.time_ns - time_ns)
+        accepted = language is None or language.accepted(line.sent, reply)
+        last = Result(
             number=line.number,
             command=line.command,
             reply=readable(reply) if language is None else language.text(reply),
-            ok=complete and (language is None or language.accepted(line.sent, reply)),
+            ok=complete and (accepted if line.expected is None else not why),
             time_ns=time_ns,
             end_ns=seen.time_ns,
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
             margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
             complete=complete,
+            expected=None if line.expected is None else line.expected.text,
+            why=why,
         )
+        yield last
         if not complete:
             return
 
 
+def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
+    """What a condition finds now."""
+    found = condition.look(twin, last)
+    seen = snapshot(twin)
+    quantity, _, axis = condition.name.partition(".")
+    known: tuple[float | None, ...] = ()
+    if found.met and quantity == "lost":
+        each = zip(AXIS_NAMES, lost_steps(twin).tolist(), strict=False)
+        known = tuple(steps if axis in ("", name) else None for name, steps in each)
+    return Result(
+        number=line.number,
+        command=line.command,
+        reply=found.value,
+        ok=found.met,
+        time_ns=seen.time_ns,
+        end_ns=seen.time_ns,
+        counts=tuple(seen.counts.tolist()),
+        position_mm=tuple(seen.position_mm.tolist()),
+        expected=condition.text,
+        why="" if found.met else f"is {found.value}",
+        condition=True,
+        lost_known=known,
+        fault_known=found.met and quantity == "fault",
+    )
+
+
 def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool] | None) -> bool:
     """Send a line and wait until it is over; return whether it is."""
+    start_ns = twin.time_ns
     for action in line.actions:
         if isinstance(action, bytes):
             twin.write(action)
@@ -181,5 +304,9 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool]
             twin.run_until(twin.time_ns + action, stop)
             if stop is not None and stop():
                 return False
+    if line.expected is not None and line.expected.wait_ns is not None:
+        until_ns = start_ns + line.expected.wait_ns
+        twin.run_until(until_ns, stop)
+        return twin.time_ns >= until_ns
     twin.run_until(twin.time_ns + round(timeout_s * SECOND_NS), lambda: twin.idle or (stop is not None and stop()))
     return twin.idle

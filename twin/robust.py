@@ -168,8 +168,9 @@ def _until_none(begun: Iterator[Trial | None]) -> Iterator[Trial]:
 
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
-    """Whether two runs of a job ended alike: accepted or not, and lost or not on each axis."""
-    return (verdict.ok, verdict.refused, verdict.lost) == (other.ok, other.refused, other.lost)
+    """Whether two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
+    ends = [(v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other)]
+    return ends[0] == ends[1]
 
 
 def _machine(call: TwinCall) -> Machine:

@@ -33,6 +33,7 @@ from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
+    NamesOutputs,
     Output,
     PluginError,
     Remark,
@@ -115,7 +116,7 @@ class Twin:
         plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
         seed: of power-on positions, switch repeatability, bounce and line noise.
         flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
-        scenario: file of timed events, see isel_twin.wiring.scenario.
+        scenario: file of events, see docs/scenarios.md.
         line_speed: bytes take their time on the serial line (True) or arrive at once (False).
         overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
         start_mm: carriage positions at power-on in machine coordinates instead of random ones.
@@ -128,10 +129,10 @@ class Twin:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
         wanted = overrides or {}
-        self._settings = with_overrides(as_built, wanted).controller
+        settings = with_overrides(as_built, wanted).controller
         self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
-        self._outside = not isinstance(controller, str)
-        """The controller is an object of the caller's, and not supplied by the cabinet."""
+        self._settings = settings if isinstance(controller, str) else None
+        """Of another controller like this one; None: it was handed in, and there is no other."""
         try:
             self._controller: Controller = (
                 create_controller(controller, flash=flash, settings=self._settings)
@@ -192,6 +193,8 @@ class Twin:
         self._inputs: Mapping[str, str] = {}
         """As they were then."""
         self._notes: list[Note] = []
+        self._least_margin = np.ones(axes)
+        """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
         self._sense: NDArray[np.int8] | None = None
         """Directions of the motors if one is turned round, during a motion."""
         self._due_ns = 0
@@ -212,7 +215,7 @@ class Twin:
         """The host sends bytes now. Raises TypeError for anything else, such as text."""
         if not isinstance(data, bytes | bytearray | memoryview):
             raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
-        if self._notes and data:
+        if data:
             self._note("sent", bytes(data))
         self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns)
         self._settle()
@@ -352,7 +355,14 @@ class Twin:
     def margin(self) -> NDArray[np.float64]:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
-        return self._plant.margin
+        return np.minimum(self._least_margin, self._plant.margin)
+
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
+        panel does. Nobody else notices."""
+        taken = self._plant.take_margin()
+        self._least_margin = np.minimum(self._least_margin, taken)
+        return taken
 
     @property
     def supply_v(self) -> float:
@@ -361,8 +371,8 @@ class Twin:
 
     def watch_margin(self) -> None:
         """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
-        if self._notes:
-            self._note("operated", {"watch_margin": True})
+        self._note("operated", {"watch_margin": True})
+        self._least_margin = np.ones(len(self._plant.margin))
         self._plant.watch_margin()
 
     @property
@@ -433,7 +443,7 @@ class Twin:
 
     @line_speed.setter
     def line_speed(self, timed: bool) -> None:
-        if self._notes and timed != self._line.timed:
+        if timed != self._line.timed:
             self._note("operated", {"line_speed": timed})
         self._line.timed = timed
 
@@ -453,16 +463,14 @@ class Twin:
         exist.
         """
         check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
-        if self._notes:
-            self._note("operated", {"set": {name: state}})
+        self._note("operated", {"set": {name: state}})
         self._wiring.operate(name, state)
         self._settle()
         return self.inputs.get(name, state)
 
     def carry_out(self, event: ScenarioEvent) -> None:
         """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
-        if self._notes:
-            self._note("operated", event.content)
+        self._note("operated", event.content)
         self._wiring.carry_out(event, self.time_ns)
         self._settle()
 
@@ -478,15 +486,13 @@ class Twin:
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        if self._notes:
-            self._note("operated", push_content(CARRIAGES[axis], force_n, place))
+        self._note("operated", push_content(CARRIAGES[axis], force_n, place))
         self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
         self._settle()
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        if self._notes:
-            self._note("operated", cut_content(cut))
+        self._note("operated", cut_content(cut))
         self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
         self._settle()
 
@@ -604,13 +610,13 @@ class Twin:
         if self._restarts == self._wiring.restarts:
             return False
         self._restarts = self._wiring.restarts
-        if self._outside:
+        if self._settings is None:
+            self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
         self._wiring.outputs_lost()
+        controller: Controller = Unpowered(self._controller)
         if self._wiring.mains:
-            controller: Controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
-        else:
-            controller = Unpowered(self._controller)
+            controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
         self._controller = controller
         self._sources = (controller, self._line, self._wiring)
         if isinstance(controller, UsesDrives):
@@ -618,9 +624,8 @@ class Twin:
         self._position.start_anew(controller)
         self._levels = self._wiring.levels
         controller.power_on(self.time_ns, self._levels)
-        if self._notes:
-            for axis, value in enumerate(controller.counts):
-                self._note("counter", CounterSet(axis, int(value)))
+        for axis, value in enumerate(controller.counts):
+            self._note("counter", CounterSet(axis, int(value)))
         self._take_events()
         return True
 
@@ -628,14 +633,11 @@ class Twin:
         """The events of a file, none if there is none."""
         if scenario is None:
             return Schedule()
-        machine, own = self.machine, getattr(self._controller, "output_names", ())
-        events = load_scenario(
-            scenario,
-            settable(machine),
-            [switch.name for switch in machine.switches],
-            (*outputs(machine), *own),
-        )
-        return Schedule(events, None if self._outside else create_language(self.controller_name))
+        machine, controller = self.machine, self._controller
+        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
+        switches = [switch.name for switch in machine.switches]
+        events = load_scenario(scenario, settable(machine), switches, (*outputs(machine), *own))
+        return Schedule(events, create_language(self.controller_name) if self._settings is not None else None)
 
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
@@ -661,8 +663,7 @@ class Twin:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
         if self._stream.follow(self._controller.run, self.time_ns):
-            if self._notes:
-                self._note("motion", self._controller.run)
+            self._note("motion", self._controller.run)
             direction = self._controller.direction  # it changes between motions only
             self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
             self._position.follow_direction()
@@ -678,22 +679,22 @@ class Twin:
                     outputs_changed = True
                 case CounterSet(axis, value):
                     self._position.counter_set(axis, value)
-                    if self._notes:
-                        self._note("counter", event)
+                    self._note("counter", event)
                 case FlashWrite(image):
                     self.flash = image
-                    if self._notes:
-                        self._note("flash", image)
+                    self._note("flash", image)
                     if self.on_flash is not None:
                         self.on_flash(image)
                 case Remark(text):
-                    self.remarks.append((self.time_ns, text))
-                    if self._notes:
-                        self._note("remark", text)
-                    log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
+                    self._remark(text)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observe(changed=True)
+
+    def _remark(self, text: str) -> None:
+        self.remarks.append((self.time_ns, text))
+        self._note("remark", text)
+        log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
 
     def _observe(self, changed: bool) -> None:
         if changed:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from isel_twin.job import Result
     from isel_twin.twin import Twin
 
-__all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost"]
+__all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost", "whole_slips"]
 
 HALFWAY = 0.375
 """Part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway."""
@@ -46,6 +46,13 @@ def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
     in one slip of each motor. What is not a number counts as lost.
     """
     return ~(np.abs(steps) < np.asarray(slip_steps) / 2.0)
+
+
+def whole_slips(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.float64]:
+    """float64 [axes], steps of the whole slips by which an axis is off, 0 if none are lost. Arguments as in `lost`."""
+    slip = np.asarray(slip_steps, dtype=np.float64)
+    whole: NDArray[np.float64] = np.floor(np.abs(steps) / slip + 0.5) * slip
+    return whole
 
 
 def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
@@ -94,6 +101,14 @@ class Verdict:
     """Somebody stopped the job."""
     flash_fault: bool = False
     """The flash image handed to the controller could not be read, and has not been written anew."""
+    expectations: int = 0
+    """Replies and conditions that the job expects, as far as it came."""
+    unmet: tuple[int, ...] = ()
+    """Numbers of the lines with one that was not so."""
+    lost_known: tuple[float, ...] = ()
+    """Steps lost of each axis that the job has expected: they do not count as lost."""
+    fault_known: bool = False
+    """The job has expected the controller's error."""
     events_after_end: int = 0
     """Events of the scenario that were still to come when the last command was over."""
     events_without_effect: int = 0
@@ -106,9 +121,13 @@ class Verdict:
 
     @property
     def lost(self) -> tuple[bool, ...]:
-        """Whether steps of each axis are lost, or were before its counter was set anew."""
-        now = lost(self.lost_steps, self.slip_steps)
-        return tuple((now | (np.array(self.forgotten_steps) != 0.0)).tolist())
+        """Whether steps of each axis are lost, or were before its counter was set anew, that nobody expected."""
+        now = lost(self.lost_steps, self.slip_steps) | (np.array(self.forgotten_steps) != 0.0)
+        if any(self.lost_known):
+            known = np.array(self.lost_known)
+            total = whole_slips(self.lost_steps, self.slip_steps) + np.array(self.forgotten_steps)
+            now = np.where(known > 0.0, ~(total == known), now)
+        return tuple(now.tolist())
 
     @property
     def halfway(self) -> tuple[bool, ...]:
@@ -117,10 +136,11 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every command sent and accepted, no step lost or half lost, no error left in the controller."""
-        whole = self.unsent == 0 and not self.interrupted and self.refused == 0
+        """Every command sent and accepted or answered as expected, no step lost or half lost, no error left in the
+        controller, every condition met."""
+        whole = self.unsent == 0 and not self.interrupted and self.refused == 0 and not self.unmet
         held = not any(self.lost) and not any(self.halfway)
-        return whole and held and not self.controller_fault and not self.flash_fault
+        return whole and held and (self.fault_known or not self.controller_fault) and not self.flash_fault
 
     def summary(self) -> dict[str, Any]:
         """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables."""
@@ -143,6 +163,8 @@ class Verdict:
             "events_without_effect": self.events_without_effect,
             "margin": list(self.margin),
             "halfway": list(self.halfway),
+            "expectations": self.expectations,
+            "unmet": list(self.unmet),
         }
 
 
@@ -155,8 +177,8 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
     twin.run(SETTLE_S)
     seen = snapshot(twin)
     return Verdict(
-        commands=len(results),
-        refused=sum(not result.ok for result in results),
+        commands=sum(not result.condition for result in results),
+        refused=sum(not result.ok and result.expected is None for result in results),
         lost_steps=tuple(seen.lost_steps.tolist()),
         forgotten_steps=tuple(twin.forgotten_steps.tolist()),
         slip_steps=tuple(twin.slip_steps.tolist()),
@@ -170,13 +192,27 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         ended_ns=results[-1].end_ns if results else start_ns,
         time_ns=seen.time_ns,
         machine=twin.machine.name,
-        margin=_least(results),
+        margin=_least([result for result in results if not result.condition]),
+        expectations=sum(result.expected is not None for result in results),
+        unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
+        lost_known=_known(results),
+        fault_known=any(result.fault_known for result in results),
         unsent=unsent,
         interrupted=interrupted,
         flash_fault=bool(twin.outputs.get("flash_fault")),
         events_after_end=events_after_end,
         events_without_effect=twin.events_without_effect,
     )
+
+
+def _known(results: Sequence[Result]) -> tuple[float, ...]:
+    """Lost steps of each axis that conditions have found well, the last ones."""
+    known = [0.0] * max((len(result.lost_known) for result in results), default=0)
+    for result in results:
+        for axis, steps in enumerate(result.lost_known):
+            if steps is not None:
+                known[axis] = steps
+    return tuple(known)
 
 
 def _least(results: Sequence[Result]) -> tuple[float | None, ...]:

@@ -18,23 +18,27 @@ from __future__ import annotations
 
 import logging
 import math
+import socket
 import time
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from queue import Empty, SimpleQueue
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.panel.menu import BESIDE, menu
 from isel_twin.bridge.panel.monitor import Monitor
-from isel_twin.bridge.server import Server, Watch
-from isel_twin.bridge.tcp import listen
+from isel_twin.bridge.server import Line, Server, Watch
+from isel_twin.bridge.tcp import listen, parse_address
 from isel_twin.bridge.token import token_for
 from isel_twin.decode import DecodeError, typed
 from isel_twin.language import LanguageError, needed
 from isel_twin.machine import Machine
 from isel_twin.parameters import Place, known
 from isel_twin.twin import Twin
+from isel_twin.units import MILLISECOND_NS
 from isel_twin.version import VERSION
 from isel_twin.wiring import FAULTS
 
@@ -47,6 +51,9 @@ FRAMES_PER_S = 20.0
 
 ROUND = 32
 """Requests dealt with in one round of the server's loop."""
+
+MARGIN_NS = 5 * MILLISECOND_NS
+"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
 
 SAID_BYTES = 4096
 """Longest text typed at once, as bytes on the line."""
@@ -72,8 +79,8 @@ class Site(Protocol):
     def watched(self) -> bool:
         """Whether a browser looks."""
 
-    def start(self, about: Mapping[str, Any], machine: Machine) -> None:
-        """Let browsers in. `about`: what does not change while the server runs."""
+    def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None) -> None:
+        """Let browsers in. about: what does not change while the server runs; recording: a file that they may have."""
 
     def show(self, frame: Frame) -> None:
         """Show this from now on."""
@@ -86,14 +93,17 @@ class Site(Protocol):
 
 
 class _Line:
-    """The host that a person typing at the panel is: replies go to whoever spoke last, and everybody sees them."""
+    """Implements Endpoint: a person who types. Replies go to whoever spoke last, and everybody sees them."""
 
     kind = "panel"
     address = ""
     gathers = False
     busy = False
+    waiting = 0
+    settings: Mapping[str, Any] = MappingProxyType({})
+    """As those of the line, whatever it is."""
 
-    def attach(self, server: Server) -> None:
+    def attach(self, line: Line) -> None:
         """See Endpoint."""
 
     def watches(self, listening: bool) -> Iterable[Watch]:
@@ -121,6 +131,8 @@ class Panel:
         site: None for the page itself. Raises ImportError without the extra `panel`.
         """
         self.monitor = Monitor()
+        self.recording: Path | None = None
+        """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
         self._line = _Line()
@@ -128,6 +140,9 @@ class Panel:
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0
         self._last: Frame = {}
+        self._margin_ns = -MARGIN_NS
+        self._margin: list[float | None] = []
+        """Least margins from the frame before to that time."""
         if site is not None:
             self.address, self.token, self._site = address, token, site
             return
@@ -140,7 +155,11 @@ class Panel:
     @property
     def url(self) -> str:
         """What a person types into a browser."""
-        return f"http://{self.address}/" + (f"?token={self.token}" if self.token else "")
+        host, port = parse_address(self.address)
+        if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
+            host = socket.gethostname()
+        where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
 
     def take(self, asked: Asked) -> None:
         """A browser wants something. Called from any thread."""
@@ -157,7 +176,7 @@ class Panel:
         self._server, self._twin = server, server.twin
         self._operator = Operator(server, server.twin)
         self.monitor.begin(server.twin.controller_name)
-        self._site.start(self._about(), self._twin.machine)
+        self._site.start(self._about(), self._twin.machine, self.recording)
 
     def watches(self) -> Iterable[Watch]:
         """See Guest: browsers are not waited for here, they wake the server."""
@@ -239,6 +258,8 @@ class Panel:
             if endpoint.busy:
                 raise ControlError(f"request: say: a host holds the line ({endpoint.kind}); allowed: when it has gone")
         name = self._twin.controller_name
+        if not self._server.listening:
+            raise ControlError("request: say: the line is full; allowed: when the controller has taken what is on it")
         try:
             data = b"".join(piece.data for piece in typed(text, True, needed(self._twin.language, name), name))
         except (DecodeError, LanguageError) as error:
@@ -283,6 +304,7 @@ class Panel:
             "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},
             "acts": menu(),
             "beside": list(BESIDE),
+            "recording": None if self.recording is None else self.recording.name,
             "language": twin.language is not None,
         }
 
@@ -292,6 +314,10 @@ class Panel:
         twin, pacer = self._twin, self._server.pacer
         frame = self._operator.state()
         frame["step_hz"] = twin.step_hz.tolist()
+        if twin.time_ns >= self._margin_ns + MARGIN_NS:
+            self._margin_ns = twin.time_ns
+            self._margin = [None if math.isnan(margin) else margin for margin in twin.take_margin().tolist()]
+        frame["margin_now"] = self._margin
         frame["supply_v"] = twin.supply_v if math.isfinite(twin.supply_v) else None
         frame["behind"] = pacer.behind
         frame["hosts"] = [endpoint.kind for endpoint in self._server.endpoints if endpoint.busy]

@@ -35,7 +35,7 @@ PIECES = 40
 LEAST_MM = 0.05
 """Way of the tool that is worth another point of the trail."""
 
-_GREEN, _YELLOW, _RED = (np.array(c, dtype=np.float64) for c in ((46, 160, 67), (240, 180, 20), (215, 40, 40)))
+_GREEN, _YELLOW, _RED = (np.array(c, dtype=np.float64) for c in ((0, 120, 30), (235, 140, 0), (200, 0, 0)))
 
 Float = NDArray[np.float64]
 
@@ -108,9 +108,9 @@ def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.mesh(model.geom_dataid[number])
         start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
-        first, faces = int(mesh.faceadr[0]), int(mesh.facenum[0])
+        first, many = int(mesh.faceadr[0]), int(mesh.facenum[0])
         vertices = model.mesh_vert[start : start + count].astype(np.float64)
-        return vertices, model.mesh_face[first : first + faces].astype(np.int64)
+        return vertices, model.mesh_face[first : first + many].astype(np.int64)
     return None
 
 
@@ -183,11 +183,16 @@ class Trail:
         self.piece = 0
         """Number of the piece that grows, from 0 to PIECES - 1."""
 
+    @property
+    def full(self) -> bool:
+        """The next place begins another piece."""
+        return len(self._points) >= PIECE_POINTS
+
     def add(self, tool: Float, deviation_mm: float) -> bool:
         """Add a place of the tool [3] in m, if it is a new one. Returns whether the piece that grows has changed."""
         if self._points and np.linalg.norm(tool - self._points[-1]) < LEAST_MM * 1e-3:
             return False
-        if len(self._points) >= PIECE_POINTS:
+        if self.full:
             self.piece = (self.piece + 1) % PIECES
             self._points, self._colours = self._points[-1:], self._colours[-1:]
         self._points.append(tool)

@@ -1,12 +1,14 @@
 """Page, scene and browsers: one port, in a thread of its own. Needs viser.
 
     GET /  /panel.css  /panel.js     the page                                    page/
+    GET /recording                   what there is of the recording, if the server makes one
     GET /scene                       viser's client, which the page frames       of the package viser
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message
     WebSocket, any other path        the scene, in viser's own protocol
 
 viser brings web server and thread. What it has no hook for is put round the function it serves with (`_Serving`): the
-listening socket, which is bound before anything else starts, the page, and the gate.
+listening socket, which is bound before anything else starts, the page, and the gate. What it can do that nobody here
+wants, to share a scene through a server of its makers, is taken out.
 
 The gate: whoever does not name this server as his host, comes from a page of another origin, or lacks the token where
 one is needed, gets 403 and a line that says why. On the loopback interface the host must be this computer by name or
@@ -28,6 +30,7 @@ import socket
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -60,14 +63,20 @@ BROWSERS = 16
 MESSAGE_BYTES = 1 << 20
 """Longest message of a browser."""
 
+FILE_BYTES = 1 << 28
+"""Longest recording that goes through the page; all of it is in memory for a moment."""
+
 HISTORY = 600
 """Frames whose plots a browser that comes later gets: half a minute of them."""
 
 BAD_MM = 0.1
 """Deviation of the tool that is drawn red."""
 
-TRAIL_M = 0.004
+TRAIL_M = 0.005
 """Thickness of the trail."""
+
+TRAIL_FRAMES = 4
+"""Frames from one growth of the trail to the next."""
 
 LINES = 400
 """Messages of the line that it gets."""
@@ -91,7 +100,7 @@ HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none
 
 _Handler = Callable[[ServerConnection], Awaitable[None]]
 
-_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin")
+_PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
 
 class Gate:
@@ -176,6 +185,7 @@ class WebSite:
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self._stage: _Stage | None = None
         self._files = _pages()
+        self._recording: Path | None = None
 
     # Called by the server
 
@@ -184,11 +194,13 @@ class WebSite:
         """See Site."""
         return bool(self._browsers)
 
-    def start(self, about: Mapping[str, Any], machine: Machine) -> None:
+    def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None = None) -> None:
         """See Site."""
+        self._recording = recording
         self._about = dict(about)
         with contextlib.redirect_stdout(io.StringIO()), _Serving(self):  # viser greets on the standard output
             self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
         self._loop = self._viser._event_loop
         self._stage = _Stage(self._viser, machine)
 
@@ -291,7 +303,10 @@ class WebSite:
             return _response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return None
-        found = self._files.get(urlsplit(request.path).path)
+        path = urlsplit(request.path).path
+        if path == "/recording" and self._recording is not None:
+            return _file(self._recording)
+        found = self._files.get(path)
         if found is None:
             return _response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
         kind, data = found
@@ -350,6 +365,8 @@ class _Stage:
         self._server = server
         self._poses = Poses(model, [axis.name for axis in machine.axes])
         self._trail = Trail(BAD_MM)
+        self._pieces: dict[int, viser.LineSegmentsHandle] = {}
+        self._grown, self._wait = False, 0
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         scene = server.scene
         scene.configure_default_lights(cast_shadow=False)
@@ -380,12 +397,12 @@ class _Stage:
         self._look_from(model)
 
     def _look_from(self, model: Any) -> None:
-        """Put the camera where the model has its own, looking at the middle of the machine."""
+        """Put the camera in front, looking at the middle of the machine."""
         centre, extent = np.array(model.stat.center), float(model.stat.extent)
         camera = self._server.initial_camera
         camera.look_at = tuple(centre.tolist())
-        towards = np.array([-0.62, -0.88, 0.42])
-        camera.position = tuple((centre + 1.35 * extent * towards).tolist())
+        towards = np.array([-0.60, -0.86, 0.55])
+        camera.position = tuple((centre + 1.22 * extent * towards).tolist())
 
     def show(self, frame: Frame) -> None:
         """Move everything to where it is."""
@@ -397,14 +414,26 @@ class _Stage:
                 if self._shown.get(name) != (place := pose.position.tobytes() + pose.wxyz.tobytes()):
                     self._shown[name] = place
                     handle.position, handle.wxyz = pose.position, pose.wxyz
-            if self._trail.add(self._poses.tool, deviation_mm):
-                points, colours = self._trail.segments
-                self._server.scene.add_line_segments(
-                    f"/{self._poses.table_body}/trail_{self._trail.piece}",
-                    points,
-                    colours,
-                    thickness=TRAIL_M,
-                )
+            self._draw_trail(deviation_mm)
+
+    def _draw_trail(self, deviation_mm: float) -> None:
+        """Show the piece that grows: not in every frame, as all of it is sent, but before the next one begins."""
+        if self._trail.full and self._grown:
+            self._send_trail()
+        self._grown = self._trail.add(self._poses.tool, deviation_mm) or self._grown
+        self._wait -= 1
+        if self._grown and self._wait <= 0:
+            self._send_trail()
+
+    def _send_trail(self) -> None:
+        self._wait, self._grown = TRAIL_FRAMES, False
+        points, colours = self._trail.segments
+        if (handle := self._pieces.get(self._trail.piece)) is None:
+            name = f"/{self._poses.table_body}/trail_{self._trail.piece}"
+            handle = self._server.scene.add_line_segments(name, points, colours, thickness=TRAIL_M)
+            self._pieces[self._trail.piece] = handle
+        else:
+            handle.points, handle.colors = points, colours
 
 
 def _pages() -> dict[str, tuple[str, bytes]]:
@@ -433,6 +462,19 @@ def _response(
     headers["Cross-Origin-Resource-Policy"] = "same-origin"
     headers["Cache-Control"] = "no-store"
     return Response(status.value, status.phrase, headers, data)
+
+
+def _file(path: Path) -> Response:
+    """What there is of a file that is being written."""
+    try:
+        if path.stat().st_size > FILE_BYTES:
+            return _response(http.HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"{path} is too large: copy it there\n".encode())
+        data = path.read_bytes()
+    except OSError as error:
+        return _response(http.HTTPStatus.NOT_FOUND, f"{path.name}: {error.strerror}\n".encode())
+    response = _response(http.HTTPStatus.OK, data, "application/octet-stream")
+    response.headers["Content-Disposition"] = "attachment"
+    return response
 
 
 def _json(message: Mapping[str, Any]) -> str:

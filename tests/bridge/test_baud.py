@@ -88,6 +88,21 @@ def test_a_raw_port_and_a_program_that_sets_nothing_are_not_suspected(serving, c
     assert warnings(caplog) == []
 
 
+@pytest.mark.parametrize("baud", [300, 19_200, 31_250, 250_000])
+def test_a_pseudo_terminal_begins_with_the_speed_of_the_line(baud):
+    class Line:
+        serial_format = SerialFormat(baud)
+
+    here = PtyEndpoint()
+    try:
+        here.attach(Line())
+        assert here.settings == {"baudrate": baud, "stopbits": 1}
+        with opened(here, baudrate=9600):
+            assert here.settings == {"baudrate": 9600, "stopbits": 1}
+    finally:
+        here.close()
+
+
 class Told:
     """What the twin is told."""
 

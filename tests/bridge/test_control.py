@@ -234,10 +234,10 @@ BAD: list[tuple[Any, str]] = [
     ([], "request: []; allowed: a table"),
     ({}, "nothing happens; say what: set, force_n"),
     ({"sett": {}}, "request: sett: unknown key; did you mean 'set'?"),
-    ({"set": {"estop": "half"}}, "request: input 'estop' cannot be 'half'; it can be: released, pressed"),
-    ({"set": {"estop": ["pressed"]}}, "request: input 'estop' cannot be"),
-    ({"set": {"estopp": "pressed"}}, "request: unknown input 'estopp'; did you mean 'estop"),
-    ({"set": {"estop": "pressed", "hood": "ajar"}}, "request: input 'hood' cannot be 'ajar'"),
+    ({"set": {"estop": "half"}}, "request: set: input 'estop' cannot be 'half'; it can be: released, pressed"),
+    ({"set": {"estop": ["pressed"]}}, "request: set: input 'estop' cannot be"),
+    ({"set": {"estopp": "pressed"}}, "request: set: unknown input 'estopp'; did you mean 'estop"),
+    ({"set": {"estop": "pressed", "hood": "ajar"}}, "request: set: input 'hood' cannot be 'ajar'"),
     ({"set": {"estop": "pressed"}, "noise": math.nan}, "request: noise: nan; allowed: 0 .. 1"),
     ({"set": {"estop": "pressed"}, "force_n": {"x": 5}}, "request: force_n: does nothing without physics"),
     ({"phase_lost": {"x": "c"}}, "request: phase_lost.x: 'c'; allowed: "),
@@ -277,3 +277,25 @@ def test_what_is_wrong_is_one_line_and_changes_nothing(request_: Any, said: str)
     assert "\n" not in str(caught.value)
     assert bench.ask(state=True) == before
     assert not bench.server._stopped
+
+
+def test_two_operators_wait_at_once_and_neither_is_forgotten():
+    """A control port and a panel: the one's wait ends at its instant though the other's has begun after it."""
+    bench = Bench(speed=None)
+    bench.home()
+    other = Operator(bench.server, bench.twin)
+    first = bench.ask(wait={"position": "x", "above": 1.0, "pause": True})
+    second = other.ask({"wait": {"position": "x", "above": 2.0, "pause": True}})
+    assert isinstance(first, Pending)
+    assert isinstance(second, Pending)
+    bench.twin.write(b"@0A 8000,2000,0,800,0,800,0,800\r")
+    bench.turn(0.1)
+    assert first.over
+    assert not second.over
+    assert 1.0 < bench.twin.position_mm[0] < 1.1
+    bench.ask(resume=True)
+    bench.turn(0.1)
+    other.look()
+    assert second.over
+    assert 2.0 < bench.twin.position_mm[0] < 2.1
+    assert bench.server.pacer.onlookers == []

@@ -238,7 +238,7 @@ def test_a_reply_goes_to_the_endpoint_that_spoke_last(serving):
 class Mouth:
     """An endpoint without a host: says one thing, then keeps an eye on whether it is still listened to."""
 
-    kind, address, gathers, busy = "mouth", "", False, False
+    kind, address, gathers, busy, waiting, settings = "mouth", "", False, False, 0, {}
 
     def __init__(self, words: bytes, clock: Clock, looks: int = 40, look_ns: int = 50 * MS) -> None:
         self._words = words

@@ -7,13 +7,11 @@ import logging
 import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +24,13 @@ from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.pty import PtyEndpoint
 from isel_twin.bridge.rfc2217 import Rfc2217Codec
 from isel_twin.bridge.server import OUTBOX_BYTES, Endpoint, Server
-from isel_twin.bridge.tap import Scribe, Tap
+from isel_twin.bridge.tap import LOOK_S, Scribe, Tap
 from isel_twin.bridge.tcp import TcpEndpoint
+from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
+from isel_twin.language import create_language
+from isel_twin.trace.compare import compare
+from isel_twin.trace.reading import read
 from isel_twin.twin import Twin
 from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask
 
@@ -46,7 +48,7 @@ class Notes:
     def __init__(self) -> None:
         self.rows: list[tuple[int, str, bytes]] = []
         self.said: list[str] = []
-        self.ended = False
+        self.broken = False
 
     def sent(self, time_ns: int, data: bytes) -> None:
         self.rows.append((time_ns, "sent", data))
@@ -268,6 +270,23 @@ def test_a_device_that_is_unplugged_in_use_is_said_waited_for_and_taken_again(de
     assert "7 bytes of the host went nowhere" in caplog.text
 
 
+@pytest.mark.parametrize("kind", ["tcp", "rfc2217"])
+def test_a_terminal_server_that_goes_and_comes_back(kind, monkeypatch):
+    monkeypatch.setattr(real_port, "RETRY_S", 0.05)
+    here, there = endpoint("pty"), endpoint(kind)
+    with ExitStack() as stack:
+        with twin_at(there):
+            notes = stack.enter_context(tapping(url(there), here))
+            port = stack.enter_context(opened(here))
+            assert ask(port, "@07") == "0"
+        until(lambda: any("has gone" in text for text in notes.said))
+        codec = {"codec": Rfc2217Codec} if kind == "rfc2217" else {}
+        with twin_at(TcpEndpoint(there.address, kind, **codec)) as seen:
+            until(lambda: any("is back" in text for text in notes.said))
+            assert ask(port, "@0P", 19) == "0" * 19
+    assert seen.bytes_of("sent") == b"@0P\r"
+
+
 def termios_speed(link: Path) -> int:
     import termios
 
@@ -326,7 +345,7 @@ class FullDisk(Notes):
 
     def sent(self, time_ns: int, data: bytes) -> None:
         super().sent(time_ns, data)
-        self.ended = True
+        self.broken = True
 
 
 def test_a_recording_that_ends_does_not_end_the_session(device):
@@ -375,13 +394,19 @@ def traffic(file: Path) -> tuple[bytes, bytes]:
                 found[channel.topic] += bytes.fromhex(json.loads(message.data)["hex"])
 
 
-def refused(*arguments: str) -> str:
-    """The one line that a call that cannot be carried out gives."""
-    command = [sys.executable, "-m", "isel_twin.cli", "tap", *arguments]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=STOP_S)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    (line,) = ended.stderr.splitlines()
-    return line
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """refused(*arguments): the one line that a call that cannot be carried out gives."""
+
+    def call(*arguments: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["tap", *arguments])
+        said = capsys.readouterr()
+        assert (ended.value.code, said.out) == (2, "")
+        (line,) = said.err.splitlines()
+        return line
+
+    return call
 
 
 def test_a_session_recorded_by_the_command(device, tap, tmp_path):
@@ -393,8 +418,7 @@ def test_a_session_recorded_by_the_command(device, tap, tmp_path):
         assert device.read(4) == b"@0P\r"
         device.write(b"0" * 19)
         assert port.read(19) == b"0" * 19
-        time.sleep(1.0)
-        assert traffic(file) == (b"@0P\r", b"0" * 19)  # what is older than a second is on the disk
+        until(lambda: traffic(file) == (b"@0P\r", b"0" * 19))  # while it goes on
     assert tapped.stop(signal.SIGTERM) == 0
     assert traffic(file) == (b"@0P\r", b"0" * 19)
     log = tapped.process.communicate()[1]
@@ -403,18 +427,41 @@ def test_a_session_recorded_by_the_command(device, tap, tmp_path):
     assert not os.path.lexists(tmp_path / "imc")
 
 
+def test_it_agrees_with_the_recording_of_the_controller_itself(serve, tap, tmp_path):
+    """A twin in place of the real controller, which records itself: the same bytes, no difference."""
+    files = {"twin": tmp_path / "twin.mcap", "tap": tmp_path / "real.mcap"}
+    served = serve("--record", str(files["twin"]), speed="20")
+    tapped = tap(served.info["pty"], "--record", str(files["tap"]))
+    with tapped.open() as port:
+        came = talk(port)
+    assert tapped.stop(signal.SIGTERM) == 0
+    assert served.stop(signal.SIGTERM) == 0
+    recorded = {who: read(file) for who, file in files.items()}
+    assert recorded["tap"].metadata["kind"] == "tap"
+    for recording in recorded.values():
+        assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/sent")) == SENT
+        assert b"".join(bytes.fromhex(entry.content["hex"]) for entry in recording.of("/host/received")) == came
+    language = [create_language("imc-s8") for _ in recorded]
+    between = compare(
+        recorded["tap"], recorded["twin"], language[0], language[1], 10**12
+    )  # 20 times as fast: not the times
+    assert between.same
+    assert len(between.pairs) == len(SESSION)
+
+
 def test_after_a_kill_the_last_second_at_most_is_missing(device, tap, tmp_path):
     file = tmp_path / "real.mcap"
     tapped = tap(str(device.link), "--record", str(file))
     with tapped.open() as port:
         port.write(b"@07\r")
         assert device.read(4) == b"@07\r"
-        time.sleep(1.0)
+        assert LOOK_S < 0.5  # so often is written what there is
+        until(lambda: traffic(file) == (b"@07\r", b""))
         assert tapped.stop(signal.SIGKILL) == -signal.SIGKILL
     assert traffic(file) == (b"@07\r", b"")
 
 
-def test_what_cannot_be_tapped_is_one_line(device, tap, tmp_path):
+def test_what_cannot_be_tapped_is_one_line(device, tap, refused, tmp_path):
     file = tmp_path / "real.mcap"
     missing = refused(str(tmp_path / "ttyUSB7"))
     assert missing.startswith(f"isel-twin: {tmp_path}/ttyUSB7: No such file or directory; serial ports here: ")
@@ -425,17 +472,16 @@ def test_what_cannot_be_tapped_is_one_line(device, tap, tmp_path):
     assert file.read_bytes() == b"precious"
     assert "a tap records .mcap" in refused(str(device.link), "--record", str(tmp_path / "real.vcd"))
     assert "Connection refused; is something listening there?" in refused("tcp://127.0.0.1:1")
-    assert "is in use by another program; close that one first" in in_use(device, tap)
+    full = tmp_path / "full.mcap"
+    full.symlink_to("/dev/full")
+    assert "No space left on device" in refused(str(device.link), "--record", str(full))
     assert "--frame '9N1': write data bits" in refused(str(device.link), "--frame", "9N1")
     assert "unknown controller 'imx'" in refused(str(device.link), "--controller", "imx")
-
-
-def in_use(device: Device, tap: Callable[..., Served]) -> str:
     tap(str(device.link))
-    return refused(str(device.link))
+    assert "is in use by another program; close that one first" in refused(str(device.link))
 
 
-def test_a_recording_may_be_replaced_if_told_so_and_an_unwritable_one_is_told_at_once(device, tap, tmp_path):
+def test_a_recording_may_be_replaced_if_told_so_and_an_unwritable_one_is_told_at_once(device, tap, refused, tmp_path):
     file = tmp_path / "real.mcap"
     file.write_bytes(b"old")
     assert "cannot write in folder" in refused(str(device.link), "--record", str(tmp_path / "no" / "real.mcap"))

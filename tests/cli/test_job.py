@@ -94,7 +94,7 @@ def test_any_text_is_a_job_or_a_job_error(text):
         lines = parsed(text)
     except JobError:
         lines = []
-    assert all(line.actions for line in lines)
+    assert all(line.actions or line.condition for line in lines)
 
 
 @given(st.lists(st.integers(0, 255), min_size=1))

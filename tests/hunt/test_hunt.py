@@ -311,7 +311,7 @@ def test_every_command_is_said() -> None:
 
 def test_everything_that_can_happen_is_drawn(drawn: list[World]) -> None:
     events = [event for world in drawn for event in (*world.scripted, *world.by_hand)]
-    assert {event.doing[0] for event in events} == {"set", "force", "phase", "noise"}
+    assert {event.doing[0] for event in events} == {"set", "force", "phase", "noise", "fault"}
     done = {event.doing[1:] for event in events if event.doing[0] == "set"}
     assert {(name, state) for name, states in ELEMENTS.items() for state in states} <= done
     contacts = {contact.name for contact in Twin(plant="kinematic").machine.contacts}

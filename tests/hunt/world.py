@@ -25,7 +25,8 @@ from isel_twin.wiring import FAULTS
 from isel_twin.wiring.cabinet import ELEMENTS
 
 Doing = tuple[Any, ...]
-"""("set", name, state), ("force", axis, newton), ("phase", axis, phases), ("noise", chance)."""
+"""("set", name, state), ("force", axis, newton), ("phase", axis, phases), ("noise", chance), and for the other faults
+("fault", key, value, seconds), as an event of a scenario has them."""
 
 CONTROLLERS = ("imc-s8", "imc-s8", "ismif", "ismif", "c142", "imc-m", "imc-mp")
 MACHINES = ("4030", "4030", "4030-portal", "traverse")
@@ -57,6 +58,9 @@ SETTINGS: tuple[dict[str, int | bool], ...] = (
     {"start_stop_hz": 400, "acceleration_hz_per_ms": 150, "step_out_hz": 50},
 )
 """What a machine file may say of the controllers of the iMC family."""
+LINE_KEYS = ("dropped", "doubled", "line_cut")
+PHYSICAL_KEYS = ("friction_n", "undervoltage")
+"""Faults that are drawn beside `swapped`, of the line and of the machine."""
 SWITCHES = tuple(f"limit_{axis}{end}" for axis in CARRIAGES for end in (1, 2))
 POWER_ON_MM = (1.0, 12.0)
 """Where carriages stand at power-on, so that references are near."""
@@ -114,6 +118,11 @@ class World:
         return set(self.habits) == {"legal"} and not (self.scripted or self.by_hand or self.earlier or self.settings)
 
     @property
+    def loses_bytes(self) -> bool:
+        """What the host reads is not byte by byte what the controller has sent."""
+        return any(event.doing[0] == "fault" and event.doing[1] in LINE_KEYS for event in self.scripted)
+
+    @property
     def grid_ns(self) -> int:
         """Everything is done at whole multiples of this time."""
         return PACED_GRID_NS if self.speed is not None else 1
@@ -161,6 +170,8 @@ def draw_world(seed: int) -> World:
     if controller != "ismif" and not quiet and chance(draw, 0.2):
         earlier = (*(fill(draw, pick(draw, IMC_SETTINGS), IMC_FIELDS) for _ in range(8)), "@0IW")
     events = [] if quiet else list(_events(draw, options["machine"], physics, end_ns, grid_ns))
+    if not quiet:
+        events += _faults(np.random.default_rng([seed, 1]), physics, end_ns, grid_ns)
     by_scenario = chance(draw, 0.5)
     return World(
         seed=seed,
@@ -238,13 +249,41 @@ def _events(draw: Draw, machine: str, physics: bool, end_ns: int, grid_ns: int) 
             yield Event(end_ns, ("phase", axis, ""))
 
 
+def _faults(draw: Draw, physics: bool, end_ns: int, grid_ns: int) -> Iterator[Event]:
+    """Faults that end by themselves, in a quarter of the worlds, drawn apart from all else.
+
+    Not those that would need the invariants to know more: loads and obstacles give energy, a controller that starts
+    anew is another one to compare with.
+    """
+    if not chance(draw, 0.25):
+        return
+    keys = (*LINE_KEYS, "swapped", *(PHYSICAL_KEYS if physics else ()))
+    for _ in range(int(draw.integers(1, 8))):
+        at_ns = _on_grid(float(draw.uniform(0.0, 0.8)) * end_ns, grid_ns)
+        seconds = round(float(draw.uniform(0.0, 0.2)) * end_ns / SECOND_NS, 3)
+        key = pick(draw, keys)
+        match key:
+            case "swapped":
+                one, other = draw.choice(SWITCHES, 2, replace=False).tolist()
+                value: Any = {one: other}
+            case "friction_n":
+                value = {pick(draw, CARRIAGES): pick(draw, (5.0, 100.0, 3000.0))}
+            case "undervoltage":
+                value = pick(draw, (0.2, 0.6, 0.95))
+            case "line_cut":
+                value = True
+            case _:
+                value = pick(draw, (0.001, 0.02, 0.2))
+        yield Event(at_ns, ("fault", key, value, seconds))
+
+
 def _later_s(draw: Draw, mean_s: float) -> float:
     """Time to the next event, now and then none: several at one instant, also at power-on."""
     return 0.0 if chance(draw, 0.1) else float(draw.exponential(mean_s))
 
 
 def _scripted(event: Event, by_scenario: bool) -> bool:
-    return by_scenario or event.doing[0] in ("phase", "noise")
+    return by_scenario or event.doing[0] in ("phase", "noise", "fault")
 
 
 def _setting(value: int | bool) -> str:
@@ -263,6 +302,10 @@ def _toml(doing: Doing) -> str:
             return f"phase_lost = {{ {CARRIAGES[axis]} = {json.dumps(phases)} }}\n"
         case "noise", probability:
             return f"noise = {probability}\n"
+        case "fault", key, dict(by_axis), seconds:
+            return f"for = {seconds}\n[event.{key}]\n" + "".join(f"{n} = {json.dumps(v)}\n" for n, v in by_axis.items())
+        case "fault", key, value, seconds:
+            return f"for = {seconds}\n{key} = {json.dumps(value)}\n"
     raise ValueError(f"unknown doing {doing!r}")
 
 

@@ -185,7 +185,7 @@ def test_the_rate_is_that_of_the_ticks_around_the_present() -> None:
 def test_the_rate_on_a_ramp_is_that_of_the_ramp() -> None:
     """f = f0 + a t, within what sixteen ticks on each side cover: 300 Hz and 100 Hz/ms."""
     some = Stream(3)
-    run = StepRun(line((20_000, 0, 0)), trapezoid(20_000, 300, 10_000, 100_000), 0)
+    run = StepRun(line((20_000, 0, 0)), trapezoid(20_000, 10_000, 300, 100_000), 0)
     some.follow(run, 0)
     for at_ms in (20, 50, 80):
         make(some, at_ms * MS)

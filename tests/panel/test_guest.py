@@ -75,6 +75,14 @@ def test_who_types_does_not_take_the_line_from_a_host_that_holds_it(bench, brows
     assert "ok" in page.request(say="@0P")
 
 
+def test_what_is_typed_while_time_stands_still_is_bounded(bench, browser):
+    page = browser(bench(speed=1.0))
+    page.ask(pause=True)
+    answers = [page.request(say="@0P\n" * 1000) for _ in range(3)]
+    assert [answer.keys() for answer in answers[:1]] == [{"ok"}]
+    assert "the line is full" in answers[-1]["error"]
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -164,7 +172,7 @@ class NoSite:
         self.watched = watched
         self.frames: list[dict[str, object]] = []
 
-    def start(self, about: object, machine: object) -> None: ...
+    def start(self, about: object, machine: object, recording: object) -> None: ...
     def show(self, frame: dict[str, object]) -> None:
         self.frames.append(frame)
 
@@ -228,3 +236,34 @@ def test_there_are_no_more_frames_than_twenty_in_a_second():
     took_s = time.monotonic() - began
     assert 2 <= len(site.frames) <= math.ceil(took_s * FRAMES_PER_S) + 1
     assert panel.wait_s() is not None
+
+
+def test_it_stays_usable_while_the_machine_runs_at_max(bench, browser):
+    """A host that never lets the line rest: frames come, requests are answered, what is pressed stops the machine."""
+    here = bench(ready=True)
+    page = browser(here)
+    stop, replies = threading.Event(), []
+
+    def host() -> None:
+        with socket.create_connection(parse_address(here.line.address), timeout=WAIT_S) as port:
+            while not stop.is_set():
+                for way in (20_000, -20_000):
+                    port.sendall(f"@0A {way},2000,0,800,0,800,0,800\r".encode())
+                    replies.append(port.recv(1))
+
+    thread = threading.Thread(target=host)
+    thread.start()
+    try:
+        seen: set[int] = set()
+        while len(seen) < 20:
+            page.hear()
+            seen.add(page.frame["time_ns"])
+        assert max(seen) - min(seen) > 20_000_000_000  # of virtual time, which flies
+        assert page.ask(state=True)["counts"][0] in range(20_001)
+        page.ask(set={"estop": "pressed"})
+        page.until(lambda: page.frame["outputs"]["power"] == 0 and page.frame["counts"] == here.twin.counts.tolist())
+    finally:
+        stop.set()
+        thread.join(WAIT_S)
+    assert b"0" in replies
+    assert replies[-1] != b"0"

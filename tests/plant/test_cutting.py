@@ -138,12 +138,20 @@ def test_no_chip_without_feed():
     [
         ({"width_mm": 7.0}, "cut: width must be at most the diameter, 6 mm, not 7.0"),
         ({"flutes": 0}, "cut: flutes must lie in 1 .. 12, not 0"),
+        ({"flutes": 2.5}, "cut: flutes must be a whole number, not 2.5"),
         ({"spindle_rpm": 1e6}, "cut: spindle_rpm must lie in 60 .. 60000, not 1000000.0"),
     ],
 )
 def test_a_wrong_cut_is_named(changes, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(SLOT, **changes)
+
+
+def test_what_is_not_said_of_a_cut_is_that_it_climbs_and_presses_with_three_tenths():
+    cut = Cut(6.0, 2, 0.5, 3.0, 6000.0, 800.0)
+    assert (cut.radial, cut.climb) == (0.3, True)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        cut.depth_mm = 1.0  # type: ignore[misc]
 
 
 FREE = {f"axes.all.{key}": 0.0 for key in ("shaft_coulomb", "guide_friction", "backlash")}

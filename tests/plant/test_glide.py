@@ -128,3 +128,46 @@ SLIDES = """<mujoco><option timestep="0.0005"><flag eulerdamp="disable"/></optio
 def test_what_is_not_of_this_kind_is_mujocos(axis: str, damping: float, more: str, written_out: bool) -> None:
     model = mujoco.MjModel.from_xml_string(SLIDES.format(axis=axis, damping=damping, more=more))
     assert np.isfinite(gliding(model)[0]["low_m"]).all() == written_out
+
+
+def test_a_plane_has_no_end_that_could_be_passed() -> None:
+    """A wall across the way of a slide is met at 0.8 m, wherever its origin is."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.0005"/><worldbody>
+        <geom type="plane" size="1 1 0.1" pos="0.9 100 100" zaxis="-1 0 0"/>
+        <body><joint type="slide" axis="1 0 0" frictionloss="30" range="-1 1"/><geom size="0.1"/></body>
+        </worldbody></mujoco>"""
+    )
+    assert np.isnan(gliding(model)[0]["low_m"]).all()
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.85
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 1
+
+
+def test_a_fixture_that_is_met_from_the_side_stops_an_axis_that_could_glide(bench, tmp_path: Path) -> None:
+    """A cube of 40 mm amid the table, the cutter's end 27 mm above the table: X stops where the cutter's side meets the
+    cube, by the places of the two in the model, less a few bounces of a tenth (a slip of the motor); Y and Z stay where
+    they are. A plate of 1.8 mm that the cutter passes above leaves the machine its glide, and the same bits as without.
+    """
+    (tmp_path / "cube.xml").write_text(FIXTURE.format(half=0.02))
+    (tmp_path / "plate.xml").write_text(FIXTURE.format(half=0.0009))
+    b = bench({"fixture": str(tmp_path / "cube.xml")}, start_mm=(120.0, 150.0, 120.0))
+    model, data = b.plant.scene()
+    cutter = data.geom("cutter")
+    cubes = [g for g in range(model.ngeom) if (model.geom_size[g] == 0.02).all()]
+    (cube,) = cubes
+    gap_mm = 1e3 * (abs(data.geom_xpos[cube][0] - cutter.xpos[0]) - 0.02 - model.geom("cutter").size[0])
+    assert 20.0 < gap_mm < 100.0
+    b.move((round(320 * (gap_mm + 10.0)), 0, 0), 4000.0)
+    b.wait(300)
+    assert -0.6 < b.plant.position_mm[0] - 120.0 - gap_mm < 0.02
+    assert b.plant.position_mm[1:] == pytest.approx([150.0, 120.0], abs=0.02)
+    assert b.lost[0] > 9 * 320
+    ends = []
+    for overrides in ({"fixture": str(tmp_path / "plate.xml")}, {}):
+        b = bench(overrides, start_mm=(120.0, 150.0, 120.0))
+        assert np.isfinite(b.plant._joints_law["low_m"]).all()
+        b.move((round(320 * (gap_mm + 10.0)), 0, 0), 4000.0)
+        ends.append(b.plant.position_mm.tobytes())
+    assert ends[0] == ends[1]

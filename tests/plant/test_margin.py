@@ -9,7 +9,8 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.drives.motor import MOTORS
-from isel_twin.plant.margin import available_torque
+from isel_twin.drives.stage import Stage
+from isel_twin.plant.margin import SPEED_STEP_RAD_S, SPEEDS, available_torque, margin
 
 from .conftest import PERIOD, ramp_ns, ticks
 
@@ -91,6 +92,28 @@ def test_faster_is_nearer_to_the_end_until_nothing_is_left():
     assert np.isnan(twin.margin[3])  # the A axis has no mechanics
 
 
+def test_who_looks_again_and_again_changes_nothing_for_the_others():
+    """Taken every 0.37 ms: the least of it is the margin of the other twin, to the bit, and so is all the rest."""
+    seen = []
+    for looked_at in (False, True):
+        twin = Twin(start_mm=(50.0, 50.0, 50.0))
+        assert twin.query("@07") == twin.query("@0R7") == "0"
+        twin.watch_margin()
+        twin.take_margin()
+        twin.write(b"@0A3200,8000,0,900,0,900,0,900\r")
+        taken = []
+        for _ in range(2700):
+            twin.run(0.00037)
+            if looked_at:
+                taken.append(twin.take_margin())
+        seen.append((twin.margin[:3].tolist(), twin.position_mm.tolist(), twin.lost_steps.tolist(), twin.time_ns))
+    assert seen[0] == seen[1]
+    assert np.min(taken, axis=0)[:3].tolist() == seen[0][0]
+    assert max(margin[0] for margin in taken) > seen[0][0][0]
+    twin.watch_margin()
+    assert twin.margin[0] > seen[0][0][0]
+
+
 def test_it_does_not_depend_on_how_time_is_cut(bench):
     margins = []
     for pieces in (1, 37):
@@ -120,3 +143,32 @@ def test_available_torque_is_that_of_the_current_at_rest_and_of_the_supply_beyon
     sine_nm = mean_v * MOTOR.torque_constant_nm_per_a / (electrical * MOTOR.inductance_h)
     assert 0.97 * sine_nm < table[50] < 4.0 / math.pi * sine_nm
     assert (np.diff(table[table > 0.0]) <= 1e-9).all()
+
+
+def test_between_two_speeds_of_the_table_it_is_interpolated_and_beyond_the_last_that_one_stands():
+    """1 - T / T_max(w) with T_max rising by 0.01 N m from speed to speed, either way round."""
+    table = 1.0 + 0.01 * np.arange(SPEEDS)
+    for place, largest in ((0.0, 1.0), (2.0, 1.02), (2.25, 1.0225), (SPEEDS - 1.5, 3.545), (SPEEDS - 1, 3.55)):
+        for sense in (1.0, -1.0):
+            left = margin(sense * 0.5, 0.0, -sense * place * SPEED_STEP_RAD_S, table, 10.0)
+            assert left == pytest.approx(1.0 - 0.5 / largest, rel=1e-12)
+    assert margin(0.25, 0.0, 0.0, table, 0.5) == pytest.approx(0.5, rel=1e-12), (
+        "half the current, half of the first one"
+    )
+    for beyond in (SPEEDS, SPEEDS + 3, 1e6):
+        assert margin(0.5, 0.0, beyond * SPEED_STEP_RAD_S, table, 10.0) == pytest.approx(1.0 - 0.5 / 3.55, rel=1e-12)
+
+
+@pytest.mark.parametrize(("lag", "left"), [(0.0, 1.0), (1.0, 0.5), (-1.5, 0.25), (2.0, 0.0), (3.0, 0.5), (-8.5, 0.75)])
+def test_by_angle_it_is_what_is_left_to_two_full_steps_of_the_nearest_place(lag, left):
+    """Places where the motor would hold as well are four full steps apart."""
+    assert margin(0.0, lag, 0.0, np.ones(SPEEDS), 1.0) == pytest.approx(left)
+
+
+def test_where_there_is_no_torque_left_after_iron_loss_there_is_none():
+    """5 V of supply do not turn this motor at 2000 rev/min: from there on the table is 0, not the iron's."""
+    table = available_torque(MOTOR, Stage(5.0, 4.2, 8))
+    beyond = round(2000.0 * math.pi / 30.0 / SPEED_STEP_RAD_S)
+    assert table[0] > 1.0
+    assert (table[beyond:] == 0.0).all()
+    assert margin(0.1, 0.0, 400.0, table, 1.0) == 0.0

@@ -102,6 +102,8 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
             step, direction = waves[f"{axis}.step"], waves[f"{axis}.dir"]
             t_ns = _active(step, edge)
             sign = np.where(direction.at(t_ns), 1, -1).astype(np.int8)
+            if f"{axis}.full" in waves:
+                sign *= waves[f"{axis}.full"].at(t_ns) + np.int8(1)
             setup, hold = _around(t_ns, direction.t_ns, needs)
             pulses = [step]
         else:
@@ -124,13 +126,11 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
         )
         times.append(t_ns)
         signs.append(sign)
-    t_all = np.sort(
-        np.concatenate(times), kind="stable"
-    )  # which merges what is sorted; np.unique takes ten times longer
+    t_all = np.sort(np.concatenate(times), kind="stable")  # merges what is sorted; np.unique takes ten times longer
     t_all = t_all[np.diff(t_all, prepend=-1) > 0]
     delta = np.zeros((t_all.size, count), dtype=np.int8)
     for axis, t_ns, sign in zip(used, times, signs, strict=True):
-        np.add.at(delta, (np.searchsorted(t_all, t_ns), AXIS_NAMES.index(axis)), sign)
+        np.add.at(delta[:, AXIS_NAMES.index(axis)], np.searchsorted(t_all, t_ns), sign)
     return Ticks(t_all, delta, capture.end_ns, _outputs(waves), timing, capture.resolution_ns, capture.shift_ns)
 
 

@@ -9,6 +9,7 @@
     replay       a recorded session once more, and what is different
     compare      two recordings laid over each other, command by command
     export       a recording as a file for other tools
+    check        jobs against their bounds
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
@@ -17,6 +18,7 @@
 One file a command, each with one function that returns the exit code; what they share:
 
     options.py   parameters that several commands have, and checks of their values
+    jobs.py      job files as they are given to a command
     outputs.py   where results go: table, JSON, recorder
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,
@@ -34,6 +36,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from isel_twin.call import CallError, one_line
 from isel_twin.cli import (
+    check,
     compare,
     controllers,
     ctl,
@@ -69,6 +72,7 @@ for command in (
     run.run,
     drive.drive,
     exec_,
+    check.check,
     decode.decode,
     export.export,
     replay.replay,
@@ -95,6 +99,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
+        for line in getattr(error, "excerpt", "").splitlines():
+            print(f"    {line}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # nobody reads our output any more, for example `| head`

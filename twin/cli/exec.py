@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.call import TwinCall, call_errors
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -16,12 +17,15 @@ from isel_twin.cli.options import (
     PlantName,
     ScenarioFile,
     Seed,
+    check_seconds,
     check_writable,
+    parse_override,
 )
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.bridge.virtual_host import HostRun
+    from isel_twin.bridge.virtual_time import VirtualTime
     from isel_twin.bridge.wire_log import WireLog
     from isel_twin.twin import Twin
 
@@ -39,10 +43,13 @@ def exec_(
     scenario: ScenarioFile = None,
     overrides: Annotated[
         list[str] | None,
-        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as x.friction_n=12.", negative=()),
+        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as axes.x.lead=10.", negative=()),
     ] = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
     log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
+    timeout: Annotated[
+        float | None, Parameter(help="Virtual seconds after which a host that has not ended is ended, with 1.")
+    ] = None,
     check: Annotated[
         bool, Parameter(help="Exit code 1 if steps were lost or a fault is left, whatever the host says.")
     ] = False,
@@ -61,9 +68,12 @@ def exec_(
     """
     from isel_twin.bridge.virtual_host import parse_program, run_host
 
+    if timeout is not None:
+        check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
     check_writable(steps, kept=(flash, scenario, program.path))
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=_settings(overrides))
+    settings = dict(parse_override(text) for text in overrides or ())
+    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
     from isel_twin.cli import outputs
     from isel_twin.trace.write import write_trace
@@ -72,7 +82,7 @@ def exec_(
     with ExitStack() as stack:
         stack.enter_context(told_of_compiling())
         wire = _wire_log(controller, stack) if log is not None else None
-        done = run_host(twin, program, port, wire=wire)
+        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up)
     for note in done.notes:
         outputs.say(note)
     if done.reason:
@@ -84,11 +94,13 @@ def exec_(
         import json as json_
 
         print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
-    else:
+    elif done.ending != "refused":
         outputs.say(told(done))
-    if done.code:
-        return done.code
-    return 1 if check and not done.verdict.ok else 0
+    code = done.code or (1 if check and not done.verdict.ok else 0)
+    if done.left:
+        outputs.say(f"threads of the host that go on after its end are left: {', '.join(done.left)}")
+        _leave(code)
+    return code
 
 
 def _wire_log(controller: str, stack: ExitStack) -> WireLog:
@@ -110,20 +122,22 @@ def _wire_log(controller: str, stack: ExitStack) -> WireLog:
     return wire
 
 
-def _settings(pairs: list[str] | None) -> dict[str, Any]:
-    """Machine parameters of KEY=VALUE texts, values as TOML has them. Raises CallError."""
-    import tomllib
+def _give_up(time: VirtualTime) -> None:
+    """The host's main thread will not end: say why it has to, and end without it."""
+    from isel_twin.cli import outputs
 
-    settings = {}
-    for pair in pairs or ():
-        key, equals, text = pair.partition("=")
-        if not equals or not key:
-            raise CallError(f"set {pair}: must be KEY=VALUE, such as x.friction_n=12", option=True)
-        try:
-            settings[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            settings[key.strip()] = text
-    return settings
+    reason = time.ending.reason if time.ending is not None else ""
+    outputs.say(f"{reason}; its main thread will not end, and there is no verdict")
+    _leave(2 if time.ending is not None and time.ending.kind == "refused" else 1)
+
+
+def _leave(code: int) -> None:
+    """End the process without waiting for anything that the host has left."""
+    import os
+
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def summary(done: HostRun, twin: Twin) -> dict[str, Any]:

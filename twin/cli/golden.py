@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import (
     STANDARD_INPUT,
     ControllerName,
@@ -23,12 +23,9 @@ from isel_twin.cli.options import (
 
 if TYPE_CHECKING:
     from isel_twin.golden import Difference, Golden
-    from isel_twin.job import Line
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
-SUFFIX = ".golden"
-"""A job's golden run stands beside it, under its own name with this suffix."""
 MOST = 20
 """Differences of a job that are told."""
 
@@ -58,10 +55,12 @@ def record(
         check_writable(file, kept=(job, scenario))
         if file.exists() and not update:
             raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
+    from isel_twin.golden import called
+
     call = TwinCall(machine, controller, plant, seed, scenario)
     for job, file in files:
         run, _ = _play(job, call, timeout)
-        _write(file, _called(run, call, job, file))
+        _write(file, called(run, call, job, file))
         print(f"{file}: {_in_words(run)}")
     return 0
 
@@ -82,7 +81,7 @@ def compare(
     Exit code 0 if nothing is different (or --update has written it down), 1 if something is, 2 if a golden run is
     missing.
     """
-    from isel_twin.golden import differences, load
+    from isel_twin.golden import called, differences, load
 
     files = _files(jobs)
     check_seconds("timeout", timeout, 0.0)
@@ -100,7 +99,7 @@ def compare(
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
         run, spans_ns = _play(job, call, timeout)
-        run = _called(run, call, job, file)
+        run = called(run, call, job, file)
         found = list(differences(was, run, spans_ns))
         _tell(job, run, found, json)
         if found and update:
@@ -113,9 +112,11 @@ def compare(
 
 def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     """Each job with its golden file. Raises CallError."""
+    from isel_twin.golden import golden_file
+
     if not jobs:
         raise CallError("name the jobs: isel-twin golden record JOB...")
-    files = [(job, job.with_suffix(SUFFIX)) for job in jobs]
+    files = [(job, golden_file(job)) for job in jobs]
     for job, file in files:
         if str(job) == STANDARD_INPUT:
             raise CallError("-: a golden run stands beside its job; name a file")
@@ -135,45 +136,15 @@ def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tup
     from isel_twin.verdict import judge
 
     twin, scribe = call.build(), Scribe()
-    lines = _lines(job, call.controller)
+    lines = read_job(job, call.controller)
+    check_names(job, lines, twin)
     results, moves = [], []
     for result in play(twin, lines, timeout_s):
         results.append(result)
-        moves.append(scribe.move(result, twin.steps))
+        move = scribe.move(result, twin.steps)
+        if not result.condition:  # whether it is met is in the verdict
+            moves.append(move)
     return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
-
-
-def _lines(job: Path, controller: str) -> list[Line]:
-    from isel_twin.job import decode_job, parse_job
-    from isel_twin.language import create_language
-
-    with call_errors(job):
-        language = create_language(controller)
-        data = job.read_bytes()
-        try:
-            lines = parse_job(decode_job(data), language, controller)
-        except ValueError as error:
-            raise CallError(f"{job}: {error}") from None
-    if not lines:
-        raise CallError(f"{job}: there is no command in it")
-    return lines
-
-
-def _called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
-    """The run with what it was called with; files as seen from the golden file."""
-    from dataclasses import replace
-
-    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
-    head |= {"plant": call.plant, "seed": call.seed}
-    if Path(call.machine).is_dir():
-        head["machine"] = _seen_from(file, Path(call.machine))
-    if call.scenario is not None:
-        head["scenario"] = _seen_from(file, call.scenario)
-    return replace(run, call=head)
-
-
-def _seen_from(file: Path, path: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinCall:

@@ -31,6 +31,9 @@ LONG_COMMAND = 56
 SHOWN_TRIALS = 5
 """Repetitions of a job that are shown one by one if they ended otherwise."""
 
+SHOWN_UNMET = 10
+"""Lines of a job that are named if they did not get what they expected."""
+
 LONG_REPLY = 25
 """The same of a reply: a position of four axes."""
 
@@ -87,7 +90,11 @@ class JsonOutput:
         import dataclasses
         import json
 
-        print(json.dumps(dataclasses.asdict(result)), flush=True)
+        told = dataclasses.asdict(result)
+        for key in ("expected", "why", "condition", "lost_known", "fault_known"):  # only of lines that expect something
+            if result.expected is None or key.endswith("_known"):
+                del told[key]
+        print(json.dumps(told), flush=True)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""
@@ -162,7 +169,7 @@ class TableOutput:
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
             result.command,
-            repr(result.reply)[1:-1] or "none",
+            repr(result.shown_reply)[1:-1] or "none",
             *(f"{position:.3f}" for position in result.position_mm),
             _percent(result.margin),
             style="" if result.ok else "bold red",
@@ -195,7 +202,11 @@ class TableOutput:
 
     def counted(self, verdict: Verdict) -> str:
         """How many there were, and how many went wrong."""
-        return f"{verdict.commands} commands, {verdict.refused} refused"
+        expected = f", {verdict.expectations} expectations" if verdict.expectations else ""
+        if verdict.unmet:
+            lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
+            expected += f" ({len(verdict.unmet)} not met: line {lines})"
+        return f"{verdict.commands} commands, {verdict.refused} refused{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""

@@ -6,7 +6,6 @@ A job that is stopped by Ctrl-C, or ends because a line is not over in time, kee
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.jobs import check_names, job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -25,7 +25,6 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
-    is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
@@ -65,15 +64,19 @@ def run(
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
     this starts a motion of an iMC and stops it: `@0A8000,5000,0,30,0,30,0,30<13> <0.2s> <253>`
 
+    `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
+    `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
+
     Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
 
-    Exit code 0 if every command was accepted ("0", or a longer answer to a query) and no step was lost, else 1. With
+    Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
+    condition met and no step lost, else 1. With
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
-    lines = _lines(job, controller)
+    lines = read_job(job, controller)
     needs_recorder = vcd is not None or trace is not None or report is not None
     if needs_recorder or record is not None:
         _check_samples(lines, interval)
@@ -94,9 +97,10 @@ def run(
         from isel_twin.verdict import judge
         from isel_twin.warm import told_of_compiling
 
+        check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
-        recording = None if record is None else begin(record, twin, interval, {"job": _name(job)}, stack)
+        recording = None if record is None else begin(record, twin, interval, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
@@ -114,7 +118,7 @@ def run(
             why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
             remedy = "" if interrupted else "; --timeout waits longer"
-            outputs.say(f"{_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
+            outputs.say(f"{job_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
         verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
         for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
@@ -130,7 +134,7 @@ def run(
                 from isel_twin.trace.report import write_report
 
                 summary = {**verdict.summary(), **called}
-                write_report(report, f"isel-twin: {_name(job)}", twin, recorder, results, summary)
+                write_report(report, f"isel-twin: {job_name(job)}", twin, recorder, results, summary)
         show.verdict(verdict, called)
         sound = True
         if repetitions and not interrupted:
@@ -140,7 +144,7 @@ def run(
                     seen.append(trial)
             interrupted = bool(stopped) and len(seen) < robust
             if interrupted:
-                outputs.say(f"{_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
+                outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {robust} repetitions")
             sound = show.robust(verdict, seen, robust)
     if interrupted:
         return 128 + stopped[0]
@@ -208,27 +212,6 @@ def interruption() -> Iterator[list[int]]:
 
 def _lines_are(number: int) -> str:
     return "1 line is" if number == 1 else f"{number} lines are"
-
-
-def _lines(job: Path, controller: str) -> list[Line]:
-    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
-    from isel_twin.job import decode_job, parse_job
-    from isel_twin.language import create_language
-
-    with call_errors(_name(job)):
-        language = create_language(controller)
-        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
-        try:
-            lines = parse_job(decode_job(data), language, controller)
-        except ValueError as error:
-            raise CallError(f"{_name(job)}: {error}") from None
-    if not lines:
-        raise CallError(f"{_name(job)}: there is no command in it")
-    return lines
-
-
-def _name(job: Path) -> str:
-    return "standard input" if is_standard_input(job) else str(job)
 
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:

@@ -105,6 +105,8 @@ def serve(
         page = _panel(panel, panel_token, stack)
         twin = call.build(keep_motions=KEPT_MOTIONS)
         recording = None if record is None else begin(record, twin, interval, {"speed": speed}, stack)
+        if page is not None and recording is not None:
+            page.recording = recording.path
         warm_up(plant)
         taps: list[WireTap] = [WireLog(create_language(controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]

@@ -6,7 +6,7 @@ import re
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import Parameter
 
@@ -91,7 +91,8 @@ def _format(baud: int, frame: str) -> SerialFormat:
         raise CallError(f"baud {baud}: must be from 1 to 10000000 bit/s", option=True)
     if not (found := re.fullmatch(r"([5-8])([NEO])([12])", frame.upper())):
         raise CallError(f"frame {frame!r}: write data bits, parity (N, E, O), stop bits: 8N1, 7E1", option=True)
-    return SerialFormat(baud, int(found[1]), found[2], int(found[3]))
+    parity = cast('Literal["N", "E", "O"]', found[2])
+    return SerialFormat(baud, int(found[1]), parity, int(found[3]))
 
 
 def _check(record: Path | None, replace: bool) -> None:

@@ -206,6 +206,9 @@ class Plant(Protocol):
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor."""
 
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], `margin`, which begins anew without a look of its own: 1 until the next window is over."""
+
     def watch_margin(self) -> None:
         """Begin anew with the least margins."""
 

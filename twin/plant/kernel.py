@@ -34,30 +34,28 @@ the stops, with nothing to meet, its step is written out instead (glide.py).
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, types
+from numba import types
 from numba.extending import intrinsic
 
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
-from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE, OPEN, at_rest, step_axis
-from isel_twin.plant import MOST_SAMPLES, lead, teeth, thread
+from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
+from isel_twin.plant import lead, teeth, thread
 from isel_twin.plant import margin as margins
-from isel_twin.plant.cutting import CUT
-from isel_twin.plant.feed import SUPPLY, feed
-from isel_twin.plant.glide import JOINT, glide
-from isel_twin.plant.lead import LEAD, begin, behind, mean_behind
+from isel_twin.plant import memory as memories
+from isel_twin.plant.feed import feed
+from isel_twin.plant.glide import glide
+from isel_twin.plant.lead import begin, behind, mean_behind
 from isel_twin.plant.margin import margin
+from isel_twin.plant.memory import AXES, LAG, POSITION, parts_of
 from isel_twin.plant.teeth import bite
-from isel_twin.plant.thread import SCREW, feel
+from isel_twin.plant.thread import feel
 
-AXES = 3
-"""Axes with mechanics."""
 REST_M_S = 5e-6
 """Joint speed below which a joint counts as standing."""
 HELD_M_S2 = 1e-3
@@ -65,147 +63,6 @@ HELD_M_S2 = 1e-3
 FAR_M = 1e3
 """A joint this far away is lost, finite or not."""
 NEVER = np.iinfo(np.int64).max
-SAMPLES = MOST_SAMPLES
-"""Samples that can wait to be read."""
-
-PLANT = np.dtype(
-    [
-        ("substep_ns", "i8"),
-        ("window", "i8"),  # sub-steps in a MuJoCo step
-        ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
-        ("mj_step", "i8"),  # address of the function
-        ("model", "i8"),  # address of the mjModel
-        ("data", "i8"),  # address of the mjData
-        ("now", "i8"),  # sub-steps made since power-on
-        ("quiet", "i8"),  # windows of standstill so far
-        ("frozen", "i8"),  # 1: nothing moves
-        ("watched", "i8"),  # 1: there are thresholds of other quantities than position
-        ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
-        ("led_until_ns", "i8"),  # when the last of all leads is over
-        ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
-        ("uneven", "i8"),  # 1: a screw is not everywhere the same
-        ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
-        ("sample_at", "i8"),  # sub-step of the next one
-        ("sampled", "i8"),  # samples that wait to be read
-        ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
-    ],
-    align=True,
-)
-"""State of the loop."""
-
-AXIS = np.dtype(
-    [
-        ("dof", "i8"),  # place of the axis joint in qpos and qvel
-        ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
-        ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
-        ("x_m", "f8"),  # joint position inside the window
-        ("v_m_s", "f8"),
-        ("rest_m_s2", "f8"),  # a: acceleration by everything but nut, push and guide friction
-        ("friction_n", "f8"),  # guide friction
-        ("held", "f8"),  # +1, -1: a stop or a collision pushes this way, 0: nothing does
-        ("sum_n", "f8"),  # sum of the forces of this window
-        ("mean_n", "f8"),  # mean force of the window before
-        ("push_n", "f8"),  # force on the nut that would accelerate the carriage as the push from outside does
-        ("phases", "i8"),  # as `step_axis` takes it
-        ("fraction", "f8"),  # current fraction
-        ("idle_fraction", "f8"),
-        ("idle_delay", "i8"),  # sub-steps from the last change of the command to the lowered current
-        ("lowering", "i8"),  # 1: the controller asks for lowered current at rest
-        ("still_since", "i8"),  # sub-step after the last one with a change, or in which the stage came on
-        ("steps_per_rad", "f8"),  # microsteps of the command in a radian of the rotor
-        ("full_steps", "f8"),  # full steps in a microstep
-        ("sum_nm", "f8"),  # sum of the torques of the currents in this window
-        ("mean_nm", "f8"),  # their mean in the window before
-        ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
-        ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
-        ("command", "f8"),  # time mean of the command in this sub-step
-        ("resistance_ohm", "f8"),  # of a phase with what the stage adds
-        ("inductance_h", "f8"),
-        ("own_w", "f8"),  # what the stage uses for itself while on
-        ("supply_factor", "f8"),  # part of the supply that can drive a current
-        ("free_low_m", "f8"),  # between these no position switch of the axis changes
-        ("free_high_m", "f8"),
-    ],
-    align=True,
-)
-"""State of an axis beside its drive."""
-
-
-class Parts(NamedTuple):
-    """All that the loop works on, by reference. nv: number of joints, of which the carriages are three."""
-
-    plant: Any
-    """PLANT [1]."""
-    axes: Any
-    """AXIS [3]."""
-    drives: Any
-    """AXIS_PARAMETERS [3]."""
-    screws: Any
-    """SCREW [3]."""
-    states: Any
-    """AXIS_STATE [3]."""
-    thresholds: Any
-    """THRESHOLD [k]."""
-    commanded: Any
-    """int64 [m], microsteps, m >= 3."""
-    leads: Any
-    """LEAD [m]."""
-    available: Any
-    """float64 [3, s], see margin.py."""
-    joints_law: Any
-    """JOINT [nv], see glide.py."""
-    mobility: Any
-    """float64 [nv, nv], see glide.py."""
-    push: Any
-    """float64 [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum."""
-    springs: Any
-    """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
-    cut: Any
-    """CUT [1]."""
-    cut_nuts: Any
-    """float64 [2, 3], what a newton of the cut along X and Y is at the nuts."""
-    cut_joints: Any
-    """float64 [2, nv], what it is at the joints beside that."""
-    supply: Any
-    """SUPPLY [1]."""
-    before: Any
-    """float64 [nv], joint positions one window ago."""
-    rates: Any
-    """float64 [nv], joint velocities one window ago."""
-    samples: Any
-    """float64 [SAMPLES, w], rows of `_take`; who has them taken reads them before there are more."""
-    place: Any
-    """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
-    qpos: Any
-    """float64 [nv], this and the rest as MuJoCo names its arrays."""
-    qvel: Any
-    qacc: Any
-    qacc_smooth: Any
-    qfrc: Any
-
-
-MEMORY = np.dtype(
-    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
-    align=True,
-)
-"""Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
-a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
-
-POSITION, LAG, FAULT = 0, 1, 2
-"""Quantities of thresholds."""
-
-THRESHOLD = np.dtype(
-    [
-        ("quantity", "i8"),
-        ("axis", "i8"),
-        ("sense", "f8"),
-        ("limit", "f8"),  # m, microsteps
-        ("hysteresis", "f8"),
-        ("passed", "i8"),
-    ],
-    align=True,
-)
-"""Passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that."""
 
 
 @intrinsic
@@ -219,50 +76,6 @@ def _call_mj_step(typingctx, address, model, data):
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64), build
-
-
-@intrinsic
-def _pointer(typingctx, address):
-    """The address as a pointer."""
-
-    def build(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return types.voidptr(types.int64), build
-
-
-@njit(nogil=True, error_model="numpy")
-def _parts(memory):
-    """The arrays of a MEMORY."""
-    n, at = memory[0].joints, memory[0]
-    return Parts(
-        carray(_pointer(at.plant), (1,), PLANT),
-        carray(_pointer(at.axes), (AXES,), AXIS),
-        carray(_pointer(at.drives), (AXES,), AXIS_PARAMETERS),
-        carray(_pointer(at.screws), (AXES,), SCREW),
-        carray(_pointer(at.states), (AXES,), AXIS_STATE),
-        carray(_pointer(at.thresholds), (at.number_of_thresholds,), THRESHOLD),
-        carray(_pointer(at.commanded), (at.commands,), np.int64),
-        carray(_pointer(at.leads), (at.commands,), LEAD),
-        carray(_pointer(at.available), (AXES, at.speeds), np.float64),
-        carray(_pointer(at.joints_law), (n,), JOINT),
-        carray(_pointer(at.mobility), (n, n), np.float64),
-        carray(_pointer(at.push), (2, n), np.float64),
-        carray(_pointer(at.springs), (2, AXES, n), np.float64),
-        carray(_pointer(at.cut), (1,), CUT),
-        carray(_pointer(at.cut_nuts), (2, AXES), np.float64),
-        carray(_pointer(at.cut_joints), (2, n), np.float64),
-        carray(_pointer(at.supply), (1,), SUPPLY),
-        carray(_pointer(at.before), (n,), np.float64),
-        carray(_pointer(at.rates), (n,), np.float64),
-        carray(_pointer(at.samples), (SAMPLES, at.fields), np.float64),
-        carray(_pointer(at.place), (n,), np.float64),
-        carray(_pointer(at.qpos), (n,), np.float64),
-        carray(_pointer(at.qvel), (n,), np.float64),
-        carray(_pointer(at.qacc), (n,), np.float64),
-        carray(_pointer(at.qacc_smooth), (n,), np.float64),
-        carray(_pointer(at.qfrc), (n,), np.float64),
-    )
 
 
 @njit(nogil=True, error_model="numpy")
@@ -291,7 +104,7 @@ def _wake(plant, axes, supply):
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
     """Something from outside is about to change: nothing may be skipped any more."""
-    parts = _parts(memory)
+    parts = parts_of(memory)
     _wake(parts.plant[0], parts.axes, parts.supply[0])
 
 
@@ -308,7 +121,7 @@ def _enter_window(memory):
     Of what the constraints did, as much as guide friction can do is friction, the rest is a stop or a collision: the
     carriage cannot go on that way, however the nut pushes.
     """
-    parts = _parts(memory)
+    parts = parts_of(memory)
     qacc_smooth = parts.qacc_smooth
     for i in range(AXES):
         axis = parts.axes[i]
@@ -324,7 +137,7 @@ def _enter_window(memory):
 @njit(nogil=True, error_model="numpy")
 def _leave_window(memory):
     """One MuJoCo step with the mean forces of the window; is everything at rest?"""
-    parts = _parts(memory)
+    parts = parts_of(memory)
     plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
     qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
     push, springs, cut_joints = parts.push, parts.springs, parts.cut_joints
@@ -381,7 +194,7 @@ def _leave_window(memory):
 @njit(nogil=True, error_model="numpy")
 def look(memory):
     """Begin anew with the least pull-out margins: as they are now."""
-    parts = _parts(memory)
+    parts = parts_of(memory)
     for i in range(AXES):
         parts.axes[i].margin = 1.0
     _look(memory)
@@ -390,7 +203,7 @@ def look(memory):
 @njit(nogil=True, error_model="numpy")
 def _look(memory):
     """Take down the least pull-out margins; of motors whose stages are on."""
-    parts = _parts(memory)
+    parts = parts_of(memory)
     now_ns = parts.plant[0].now * parts.plant[0].substep_ns
     supply = parts.supply[0]
     faster = supply.source_v / max(supply.voltage_v, 1.0) if supply.on else 1.0
@@ -437,7 +250,7 @@ def _take(parts, at):
 @njit(nogil=True, error_model="numpy")
 def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
-    parts = _parts(memory)
+    parts = parts_of(memory)
     axes, states = parts.axes, parts.states
     now_ns = parts.plant[0].now * parts.plant[0].substep_ns
     changed = False
@@ -469,7 +282,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     first ticks, lead_ns that of the others.
     A tick at t belongs to the sub-step in (start, end] and acts in it by the time mean of the command.
     """
-    parts = _parts(memory)
+    parts = parts_of(memory)
     plant, axes, drives, states = parts.plant[0], parts.axes, parts.drives, parts.states
     commanded, leads, cut_nuts = parts.commanded, parts.leads, parts.cut_nuts
     cut, supply = parts.cut[0], parts.supply[0]
@@ -589,6 +402,7 @@ dynamics.drop_stale_code(
     gliding.__file__,
     lead.__file__,
     margins.__file__,
+    memories.__file__,
     teeth.__file__,
     thread.__file__,
 )

@@ -24,7 +24,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import PLACES, Samples, Threshold, kernel
+from isel_twin.plant import PLACES, Samples, Threshold, kernel, memory
 from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.feed import supply_state
 from isel_twin.plant.glide import glide, gliding
@@ -47,9 +47,9 @@ _LEAST_V = 5.0
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 
-_NOW, _EDGE, _LOST_DOF, _SAMPLED = map((kernel.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
-"""Places of fields in kernel.PLANT."""
-_QUANTITIES = {"position": kernel.POSITION, "lag": kernel.LAG, "fault": kernel.FAULT}
+_NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
+"""Places of fields in memory.PLANT."""
+_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
 class PlantError(RuntimeError):
@@ -101,16 +101,16 @@ class MujocoPlant:
 
         substep_s = machine.timing.substep_ns * 1e-9
         self._drives = np.concatenate([_drive(machine, axis, substep_s) for axis in machine.axes])
-        self._states = axis_states(kernel.AXES)
+        self._states = axis_states(memory.AXES)
         self._count = axes
-        self._commanded = np.zeros(max(axes, kernel.AXES), dtype=np.int64)
+        self._commanded = np.zeros(max(axes, memory.AXES), dtype=np.int64)
         self._leads = no_leads(len(self._commanded))
         self._coulomb_nm = self._drives["coulomb_nm"].copy()
         self._brake_nm = np.array([axis.brake_n for axis in machine.axes]) * self._drives["travel_m_per_rad"]
 
         data.qpos[self._dof] = np.asarray(start_mm) * 1e-3
         mujoco.mj_forward(model, data)
-        self._axes = np.zeros(kernel.AXES, kernel.AXIS)
+        self._axes = np.zeros(memory.AXES, memory.AXIS)
         self._axes["dof"] = self._dof
         self._inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, self._inertia)
@@ -136,14 +136,14 @@ class MujocoPlant:
         self._screws, uneven = self._lay_screws()
         self._check_steps()
 
-        self._thresholds = np.concatenate([np.zeros(0, kernel.THRESHOLD), *map(_threshold, thresholds)])
-        for number in np.flatnonzero(self._thresholds["quantity"] == kernel.POSITION):
+        self._thresholds = np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)])
+        for number in np.flatnonzero(self._thresholds["quantity"] == memory.POSITION):
             switch = self._thresholds[number]
             switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
         self._find_free()
         self._reach = reach(machine, model)
-        self._pushes = np.zeros((kernel.AXES, model.nv))
+        self._pushes = np.zeros((memory.AXES, model.nv))
         """float64 [3, nv], what the push along each axis is at the joints."""
         self._push = np.zeros((2, model.nv))
         """What the pushes are beside `push_n`: now, and a correction of this window's sum for how they were before."""
@@ -151,12 +151,12 @@ class MujocoPlant:
         pulls = [self._split(way) for way in (self._reach["tool"] + self._reach["table"])[:2]]
         self._cut_joints, self._cut_nuts = (np.array(part) for part in zip(*pulls, strict=True))
         self._left = left_of_x(machine, model)
-        self._lost = [""] * kernel.AXES
+        self._lost = [""] * memory.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
         self._late = self._none
         """Times, changes and leads of the ticks after the last whole sub-step."""
-        self._plant = np.zeros(1, kernel.PLANT)
+        self._plant = np.zeros(1, memory.PLANT)
         self._plant["substep_ns"] = machine.timing.substep_ns
         self._plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
         self._plant["rest_windows"] = math.ceil(REST_TIME_S / (machine.timing.mujoco_step_ns * 1e-9))
@@ -166,10 +166,8 @@ class MujocoPlant:
         self._plant["lost_dof"] = -1
         self._plant["uneven"] = uneven
         self._plant["sample_at"] = kernel.NEVER
-        self._samples = np.zeros(
-            (kernel.SAMPLES, 2 + 2 * (model.nv + len(self._commanded) + kernel.AXES)), dtype=np.float64
-        )
-        self._plant["watched"] = (self._thresholds["quantity"] != kernel.POSITION).any()
+        self._samples = np.zeros((memory.SAMPLES, 2 + 2 * (model.nv + len(self._commanded) + memory.AXES)))
+        self._plant["watched"] = (self._thresholds["quantity"] != memory.POSITION).any()
         self._words = self._plant.view(np.int64)
         """The same as whole numbers, by place."""
         self._substep_ns = machine.timing.substep_ns
@@ -187,7 +185,7 @@ class MujocoPlant:
         """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
         self._place = data.qpos.copy()
         """float64 [nv], joint positions now, within a sub-step along their velocities."""
-        self._parts = kernel.Parts(
+        self._parts = memory.Parts(
             plant=self._plant, axes=self._axes, drives=self._drives, screws=self._screws, states=self._states,
             thresholds=self._thresholds, commanded=self._commanded, leads=self._leads, available=self._available,
             joints_law=self._joints_law, mobility=mobility, push=self._push, springs=self._springs, cut=self._cuts,
@@ -196,7 +194,7 @@ class MujocoPlant:
             qacc=data.qacc, qacc_smooth=data.qacc_smooth, qfrc=data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
-        self._memory = _memory(self._parts)
+        self._memory = memory.memory_of(self._parts)
         kernel.begin_window(self._memory)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
@@ -367,7 +365,7 @@ class MujocoPlant:
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         """See Plant.set_trip_point."""
-        if self._thresholds["quantity"][threshold] != kernel.POSITION:
+        if self._thresholds["quantity"][threshold] != memory.POSITION:
             raise ValueError(f"threshold {threshold} is not a position")
         self._thresholds["limit"][threshold] = position_mm * 1e-3
         self._find_free()
@@ -404,7 +402,7 @@ class MujocoPlant:
     def rotor(self) -> NDArray[np.float64]:
         """See Plant.rotor."""
         rotor = self._commanded - all_behind(self._leads, self.time_ns)
-        rotor[: kernel.AXES] = self._states["theta_rad"] * self._axes["steps_per_rad"]
+        rotor[: memory.AXES] = self._states["theta_rad"] * self._axes["steps_per_rad"]
         return rotor[: self._count]
 
     @property
@@ -416,14 +414,14 @@ class MujocoPlant:
     def powered(self) -> NDArray[np.bool_]:
         """See Plant.powered."""
         powered = np.full(len(self._commanded), self._power[0])
-        powered[: kernel.AXES] = self._axes["phases"] & self._supply["gate"] != OPEN
+        powered[: memory.AXES] = self._axes["phases"] & self._supply["gate"] != OPEN
         return powered[: self._count]
 
     @property
     def fault(self) -> NDArray[np.bool_]:
         """See Plant.fault."""
         fault = np.zeros(len(self._commanded), dtype=np.bool_)
-        fault[: kernel.AXES] = self._axes["fault"] != 0
+        fault[: memory.AXES] = self._axes["fault"] != 0
         return fault[: self._count]
 
     @property
@@ -443,7 +441,7 @@ class MujocoPlant:
         axes, data, stiffness = self._axes, self.data, self.model.jnt_stiffness[self.model.dof_jntid]
         drives = sum(
             stored_energy_j(self._drives[i], self._states[i], axes["x_m"][i] - axes["zero_m"][i])
-            for i in range(kernel.AXES)
+            for i in range(memory.AXES)
         )
         rates, went_s = data.qvel.copy(), 0.0
         made = 0 if self._plant["frozen"][0] else int(self._plant["now"][0] % self._plant["window"][0])
@@ -481,8 +479,14 @@ class MujocoPlant:
     def margin(self) -> NDArray[np.float64]:
         """See Plant.margin."""
         margin = np.full(len(self._commanded), np.nan)
-        margin[: kernel.AXES] = self._axes["margin"]
+        margin[: memory.AXES] = self._axes["margin"]
         return margin[: self._count]
+
+    def take_margin(self) -> NDArray[np.float64]:
+        """See Plant.take_margin."""
+        taken = self.margin
+        self._axes["margin"] = 1.0
+        return taken
 
     def watch_margin(self) -> None:
         """See Plant.watch_margin."""
@@ -517,11 +521,11 @@ class MujocoPlant:
         rows = self._samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = self.model.nv, len(self._commanded)
-        ends = np.cumsum([1, joints, joints, commands, commands, kernel.AXES, kernel.AXES])
+        ends = np.cumsum([1, joints, joints, commands, commands, memory.AXES, memory.AXES])
         now, place, rates, commanded, rotor, current, margin, supply_v = np.split(rows.copy(), ends, axis=1)
         count = self._count
         margins = np.full((len(rows), commands), np.nan)
-        margins[:, : kernel.AXES] = margin
+        margins[:, : memory.AXES] = margin
         return Samples(
             time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
             position_mm=_each(self._shape_mm, place),
@@ -563,7 +567,7 @@ class MujocoPlant:
     def _find_free(self) -> None:
         """Between which positions no threshold of an axis changes: only beyond them the loop looks at each of them."""
         self._axes["free_low_m"], self._axes["free_high_m"] = -math.inf, math.inf
-        for t in self._thresholds[self._thresholds["quantity"] == kernel.POSITION]:
+        for t in self._thresholds[self._thresholds["quantity"] == memory.POSITION]:
             axis = self._axes[t["axis"]]
             end_m = t["limit"] - t["sense"] * (t["hysteresis"] if t["passed"] else 0.0)
             if (t["sense"] > 0.0) == (t["passed"] == 0):
@@ -585,7 +589,7 @@ class MujocoPlant:
     def _lay_screws(self) -> tuple[NDArray[np.void], bool]:
         """[3] SCREW, the drives told of them; whether one is not the same everywhere."""
         screws = [axis.screw for axis in self.machine.axes]
-        laid = np.zeros(kernel.AXES, SCREW)
+        laid = np.zeros(memory.AXES, SCREW)
         laid["start_m"] = self._axes["zero_m"]
         laid["travel_m_per_rad"] = self._drives["travel_m_per_rad"]
         laid["cyclic_m"] = [screw.cyclic_error_m for screw in screws]
@@ -630,21 +634,6 @@ def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.
     return products
 
 
-def _memory(parts: kernel.Parts) -> NDArray[np.void]:
-    """One MEMORY of these arrays, shape [1]; who calls keeps them."""
-    memory = np.zeros(1, kernel.MEMORY)
-    for name, array in zip(parts._fields, parts, strict=True):
-        if not array.flags.c_contiguous:
-            raise TypeError(f"{name}: the compiled loop takes arrays in one piece")
-        memory[name] = array.ctypes.data
-    memory["joints"] = len(parts.qpos)
-    memory["number_of_thresholds"] = len(parts.thresholds)
-    memory["commands"] = len(parts.commanded)
-    memory["speeds"] = parts.available.shape[1]
-    memory["fields"] = parts.samples.shape[1]
-    return memory
-
-
 def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
     """Highest frequency in rad/s of masses [nv, nv] on springs [nv], and the energy in each spring as it swings so."""
     half = np.linalg.inv(np.linalg.cholesky(inertia))
@@ -669,8 +658,8 @@ def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
 
 
 def _threshold(threshold: Threshold) -> NDArray[np.void]:
-    """One record of kernel.THRESHOLD, shape [1]; a position has still to be compared with the carriage."""
-    record = np.zeros(1, kernel.THRESHOLD)
+    """One record of memory.THRESHOLD, shape [1]; a position has still to be compared with the carriage."""
+    record = np.zeros(1, memory.THRESHOLD)
     record["quantity"] = _QUANTITIES[threshold.quantity]
     record["axis"] = threshold.axis
     record["sense"] = threshold.sense

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.capture.player import NAME as PLAYER
+from isel_twin.capture.player import Player
 from isel_twin.journal import SETTINGS
 from isel_twin.language import readable
 from isel_twin.machine import machine_from_tree
@@ -107,7 +109,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
         raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
     return Twin(
         machine_from_tree(tree, folder / "machine.toml"),
-        controller,
+        Player.restored(files.get(FLASH, b"")) if controller == PLAYER else controller,
         plant,
         seed,
         flash=files.get(FLASH),

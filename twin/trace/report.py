@@ -125,7 +125,7 @@ def _commands(results: Sequence[Result], axes: int) -> str:
             str(result.number),
             f"{result.time_ns / SECOND_NS:.6f}",
             result.command,
-            result.reply,
+            result.shown_reply,
             *(str(count) for count in result.counts),
             *(f"{position:.4f}" for position in result.position_mm),
         )

@@ -112,7 +112,7 @@ def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[st
     values = table(value, place)
     if act.by == "input":
         for name, state in values.items():
-            check_input(name, state, settable, str(event), event.error)
+            check_input(name, state, settable, str(place), event.error)
         return dict(values)
     if act.by == "contact":
         return _pairs(values, place, [name for name, states in settable.items() if "broken" in states])

@@ -6,17 +6,18 @@
     set = { hood = "open" }                  # as Twin.set_input: an element, or a contact with a fault
 
     [[event]]
-    at = 3.0
-    set = { limit_x2 = "broken" }            # a wire comes off
+    name = "jam"
+    when = "x > 120 mm"                      # or when something becomes so, see when.py
+    delay = 0.1                              # s; times = 3 or always = true: several times
+    friction_n = { x = 40 }                  # what else an event can do: acts.py
+    for = 0.3                                # s, after which it is ended again
 
     [[event]]
     at = 4.0
+    repeat = 3                               # at 4, 4.5 and 5 s
+    every = 0.5
     force_n = { x = 50.0 }                   # a hand pushes along the axis, in N, the way positions rise; 0 lets go
     place = "tool"                           # what it pushes, tool or table; without it, what the axis moves
-
-    [[event]]
-    at = 5.0
-    phase_lost = { x = "a" }                 # a motor phase is interrupted: "a", "b", "ab"; "" restores it
 
     [[event]]
     at = 6.0
@@ -30,13 +31,9 @@
     radial = 0.3                             # radial over tangential force; may be left out, and so may
     climb = true                             # the material right of the feed; false: left; see plant/cutting.py
 
-    [[event]]
-    at = 6.5
-    noise = 0.01                             # chance of a flipped bit in each byte on the serial line
-
 What one event sets changes together, in whatever order it is written; events at the same instant happen one after the
-other, in the order of the file. One file serves the command line, tests and environments. All of it is checked when
-the file is read.
+other, in the order of the file. One file serves the command line, tests and environments: docs/scenarios.md. All of it
+is checked when the file is read.
 """
 
 from __future__ import annotations

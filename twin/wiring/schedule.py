@@ -5,7 +5,7 @@ state or a position passed tells it here; nothing is looked for on a grid.
 
     at                      t, and again after `every`, `repeat` times in all
     when, of a message      each message that begins so
-    when, of a state        each time it becomes so; what is so at power-on becomes so then
+    when, of a state        each time it becomes so; what is so at power-on has to be otherwise first
     when, after an event    each time that event happens, so much later
 
                  so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
@@ -103,7 +103,8 @@ class Schedule:
         self._happened = [0] * len(self.events)
         self._begun = [0] * len(self.events)
         self._armed_ns = [0] * len(self.events)
-        self._so = [False] * len(self.events)
+        self._so: list[bool | None] = [None] * len(self.events)
+        """Whether the condition of a state holds; None: nobody has said yet."""
         self._by_kind: dict[str, list[int]] = defaultdict(list)
         for place, event in enumerate(self.events):
             if event.when is None:
@@ -157,7 +158,7 @@ class Schedule:
         self._sequence += 1
         heapq.heappush(self._due, (t_ns, _END, self._sequence, event, _END))
 
-    # What is told; `take` follows at the same instant
+    # What is told; `take` follows at the same instant. The first word about a state is how it is at power-on.
 
     def heard(self, data: bytes, sent: bool) -> None:
         """Bytes of the host have arrived (sent) or the controller has answered some."""
@@ -191,7 +192,7 @@ class Schedule:
         return condition
 
     def _becomes(self, place: int, so: bool) -> None:
-        if so and not self._so[place]:
+        if so and self._so[place] is False:
             self._met.append(place)
         self._so[place] = so
 

@@ -1,7 +1,7 @@
 """The words of a condition: what stands behind `when` in a scenario file.
 
-    sent @0M                     a message of the host that begins so, as it arrives at the controller
-    replied 0                    a message of the controller that begins so, as it begins its way
+    sent @0M                     a message of the host that begins so: the controller has just got the last byte of it
+    replied 0                    a message of the controller that begins so: it has just given it to the line
     x > 120 mm, z < 5 mm         true position of a carriage in machine coordinates: 0 at the switch at the motor end
     output spindle == 1          an output of the controller, or a relay of the cabinet
     input hood == open           an element, a position switch (free, struck), or a contact (its fault, or ok)
@@ -60,8 +60,8 @@ def condition(
         if not rest:
             raise place.wrong(f"{words!r}: {kind} what? allowed: how the message begins, such as '{kind} TEXT'")
         return Condition("sent" if kind == "sent" else "replied", rest)
-    if kind in CARRIAGES:
-        return _position(kind, rest, words, place)
+    if re.match(rf"[{''.join(CARRIAGES)}]\s*([^\w\s]|$)", words.strip()):
+        return _position(words.strip(), place)
     if kind in ("output", "input"):
         found = re.fullmatch(r"(\S+)\s*==\s*(\S+)", rest)
         if found is None:
@@ -81,8 +81,9 @@ def _examples() -> str:
     return f"allowed: {', '.join(repr(example) for example in EXAMPLES)}"
 
 
-def _position(axis: str, rest: str, words: str, place: Place) -> Condition:
-    found = re.fullmatch(r"([<>])\s*(\S+)\s*(\S*)", rest)
+def _position(words: str, place: Place) -> Condition:
+    axis = words[0]
+    found = re.fullmatch(r".\s*([<>])\s*(\S+?)\s*([a-z]*)", words)
     number = _number(found[2]) if found else None
     if found is None or number is None:
         raise place.wrong(f"{words!r}; allowed: {axis} > NUMBER mm or {axis} < NUMBER mm")

@@ -278,7 +278,10 @@ class Wiring:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
             self._look()
-        acted = self._contacts.advance(t_ns) or bool(changed)
+        bounced = self._contacts.advance(t_ns)
+        if bounced:  # a worn contact of the cabinet chatters, too
+            self._settle_cabinet()
+        acted = bounced or bool(changed)
         self.changes += acted
         return acted
 
@@ -296,8 +299,10 @@ class Wiring:
             self._set_mains(not value)
         elif key == "line_cut":
             self._line.cut(t_ns, value)
-        elif key in ("dropped", "doubled"):
-            setattr(self._line, key, value)
+        elif key == "dropped":
+            self._line.dropped = value
+        elif key == "doubled":
+            self._line.doubled = value
         elif key == "undervoltage":
             plant.set_undervoltage(value)
         for name, one in value.items() if act.by in ("axis", "place") else ():

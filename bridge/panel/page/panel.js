@@ -91,6 +91,8 @@ function begin(told) {
   $("link").dataset.state = "on";
   put($("link"), "connected");
   $("monitor").replaceChildren();
+  $("recording").hidden = !about.recording;
+  if (about.recording) $("recording").download = about.recording;
   build_time(); build_elements(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
 }
 
@@ -238,23 +240,28 @@ function build_ports() {
     for (const [terminal, level] of Object.entries(now.levels)) {
       if (!nodes.has(terminal)) {
         const names = about.terminals[terminal] || [];
-        const text = names.map(plain).join(", ") || "drive";
-        const name = make("span", { class: "name", title: text }, text);
+        const name = make("span", { class: "name", title: names.map(plain).join(", ") || "drive" },
+          ...(names.length ? names : ["drive"]).map((contact) => make("span", { "data-contact": contact }, plain(contact))));
         const node = make("div", { class: names.length > 1 ? "port wide" : "port", "data-port": terminal },
           make("span", { class: "dot" }), make("code", {}, terminal), name, make("span", { class: "level" }));
-        nodes.set(terminal, { node, names, name });
+        nodes.set(terminal, { node, name });
         $("ports").append(node);
       }
-      const { node, names, name } = nodes.get(terminal);
+      const { node, name } = nodes.get(terminal);
       mark(node.firstChild, "data-on", level);
       put(node.lastChild, level ? "high" : "low");
-      name.classList.toggle("faulty", names.some((contact) => contact in now.faults));
+      for (const part of name.children) {
+        const contact = part.dataset.contact;
+        mark(part, "class", contact in now.faults ? "faulty" : now.inputs[contact] === "struck" ? "struck" : "");
+      }
     }
   });
 }
 
 function build_faults() {
-  const contacts = Object.keys(about.settable).filter((name) => about.settable[name].some(is_fault));
+  // Those that nobody operates come first: switches and circuits, whose faults are the ones looked for.
+  const all = Object.keys(about.settable).filter((name) => about.settable[name].some(is_fault));
+  const contacts = [...all.filter((name) => !own_states(name).length), ...all.filter((name) => own_states(name).length)];
   const wrong = make("div", { id: "wrong" });
   const lines = contacts.map((name) => {
     const states = about.settable[name].filter(is_fault);
@@ -270,7 +277,7 @@ function build_faults() {
   });
   const acts = about.acts.map((act) => form(act, contacts));
   $("faults").replaceChildren(wrong, make("h3", {}, "Contacts and wires"), make("div", { class: "contacts" }, ...lines),
-    make("h3", {}, "Machine, drives and line"), ...acts);
+    make("h3", {}, "Machine, drives, controller and line"), ...acts);
   let shown = "";
   updates.push((now) => {
     const entries = Object.entries(now.faults);
@@ -338,9 +345,11 @@ function form(act, contacts) {
   parts.push(make("button", { class: "do", onclick: begin_it }, act.off === null ? "do" : "begin"));
   if (act.off !== null) parts.push(make("button", { class: "end", onclick: () => please(event(act.off)) }, "end"));
   const useless = act.physical && !about.physics;
-  const node = make("div", { class: "act", "data-act": act.key, title: useless ? "does nothing without physics" : "" },
-    make("b", {}, plain(act.key.replace(/_(n|mm|kg|k)$/, "")), make("small", {}, act.meaning)), ...parts);
+  const node = make("details", { class: "act", "data-act": act.key, title: useless ? "does nothing without physics" : "" },
+    make("summary", {}, make("b", {}, plain(act.key.replace(/_(n|mm|kg|k)$/, ""))), make("small", {}, act.meaning)),
+    make("div", {}, ...parts));
   if (useless) for (const field of node.querySelectorAll("button, input, select")) field.disabled = true;
+  updates.push((now) => node.classList.toggle("faulty", Object.keys(now.faults).some((fault) => fault === act.key || fault.startsWith(`${act.key}.`))));
   return node;
 }
 
@@ -357,11 +366,14 @@ for (const tab of document.querySelectorAll("nav [data-tab]")) {
 
 // ---- the line --------------------------------------------------------------------------------------------------------
 
+// Lines break after a comma rather than within a number.
+function breakable(text) { return text.split(",").flatMap((part, i, all) => i < all.length - 1 ? [`${part},`, make("wbr")] : [part]); }
+
 function say(lines) {
   const monitor = $("monitor");
   const at_end = monitor.scrollHeight - monitor.scrollTop - monitor.clientHeight < 30;
   monitor.append(...lines.map((line) => make("div", { class: "message", "data-who": line.who },
-    make("time", {}, line.s.toFixed(3)), make("span", { class: "who" }, line.who), make("span", { class: "text" }, line.text),
+    make("time", {}, line.s.toFixed(3)), make("span", { class: "who" }, line.who), make("span", { class: "text" }, ...breakable(line.text)),
     make("span", { class: "means" }, line.means))));
   while (monitor.childElementCount > MESSAGES) monitor.firstChild.remove();
   if (at_end) monitor.scrollTop = monitor.scrollHeight;
@@ -413,6 +425,7 @@ function draw() {
     pen.font = "10px system-ui, sans-serif"; pen.fillStyle = "#8a94a0"; pen.strokeStyle = "#e6eaef"; pen.lineWidth = 1;
     for (const value of low < 0 && high > 0 ? [low, 0, high] : [low, high]) {
       pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(width - 4, y(value)); pen.stroke();
+      if (value === 0 && Math.min(y(0) - y(high), y(low) - y(0)) < 10 && low < 0 && high > 0) continue; // would lie upon another
       pen.textAlign = "right"; pen.textBaseline = "middle"; pen.fillText(short(value), left - 4, y(value));
     }
     pen.textBaseline = "alphabetic"; pen.textAlign = "left"; pen.fillText(`${begin.toFixed(1)} s`, left, height - 2);

@@ -1,0 +1,10 @@
+"""Jobs under test: what must hold, what was found, and how others are told of it.
+
+job.py       one job against its bounds: findings
+settings.py  bounds of a project: isel-twin.toml
+formats.py   findings as JUnit XML, SARIF, JSON and annotations
+"""
+
+from isel_twin.checks.job import RULES, Bounds, Finding, Report, check_job
+
+__all__ = ["RULES", "Bounds", "Finding", "Report", "check_job"]

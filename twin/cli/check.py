@@ -1,0 +1,181 @@
+"""`isel-twin check`: jobs against their bounds, for the terminal and for CI."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli.jobs import check_names, read_job
+from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
+
+if TYPE_CHECKING:
+    from isel_twin.checks import Report
+    from isel_twin.checks.settings import Task
+    from isel_twin.twin import Twin
+
+
+def check(
+    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line.")],
+    settings: Annotated[
+        Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
+    ] = None,
+    machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None,
+    controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None,
+    plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed of power-on positions, switch scatter and bounce.")] = None,
+    scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
+    margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
+    deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
+    cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
+    may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
+    robust: Annotated[int | None, Parameter(help="Repetitions on slightly different machines.")] = None,
+    timeout_s: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
+    golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
+    processes: Annotated[int, Parameter(help="Processes that share the jobs.")] = 1,
+    junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
+    sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
+    json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
+) -> int:
+    """Play jobs and say what is wrong: refused commands, lost steps, switches struck, margins, tolerances, time.
+
+    Bounds come from options, or from isel-twin.toml in the folder of a job or above it ([check], see docs/ci.md).
+    Everything else holds always. Where a job has a golden run beside it, it is compared.
+
+    Exit code 0 if nothing is wrong, 1 if something is, 2 for a call that cannot be carried out. In a workflow of
+    GITHUB_ACTIONS the findings are also told as annotations.
+    """
+    options: dict[str, Any] = {
+        "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
+        "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "robust": robust,
+        "timeout_s": timeout_s, "golden": golden,
+    }  # fmt: skip
+    if may_strike is not None:
+        options["may_strike"] = tuple(name for name in may_strike.split(",") if name)
+    _check_options(options, processes)
+    tasks = _tasks(jobs, settings, options)
+    check_writable(junit, sarif, kept=(*jobs, settings, scenario))
+
+    from isel_twin.checks import formats
+
+    reports = []
+    with ExitStack() as stack:
+        told = stack.enter_context(closing(_reports(tasks, processes, stack)))
+        for report in told:
+            reports.append(report)
+            print(formats.as_json(report) if json else _in_words(report), flush=True)
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for line in formats.annotations(reports):
+            print(line)
+    for path, write in ((junit, formats.junit), (sarif, formats.sarif)):
+        if path is not None:
+            from isel_twin.files import atomic_write
+
+            with call_errors(path):
+                atomic_write(path, write(reports).encode())
+    failed = sum(not report.ok for report in reports)
+    if not json:
+        number = len(reports)
+        print(f"{number} job{'' if number == 1 else 's'}, {f'{failed} not as it should be' if failed else 'all well'}")
+    return 1 if failed else 0
+
+
+def _check_options(options: dict[str, Any], processes: int) -> None:
+    """Refuse numbers that are none. Raises CallError."""
+    for key in ("cycle_s", "timeout_s"):
+        if options[key] is not None:
+            check_seconds(key.replace("_", "-"), options[key], 0.0)
+    if options["margin"] is not None and not 0.0 <= options["margin"] <= 1.0:
+        raise CallError(f"margin {options['margin']:g}: must be from 0 to 1", option=True)
+    if options["deviation_mm"] is not None and not options["deviation_mm"] >= 0.0:
+        raise CallError(f"deviation-mm {options['deviation_mm']:g}: must be a distance from 0", option=True)
+    if options["robust"] is not None and options["robust"] < 0:
+        raise CallError(f"robust {options['robust']}: must be a number of repetitions, such as 20", option=True)
+    if processes < 1:
+        raise CallError(f"processes {processes}: must be a number of processes from 1", option=True)
+
+
+def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any]) -> list[Task]:
+    """What is to be done, all of it looked at before anything is begun. Raises CallError."""
+    from isel_twin.checks import settings as demanded
+    from isel_twin.golden import golden_file, load
+
+    if not jobs:
+        raise CallError("name the jobs: isel-twin check JOB...")
+    if settings is not None and not settings.is_file():
+        raise CallError(f"{settings}: there is no such file")
+    tasks = []
+    for job in jobs:
+        if str(job) == STANDARD_INPUT:
+            raise CallError("-: bounds stand beside a job; name a file")
+        if job.is_dir():
+            raise CallError(f"{job}: is a folder, not a file; name its jobs")
+        with call_errors(job):
+            found = settings if settings is not None else demanded.find(job)
+            task = demanded.task(job, found, options)
+            read_job(job, task.call.controller)
+            if task.golden and (file := golden_file(job)).is_file():
+                load(file)
+            elif options["golden"]:
+                raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
+        tasks.append(task)
+    twins: dict[str, Twin] = {}
+    for task in tasks:
+        if (twin := twins.get(repr(task.call))) is None:
+            twin = twins[repr(task.call)] = task.call.build()
+        names = {switch.name for switch in twin.machine.switches} | {"all"}
+        if unknown := sorted(set(task.bounds.may_strike) - names):
+            raise CallError(f"may-strike {unknown[0]}: is no end switch; there are: {', '.join(sorted(names))}")
+        check_names(task.job, read_job(task.job, task.call.controller), twin)
+    return tasks
+
+
+def _reports(tasks: Sequence[Task], processes: int, stack: ExitStack) -> Iterator[Report]:
+    """The reports in the order of the tasks, whatever makes them."""
+    if processes == 1 or len(tasks) == 1:
+        yield from map(perform, tasks)
+        return
+    from isel_twin.robust import processes as pool
+
+    executor = stack.enter_context(pool(min(processes, len(tasks))))
+    yield from executor.map(partial(perform), tasks)
+
+
+def perform(task: Task) -> Report:
+    """Check one job; in this process or another."""
+    from isel_twin.checks import check_job
+    from isel_twin.golden import called, golden_file, load
+
+    file = golden_file(task.job)
+    golden = load(file) if task.golden and file.is_file() else None
+    lines = read_job(task.job, task.call.controller)
+    report = check_job(task.job, task.call, lines, task.bounds)
+    return report if golden is None else report.compared(golden, called(report.run, task.call, task.job, file))
+
+
+def _in_words(report: Report) -> str:
+    from isel_twin.checks.formats import where
+
+    verdict = report.verdict
+    commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
+    margin = "" if report.margin is None else f", margin {100.0 * report.margin:.0f} %"
+    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {report.cycle_s:.3f} s{margin})"
+    return "\n".join(
+        [
+            head,
+            *(
+                f"  {'warning ' if finding.warning else ''}{finding.rule:<10} {_place(where(finding))}{finding.message}"
+                for finding in report.findings
+            ),
+        ]
+    )
+
+
+def _place(place: str) -> str:
+    return f"{place}: " if place else ""

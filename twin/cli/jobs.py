@@ -1,0 +1,57 @@
+"""Job files as commands are given them: read, checked, and what is wrong with one told with its place."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli.options import is_standard_input
+
+if TYPE_CHECKING:
+    from isel_twin.job import Line
+    from isel_twin.twin import Twin
+
+__all__ = ["check_names", "job_name", "read_job"]
+
+
+def job_name(job: Path) -> str:
+    """A job for people."""
+    return "standard input" if is_standard_input(job) else str(job)
+
+
+def read_job(job: Path, controller: str) -> list[Line]:
+    """The lines of a job file, or of standard input, for a controller. Raises CallError."""
+    from isel_twin.job import decode_job, parse_job
+    from isel_twin.language import create_language
+
+    with call_errors(job_name(job)):
+        language = create_language(controller)
+        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
+        with _told(job):
+            lines = parse_job(decode_job(data), language, controller)
+    if not lines:
+        raise CallError(f"{job_name(job)}: there is no command in it")
+    return lines
+
+
+def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
+    """Raise CallError for a condition about something that this twin does not have."""
+    from isel_twin.job import check_conditions
+
+    with _told(job):
+        check_conditions(lines, twin)
+
+
+@contextmanager
+def _told(job: Path) -> Iterator[None]:
+    """What is wrong with a job is a CallError about it."""
+    try:
+        yield
+    except CallError:
+        raise
+    except ValueError as error:
+        raise CallError(f"{job_name(job)}: {error}", excerpt=getattr(error, "excerpt", "")) from None

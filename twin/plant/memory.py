@@ -1,0 +1,233 @@
+"""What the compiled loop works on: records of numbers, and one small record that says where they all are.
+
+Goal: a call of the loop hands over one argument, and every field has a name. The arrays belong to whoever built the
+plant, and to MuJoCo; a MEMORY holds their addresses only.
+
+    Parts of arrays  --- memory_of --->  MEMORY  --- parts_of (compiled) --->  Parts of arrays, by reference
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import carray, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from isel_twin.compiling import njit
+from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE
+from isel_twin.plant import MOST_SAMPLES
+from isel_twin.plant.cutting import CUT
+from isel_twin.plant.feed import SUPPLY
+from isel_twin.plant.glide import JOINT
+from isel_twin.plant.lead import LEAD
+from isel_twin.plant.thread import SCREW
+
+AXES = 3
+"""Axes with mechanics."""
+SAMPLES = MOST_SAMPLES
+"""Samples that can wait to be read."""
+
+PLANT = np.dtype(
+    [
+        ("substep_ns", "i8"),
+        ("window", "i8"),  # sub-steps in a MuJoCo step
+        ("rest_windows", "i8"),  # windows of standstill before the plant is frozen
+        ("mj_step", "i8"),  # address of the function
+        ("model", "i8"),  # address of the mjModel
+        ("data", "i8"),  # address of the mjData
+        ("now", "i8"),  # sub-steps made since power-on
+        ("quiet", "i8"),  # windows of standstill so far
+        ("frozen", "i8"),  # 1: nothing moves
+        ("watched", "i8"),  # 1: there are thresholds of other quantities than position
+        ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
+        ("led_until_ns", "i8"),  # when the last of all leads is over
+        ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
+        ("uneven", "i8"),  # 1: a screw is not everywhere the same
+        ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
+        ("sample_at", "i8"),  # sub-step of the next one
+        ("sampled", "i8"),  # samples that wait to be read
+        ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
+    ],
+    align=True,
+)
+"""State of the loop."""
+
+AXIS = np.dtype(
+    [
+        ("dof", "i8"),  # place of the axis joint in qpos and qvel
+        ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
+        ("mobility_per_kg", "f8"),  # acceleration per newton at the nut
+        ("x_m", "f8"),  # joint position inside the window
+        ("v_m_s", "f8"),
+        ("rest_m_s2", "f8"),  # a: acceleration by everything but nut, push and guide friction
+        ("friction_n", "f8"),  # guide friction
+        ("held", "f8"),  # +1, -1: a stop or a collision pushes this way, 0: nothing does
+        ("sum_n", "f8"),  # sum of the forces of this window
+        ("mean_n", "f8"),  # mean force of the window before
+        ("push_n", "f8"),  # force on the nut that would accelerate the carriage as the push from outside does
+        ("phases", "i8"),  # as `step_axis` takes it
+        ("fraction", "f8"),  # current fraction
+        ("idle_fraction", "f8"),
+        ("idle_delay", "i8"),  # sub-steps from the last change of the command to the lowered current
+        ("lowering", "i8"),  # 1: the controller asks for lowered current at rest
+        ("still_since", "i8"),  # sub-step after the last one with a change, or in which the stage came on
+        ("steps_per_rad", "f8"),  # microsteps of the command in a radian of the rotor
+        ("full_steps", "f8"),  # full steps in a microstep
+        ("sum_nm", "f8"),  # sum of the torques of the currents in this window
+        ("mean_nm", "f8"),  # their mean in the window before
+        ("margin", "f8"),  # least pull-out margin since it was last asked for anew (margin.py)
+        ("fault", "i8"),  # 1: the drive has switched itself off: under-voltage of a common supply
+        ("command", "f8"),  # time mean of the command in this sub-step
+        ("resistance_ohm", "f8"),  # of a phase with what the stage adds
+        ("inductance_h", "f8"),
+        ("own_w", "f8"),  # what the stage uses for itself while on
+        ("supply_factor", "f8"),  # part of the supply that can drive a current
+        ("free_low_m", "f8"),  # between these no position switch of the axis changes
+        ("free_high_m", "f8"),
+    ],
+    align=True,
+)
+"""State of an axis beside its drive."""
+
+
+POSITION, LAG, FAULT = 0, 1, 2
+"""Quantities of thresholds."""
+
+THRESHOLD = np.dtype(
+    [
+        ("quantity", "i8"),
+        ("axis", "i8"),
+        ("sense", "f8"),
+        ("limit", "f8"),  # m, microsteps
+        ("hysteresis", "f8"),
+        ("passed", "i8"),
+    ],
+    align=True,
+)
+"""Passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that."""
+
+
+class Parts(NamedTuple):
+    """All that the loop works on, by reference. nv: number of joints, of which the carriages are three."""
+
+    plant: Any
+    """PLANT [1]."""
+    axes: Any
+    """AXIS [3]."""
+    drives: Any
+    """AXIS_PARAMETERS [3]."""
+    screws: Any
+    """SCREW [3]."""
+    states: Any
+    """AXIS_STATE [3]."""
+    thresholds: Any
+    """THRESHOLD [k]."""
+    commanded: Any
+    """int64 [m], microsteps, m >= 3."""
+    leads: Any
+    """LEAD [m]."""
+    available: Any
+    """float64 [3, s], see margin.py."""
+    joints_law: Any
+    """JOINT [nv], see glide.py."""
+    mobility: Any
+    """float64 [nv, nv], see glide.py."""
+    push: Any
+    """float64 [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum."""
+    springs: Any
+    """float64 [2, 3, nv], acceleration of each carriage by the way and by the speed of each joint on its spring."""
+    cut: Any
+    """CUT [1]."""
+    cut_nuts: Any
+    """float64 [2, 3], what a newton of the cut along X and Y is at the nuts."""
+    cut_joints: Any
+    """float64 [2, nv], what it is at the joints beside that."""
+    supply: Any
+    """SUPPLY [1]."""
+    before: Any
+    """float64 [nv], joint positions one window ago."""
+    rates: Any
+    """float64 [nv], joint velocities one window ago."""
+    samples: Any
+    """float64 [SAMPLES, w], rows of the loop's `_take`; who has them taken reads them before there are more."""
+    place: Any
+    """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
+    qpos: Any
+    """float64 [nv], this and the rest as MuJoCo names its arrays."""
+    qvel: Any
+    qacc: Any
+    qacc_smooth: Any
+    qfrc: Any
+
+
+MEMORY = np.dtype(
+    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
+    align=True,
+)
+"""Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
+a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
+
+
+@intrinsic
+def _pointer(typingctx: Any, address: Any) -> Any:
+    """The address as a pointer."""
+
+    def build(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.voidptr(types.int64), build
+
+
+at_address: Any = _pointer
+"""As compiled code calls it: with the address alone."""
+
+
+@njit(nogil=True, error_model="numpy")
+def parts_of(memory):
+    """The arrays of a MEMORY."""
+    n, at = memory[0].joints, memory[0]
+    return Parts(
+        carray(at_address(at.plant), (1,), PLANT),
+        carray(at_address(at.axes), (AXES,), AXIS),
+        carray(at_address(at.drives), (AXES,), AXIS_PARAMETERS),
+        carray(at_address(at.screws), (AXES,), SCREW),
+        carray(at_address(at.states), (AXES,), AXIS_STATE),
+        carray(at_address(at.thresholds), (at.number_of_thresholds,), THRESHOLD),
+        carray(at_address(at.commanded), (at.commands,), np.int64),
+        carray(at_address(at.leads), (at.commands,), LEAD),
+        carray(at_address(at.available), (AXES, at.speeds), np.float64),
+        carray(at_address(at.joints_law), (n,), JOINT),
+        carray(at_address(at.mobility), (n, n), np.float64),
+        carray(at_address(at.push), (2, n), np.float64),
+        carray(at_address(at.springs), (2, AXES, n), np.float64),
+        carray(at_address(at.cut), (1,), CUT),
+        carray(at_address(at.cut_nuts), (2, AXES), np.float64),
+        carray(at_address(at.cut_joints), (2, n), np.float64),
+        carray(at_address(at.supply), (1,), SUPPLY),
+        carray(at_address(at.before), (n,), np.float64),
+        carray(at_address(at.rates), (n,), np.float64),
+        carray(at_address(at.samples), (SAMPLES, at.fields), np.float64),
+        carray(at_address(at.place), (n,), np.float64),
+        carray(at_address(at.qpos), (n,), np.float64),
+        carray(at_address(at.qvel), (n,), np.float64),
+        carray(at_address(at.qacc), (n,), np.float64),
+        carray(at_address(at.qacc_smooth), (n,), np.float64),
+        carray(at_address(at.qfrc), (n,), np.float64),
+    )
+
+
+def memory_of(parts: Parts) -> NDArray[np.void]:
+    """One MEMORY of these arrays, shape [1]; whoever keeps it keeps them. Raises TypeError for an array in pieces."""
+    memory = np.zeros(1, MEMORY)
+    for name, array in zip(parts._fields, parts, strict=True):
+        if not array.flags.c_contiguous:
+            raise TypeError(f"{name}: the compiled loop takes arrays in one piece")
+        memory[name] = array.ctypes.data
+    memory["joints"] = len(parts.qpos)
+    memory["number_of_thresholds"] = len(parts.thresholds)
+    memory["commands"] = len(parts.commanded)
+    memory["speeds"] = parts.available.shape[1]
+    memory["fields"] = parts.samples.shape[1]
+    return memory
