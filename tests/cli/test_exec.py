@@ -122,6 +122,15 @@ def test_a_parameter_of_the_machine(host):
     assert json.loads(done.stdout)["position_mm"][0] == pytest.approx(20.0)
 
 
+def test_a_recording_replays(host, tmp_path):
+    record = tmp_path / "host.mcap"
+    done = execute("--record", record, "--", "python", host(MOVE.format(way=3200, speed=8000)))
+    assert done.returncode == 0, done.stderr
+    command = [sys.executable, "-m", "isel_twin.cli", "replay", str(record)]
+    again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert again.returncode == 0, again.stderr
+
+
 def test_a_host_that_never_ends_is_ended(host):
     done = execute("--timeout", "100", "--", "python", host("import time\nwhile True: time.sleep(1)"))
     assert done.returncode == 1
