@@ -82,11 +82,11 @@ def printed(capsys):
     ],
 )
 def test_every_way_to_wait_ten_minutes_takes_ten_virtual_ones(wait, host, twin):
-    began = time.perf_counter()
+    began = time.process_time()
     done = host(OPEN + "began = time.monotonic()\n" + wait + "\nassert 600 <= time.monotonic() - began < 600.001")
     assert (done.code, done.reason) == (0, "")
     assert 600e9 <= done.ended_ns < 600.001e9
-    assert time.perf_counter() - began < 5.0
+    assert time.process_time() - began < 5.0
 
 
 @pytest.mark.parametrize(
@@ -104,11 +104,20 @@ def test_every_way_to_wait_ten_minutes_takes_ten_virtual_ones(wait, host, twin):
     ],
 )
 def test_a_loop_that_spins_for_ten_minutes_ends(loop, host):
-    began = time.perf_counter()
+    began = time.process_time()
     done = host(OPEN + "end = time.time() + 600\n" + loop)
     assert (done.code, done.reason) == (0, "")
-    assert done.ended_ns == pytest.approx(600e9, rel=0.002)
-    assert time.perf_counter() - began < 10.0
+    assert done.ended_ns == pytest.approx(600e9, rel=1e-3)
+    assert time.process_time() - began < 10.0
+
+
+def test_time_stamps_of_a_computation_are_no_wait(host):
+    """Five thousand lines in a log, each with its time and its lock, are 5 ms of looks."""
+    done = host(
+        "import logging, io\nlogging.basicConfig(stream=io.StringIO())\nfor i in range(5000): logging.warning('%s', i)"
+    )
+    assert done.code == 0
+    assert done.ended_ns <= 50_000_000
 
 
 def test_all_clocks_are_the_twins(host, capsys, twin):
