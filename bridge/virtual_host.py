@@ -137,13 +137,15 @@ def run_host(
     wire: Wire | None = None,
     limit_s: float | None = None,
     give_up: Callable[[VirtualTime], object] | None = None,
+    raise_interrupt: bool = True,
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
     limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
-    which may end themselves when the host goes on after it was told that it has ended.
+    which may end themselves when the host goes on after it was told that it has ended. raise_interrupt: Ctrl-C that the
+    host has not caught is raised again, as a test runner wants it; False: it is the end of the host, with code 130.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -157,6 +159,8 @@ def run_host(
         code, ending = _run(program, time)
     if time.broken is not None:
         raise time.broken
+    if ending == "interrupt" and raise_interrupt:
+        raise KeyboardInterrupt
     ended_ns = twin.time_ns
     reason = ""
     if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
@@ -235,7 +239,7 @@ def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
     except KeyboardInterrupt as error:
         _print(error)
         return INTERRUPTED, "interrupt"
-    except BaseException as error:
+    except Exception as error:  # others, such as a test runner's for its time limit, are not the host's
         if time.ending is None:
             _print(error)
         return 1, "exception"

@@ -453,6 +453,37 @@ def test_a_host_in_the_twins_own_repository_is_no_library(twin):
 # Around it
 
 
+def test_what_a_test_runner_raises_goes_through_the_host(host, twin):
+    """A time limit of a test, raised by a signal handler wherever the main thread is."""
+
+    class Late(BaseException):
+        pass
+
+    def late(*_):
+        raise Late
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(Late):
+            host(
+                "import time, threading\nthreading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
+                "while True:\n    try: time.sleep(0.01)\n    except Exception: pass\n"
+            )
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert here() is None
+    assert threading.active_count() == 1
+    assert host("import time; time.sleep(1)").code == 0
+
+
+def test_ctrl_c_that_the_host_does_not_catch_stops_the_test_runner(host):
+    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        host("import time\nwhile True: time.sleep(0.01)")
+    assert here() is None
+
+
 def test_nothing_of_it_is_left(host, tmp_path):
     (tmp_path / "part_of_host.py").write_text("from time import sleep\n")
     before = [time.sleep, time.time, threading.Lock, threading.Thread.join, serial.Serial, datetime.datetime, os.fork]

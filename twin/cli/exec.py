@@ -89,7 +89,7 @@ def exec_(
         stack.enter_context(told_of_compiling())
         wire = _wire_log(controller, stack) if log is not None else None
         recording = None if record is None else begin(record, twin, interval, {"host": " ".join(command)}, stack)
-        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up)
+        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up, raise_interrupt=False)
         recorded = True
         if record is not None and recording is not None:
             with call_errors(record):
