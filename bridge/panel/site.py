@@ -7,7 +7,8 @@
     WebSocket, any other path        the scene, in viser's own protocol
 
 viser brings web server and thread. What it has no hook for is put round the function it serves with (`_Serving`): the
-listening socket, which is bound before anything else starts, the page, and the gate.
+listening socket, which is bound before anything else starts, the page, and the gate. What it can do that nobody here
+wants, to share a scene through a server of its makers, is taken out.
 
 The gate: whoever does not name this server as his host, comes from a page of another origin, or lacks the token where
 one is needed, gets 403 and a line that says why. On the loopback interface the host must be this computer by name or
@@ -199,6 +200,7 @@ class WebSite:
         self._about = dict(about)
         with contextlib.redirect_stdout(io.StringIO()), _Serving(self):  # viser greets on the standard output
             self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
         self._loop = self._viser._event_loop
         self._stage = _Stage(self._viser, machine)
 

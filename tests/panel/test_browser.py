@@ -154,6 +154,27 @@ def test_break_a_switch_and_heal_it_and_flip_bits(bench, open_panel):
     assert page.said == []
 
 
+def test_a_fault_for_a_while_ends_by_itself(bench, open_panel):
+    page = open_panel(bench(speed=1.0))
+    page["[data-tab=faults]"].click()
+    dropped = page['.act[data-act="dropped"]']
+    dropped.locator("summary").click()
+    dropped.get_by_label("dropped: for").fill("0.8")
+    dropped.get_by_role("button", name="begin").click()
+    expect(page['.wrong[data-fault="dropped"]']).to_have_count(1)
+    expect(page['.wrong[data-fault="dropped"]']).to_have_count(0)
+    assert page.said == []
+
+
+def test_the_token_of_the_link_is_enough(bench, open_panel):
+    here = bench(token="sesame")
+    page = open_panel(here, scene=True)
+    expect(page.page.frame_locator("#scene").locator("canvas").first).to_be_visible()
+    page['[data-element="estop"]'].click()
+    expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    assert page.said == []
+
+
 def test_a_query_typed_in_is_answered_and_explained(bench, open_panel):
     page = open_panel(bench(ready=True))
     page.say("@0P")

@@ -236,3 +236,34 @@ def test_there_are_no_more_frames_than_twenty_in_a_second():
     took_s = time.monotonic() - began
     assert 2 <= len(site.frames) <= math.ceil(took_s * FRAMES_PER_S) + 1
     assert panel.wait_s() is not None
+
+
+def test_it_stays_usable_while_the_machine_runs_at_max(bench, browser):
+    """A host that never lets the line rest: frames come, requests are answered, what is pressed stops the machine."""
+    here = bench(ready=True)
+    page = browser(here)
+    stop, replies = threading.Event(), []
+
+    def host() -> None:
+        with socket.create_connection(parse_address(here.line.address), timeout=WAIT_S) as port:
+            while not stop.is_set():
+                for way in (20_000, -20_000):
+                    port.sendall(f"@0A {way},2000,0,800,0,800,0,800\r".encode())
+                    replies.append(port.recv(1))
+
+    thread = threading.Thread(target=host)
+    thread.start()
+    try:
+        seen: set[int] = set()
+        while len(seen) < 20:
+            page.hear()
+            seen.add(page.frame["time_ns"])
+        assert max(seen) - min(seen) > 20_000_000_000  # of virtual time, which flies
+        assert page.ask(state=True)["counts"][0] in range(20_001)
+        page.ask(set={"estop": "pressed"})
+        page.until(lambda: page.frame["outputs"]["power"] == 0 and page.frame["counts"] == here.twin.counts.tolist())
+    finally:
+        stop.set()
+        thread.join(WAIT_S)
+    assert b"0" in replies
+    assert replies[-1] != b"0"
