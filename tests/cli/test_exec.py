@@ -80,6 +80,14 @@ def test_a_module_a_folder_and_a_text(tmp_path):
     (tmp_path / "app" / "__init__.py").write_text("import part\nprint(part.WORD)\n")
     assert execute("--", "python", "-m", "app", "x", cwd=tmp_path).stdout == "part\n__main__ ['x']\n"
     assert execute("--", "python", "app", "y", cwd=tmp_path).stdout == "__main__ ['y']\n"
+    (tmp_path / "tool").write_text(
+        "#!/usr/bin/env python3\nimport part, sys; print(sys.argv); assert __file__[0] == '/'\n"
+    )
+    assert execute("--", "./tool", "z", cwd=tmp_path).stdout == "['./tool', 'z']\n"
+    missing = execute("--", "python", "-m", "none.such", cwd=tmp_path)
+    assert missing.returncode == 1
+    assert "none.such" in missing.stderr
+    assert "Traceback" not in missing.stderr
     assert (
         execute("--", "python", "-c", "import sys, part; print(sys.argv)", "z", cwd=tmp_path).stdout == "['-c', 'z']\n"
     )

@@ -77,7 +77,7 @@ def exec_(
     program = parse_program(command)
     check_seconds("interval", interval, 1e-9)
     check_record(record)
-    check_writable(steps, record, kept=(flash, scenario, program.path))
+    check_writable(steps, record, kept=(flash, scenario, None if program.path is None else Path(program.path)))
     settings = dict(parse_override(text) for text in overrides or ())
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
