@@ -453,6 +453,20 @@ def test_a_host_in_the_twins_own_repository_is_no_library(twin):
 # Around it
 
 
+def test_the_page_says_how(tmp_path, monkeypatch):
+    """Both programs of docs/exec.md, as they stand there."""
+    page = (Path(__file__).parents[2] / "docs" / "exec.md").read_text()
+    blocks = [block for block in page.split("## From a test")[1].split("\n\n") if block.startswith("    ")]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["pytest"])
+    (tmp_path / "host.py").write_text("import sys\n" + OPEN + "assert sys.argv[1:] == ['--job', 'circle']")
+    names = {"serial": serial, "time": time}
+    for block in blocks:
+        exec("\n".join(line.removeprefix("    ") for line in block.splitlines()), names)
+    assert len(blocks) == 4
+    assert names["twin"].time_ns >= 600e9
+
+
 def test_what_a_test_runner_raises_goes_through_the_host(host, twin):
     """A time limit of a test, raised by a signal handler wherever the main thread is."""
 
