@@ -172,10 +172,11 @@ def test_a_fault_for_a_while_ends_by_itself(bench, open_panel):
 
 def test_the_token_of_the_link_is_enough(bench, open_panel):
     here = bench(token="sesame")
-    page = open_panel(here, scene=True)
-    expect(page.page.frame_locator("#scene").locator("canvas").first).to_be_visible()
+    page = open_panel(here)
     page['[data-element="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    scene = page.page.request.get(f"http://{here.panel.address}/scene")
+    assert scene.ok  # asked with the cookies of the page
     assert page.said == []
 
 
