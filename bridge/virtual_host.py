@@ -86,7 +86,7 @@ class HostRun:
     was_struck: tuple[str, ...]
     """End switches that were struck at any time, in reference runs too."""
     notes: tuple[str, ...] = field(default=())
-    """What a real machine would not have taken."""
+    """What a real machine would not have taken, and threads that an exception has ended; one line each."""
     left: tuple[str, ...] = ()
     """Threads that went on after the host had ended; they stand still for good."""
 

@@ -263,12 +263,25 @@ class VirtualTime:
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
             task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
-            _silence(thread)
+            self._listen(thread)
         else:
             task = Task("a thread", daemon=True)
         self._waiting.append(task)
         task.deadline_ns = self.now_ns
         return task
+
+    def _listen(self, thread: threading.Thread) -> None:
+        """Let nothing be printed of HostEnded in a thread; an exception that nobody has caught is noted, too."""
+        told = getattr(thread, "_invoke_excepthook", None)
+
+        def tell(thread: threading.Thread) -> None:
+            error = sys.exc_info()[1]
+            if not isinstance(error, SystemExit):
+                self.ports.notes.append(f"the thread {thread.name} has ended with {type(error).__name__}: {error}")
+            if told is not None and not isinstance(error, HostEnded):
+                told(thread)
+
+        thread._invoke_excepthook = tell  # type: ignore[attr-defined]
 
     def body(
         self, task: Task, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
@@ -488,17 +501,6 @@ class VirtualTime:
                 self._wire.carry(self.twin.time_ns, data, True)
         finally:
             self._inside = False
-
-
-def _silence(thread: threading.Thread) -> None:
-    """Let nothing be printed of HostEnded in a thread; everything else is as ever."""
-    told = getattr(thread, "_invoke_excepthook", None)
-
-    def tell(thread: threading.Thread) -> None:
-        if told is not None and not isinstance(sys.exc_info()[1], HostEnded):
-            told(thread)
-
-    thread._invoke_excepthook = tell  # type: ignore[attr-defined]
 
 
 _active: VirtualTime | None = None

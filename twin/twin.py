@@ -510,16 +510,20 @@ class Twin:
 
         While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
         what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
-        Whoever asks second gets None.
+        Whoever asks second shares those of the first, or gets None if they come at other times.
         """
         if not self.can_sample(interval_ns) or not isinstance(self._plant, Sampled):
             return None
-        self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+        if self._sampler is None:
+            self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+        else:
+            self._sampler.share(take)
         return self._sampler
 
     def can_sample(self, interval_ns: int) -> bool:
         """Whether `sample` would do it."""
-        return self._sampler is None and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
+        same = self._sampler is None or self._sampler.interval_ns == interval_ns
+        return same and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
 
     def listen(self, note: Note) -> None:
         """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""

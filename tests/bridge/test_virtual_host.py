@@ -223,6 +223,9 @@ def test_an_exception_in_a_thread_is_printed_and_the_program_goes_on(host, capsy
     assert out == "on\n"
     assert "Exception in thread" in err
     assert "ZeroDivisionError" in err
+    (note,) = done.notes
+    assert note.startswith("the thread Thread-")
+    assert note.endswith("has ended with ZeroDivisionError: division by zero")
 
 
 def test_a_thread_without_an_object(host, capsys):
