@@ -14,7 +14,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,10 +36,14 @@ COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
 """Of deviations, from none to the largest."""
 LEAST_UM = 1.0
 """Deviation up to which all is one colour: rounding is not worth one."""
+MM_FROM_UM = 1000.0
+"""Deviations and errors from here on are told in mm."""
 LEFT, WIDTH, RIGHT = 120, 1020, 20
 """Of the time plots, px."""
 MOST_SPANS = 1500
 """Of a lane; shorter ones than that part of the job are joined."""
+
+_Pixels = Callable[[int], NDArray[np.float64]]
 
 _CONTROLS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
@@ -102,7 +106,7 @@ def path_view(columns: Columns, axes: tuple[int, int], name: str, marks: Sequenc
     title = f"Path in {names[0]} and {names[1]}, coloured by deviation"
     about = (
         f"{names[0]} from {low[0]:.3f} to {high[0]:.3f} mm, {names[1]} from {low[1]:.3f} to {high[1]:.3f} mm; "
-        f"the largest deviation is {most_um:.3g} um."
+        f"the largest deviation is {most_um:.4g} um."
     )
     parts = [
         f"<svg viewBox='0 0 {width:g} {height:g}' width='{width:g}' height='{height:g}' role='img' "
@@ -205,29 +209,28 @@ def time_plots(
     axes = recorder.axes
     carriages = [(axis, axis) for axis in CARRIAGES]
 
-    def curves(pair: tuple[NDArray[np.float64], NDArray[np.float64]], names: Sequence[tuple[str, str]], by: float):
-        return [_Curve(style, name, pair[0][:, i] * by, pair[1][:, i] * by) for i, (style, name) in enumerate(names)]
-
     speed = _Curve("path", "path", *columns.speed_mm_s)
     rows = [
         ("speed", "mm/s", [speed], 100.0, 1.0, None),
-        ("position", "mm", curves(columns.position_mm, carriages, 1.0), 110.0, 1.0, None),
-        ("error", "um", curves(columns.error_mm, carriages, 1e3), 110.0, LEAST_UM, limits.get("deviation_mm")),
+        ("position", "mm", _curves(columns.position_mm, carriages, 1.0), 110.0, 1.0, None),
+        ("error", *_in_unit(columns.error_mm, carriages, limits.get("deviation_mm"))),
     ]
     if np.nanmax(np.abs(columns.lost_steps[1]), initial=0.0) >= 0.5 or (
         np.nanmin(columns.lost_steps[0], initial=0.0) <= -0.5
     ):
         names = [(axis if axis in "xyza" else "path", axis) for axis in AXIS_NAMES[:axes]]
-        rows.insert(3, ("lost", "steps", curves(columns.lost_steps, names, 1.0), 90.0, 1.0, None))
+        rows.insert(3, ("lost", "steps", _curves(columns.lost_steps, names, 1.0), 90.0, 1.0, None))
     error_at = (0.0, 1.0)
     for name, unit, drawn, height, least, limit in rows:
         if name == "error":
             error_at = (y, height)
-        bound = None if limit is None else limit * 1e3
+        bound = limit
         low, high, step = _range(drawn, least, bound)
         fixed += _scale(name, unit, drawn, y, height, low, high, step)
 
-        def py(value: NDArray[np.float64], y: float = y, height: float = height, low: float = low, high: float = high):
+        def py(
+            value: NDArray[np.float64], y: float = y, height: float = height, low: float = low, high: float = high
+        ) -> NDArray[np.float64]:
             return y + height - (value - low) / (high - low) * height
 
         moving.append(f"<g id='curves-{name}'>")
@@ -262,10 +265,10 @@ def time_plots(
     if recorder.events:
         fixed.append(f"<text x='{LEFT - 10}' y='{y + 12:g}' text-anchor='end'>events</text>")
         for time_ns, kind, text in recorder.events[:MOST_SPANS]:
-            at = float(px(time_ns))
+            at, told = float(px(time_ns)), f"{kind} at {time_ns / SECOND_NS:.3f} s: {text}"
             moving.append(
                 f"<path class='event' stroke='#c77700' stroke-width='3' vector-effect='non-scaling-stroke' "
-                f"d='M{at:.2f} {y:g}v16'><title>{escape(f'{kind} at {time_ns / SECOND_NS:.3f} s: {text}')}</title></path>"
+                f"d='M{at:.2f} {y:g}v16'><title>{escape(told)}</title></path>"
             )
         y += 20.0
     bottom = y + 4.0
@@ -299,6 +302,22 @@ def time_plots(
     )
 
 
+def _curves(
+    pair: tuple[NDArray[np.float64], NDArray[np.float64]], names: Sequence[tuple[str, str]], by: float
+) -> list[_Curve]:
+    """Of pairs of style and name."""
+    return [_Curve(style, name, pair[0][:, i] * by, pair[1][:, i] * by) for i, (style, name) in enumerate(names)]
+
+
+def _in_unit(
+    error_mm: tuple[NDArray[np.float64], NDArray[np.float64]], names: Sequence[tuple[str, str]], limit_mm: float | None
+) -> tuple[str, list[_Curve], float, float, float | None]:
+    """The row of errors, in um, or in mm if they are large."""
+    most_um = 1e3 * max(float(np.nanmax(np.abs(part), initial=0.0)) for part in error_mm)
+    unit, by = ("um", 1e3) if most_um < MM_FROM_UM else ("mm", 1.0)
+    return unit, _curves(error_mm, names, by), 110.0, LEAST_UM * by / 1e3, None if limit_mm is None else limit_mm * by
+
+
 def _ticks(first_s: float, last_s: float, bottom: float) -> str:
     """Without a script, and in print, the axis has its numbers as well."""
     _, _, step = _nice(0.0, (last_s - first_s) * 3.0 / 8.0)
@@ -327,7 +346,8 @@ def _scale(
     if len(drawn) > 1 or name == "margin":
         for k, curve in enumerate(drawn):
             style = curve.style
-            yield f"<text class='f{style}' x='{4 + 15 * k}' y='{y + 46:g}' font-weight='700'>{curve.name.upper()}</text>"
+            name = curve.name.upper()
+            yield f"<text class='f{style}' x='{4 + 15 * k}' y='{y + 46:g}' font-weight='700'>{name}</text>"
     for k in range(round(low / step), round(high / step) + 1):
         at = y + height - (k * step - low) / (high - low) * height
         yield f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{_told(k * step)}</text>"
@@ -354,7 +374,7 @@ def _zigzag(
     return "".join(data)
 
 
-def _command_band(results: Sequence[Result], px, y: float) -> str:
+def _command_band(results: Sequence[Result], px: _Pixels, y: float) -> str:
     parts = []
     sent = [result for result in results if not result.condition]
     shown = 0.0
@@ -372,7 +392,7 @@ def _command_band(results: Sequence[Result], px, y: float) -> str:
     return "".join(parts)
 
 
-def _margin_lines(results: Sequence[Result], px, y: float, height: float) -> dict[str, str]:
+def _margin_lines(results: Sequence[Result], px: _Pixels, y: float, height: float) -> dict[str, str]:
     """The least margin of each axis in each line of the job, as steps; none without physics."""
     found = {}
     for i, axis in enumerate(AXIS_NAMES):
@@ -393,7 +413,7 @@ def _margin_lines(results: Sequence[Result], px, y: float, height: float) -> dic
 
 
 def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[int, int, int | str]]]]:
-    """(group, name, spans) of each output and input that changes or is faulty: (from, to, value) in the order of time."""
+    """(group, name, spans) of each output and input that changes or is faulty: (from, to, value), as time goes."""
     order = {"output": 0, "input": 1}
     names = [each for each in recorder.names() if each[0] in order]
     histories: dict[tuple[str, str], list[Change]] = {}
@@ -410,7 +430,7 @@ def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[i
     return found
 
 
-def _lane(name: str, spans: Sequence[tuple[int, int, int | str]], px, y: float) -> Iterable[str]:
+def _lane(name: str, spans: Sequence[tuple[int, int, int | str]], px: _Pixels, y: float) -> Iterable[str]:
     values: dict[int | str, int] = {0: 0, "free": 0, "released": 0, "closed": 0, "ok": 0, spans[0][2]: 0}
     least = (spans[-1][1] - spans[0][0]) / MOST_SPANS
     drawn_ns = spans[0][0]

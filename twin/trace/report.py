@@ -26,6 +26,7 @@ from isel_twin.checks.job import RULES
 from isel_twin.files import atomic_write
 from isel_twin.trace.chart import (
     COLOURS,
+    MM_FROM_UM,
     Mark,
     deviation_classes,
     escape,
@@ -111,8 +112,8 @@ def write_report(
         "<li><a href='#findings'>Findings</a></li>" if findings else "",
         "<li><a href='#path'>Path</a></li><li><a href='#plots'>Time plots</a></li>",
         "<li><a href='#commands'>Commands</a></li></ul></nav></header><main>",
-        "<section aria-labelledby='summary'><h2 id='summary'>Summary</h2><div class='columns'>",
-        "" if checked is None else _limits(checked, bounds, summary),
+        "<section aria-labelledby='summary'><h2 id='summary'>Summary</h2><div class='columns tables'>",
+        "" if checked is None else _limits(checked, bounds),
         _facts(summary),
         "</div></section>",
         _findings(findings, marks, seen, plots) if findings else "",
@@ -169,26 +170,23 @@ def _in_short(summary: Mapping[str, Any], findings: Sequence[Finding]) -> str:
 def _facts(summary: Mapping[str, Any]) -> str:
     def shown(value: Any) -> str:
         if isinstance(value, Mapping):
-            return ", ".join(f"{key} {shown(each)}" for key, each in value.items())
+            return ", ".join(f"{key} {shown(each)}" for key, each in value.items()) or "none"
         if isinstance(value, list | tuple):
-            return ", ".join(shown(each) for each in value)
-        return (
-            {True: "yes", False: "no", None: "none"}.get(value, str(value))
-            if value in (True, False, None)
-            else str(value)
-        )
+            return ", ".join(shown(each) for each in value) or "none"
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        return "none" if value is None else str(value)
 
-    rows = []
-    for key, value in summary.items():
-        text = f"{value:d}" if isinstance(value, int) and not isinstance(value, bool) else shown(value)
-        rows.append((escape(key.replace("_", " ")), escape(text)))
+    told = {key: value for key, value in summary.items() if key != "time_ns"}
+    told["virtual_time_s"] = f"{summary.get('time_ns', 0) / SECOND_NS:.6f}"
+    rows = [(escape(key.replace("_", " ")), escape(shown(value))) for key, value in told.items()]
     body = "".join(
         f"<tr><th scope='row' class='text'>{key}</th><td class='text'>{text}</td></tr>\n" for key, text in rows
     )
     return f"<table><caption>The run</caption><tbody>{body}</tbody></table>"
 
 
-def _limits(checked: Report, bounds: Bounds | None, summary: Mapping[str, Any]) -> str:
+def _limits(checked: Report, bounds: Bounds | None) -> str:
     margin = "none" if checked.margin is None else f"{100.0 * checked.margin:.0f} %"
     measured = {"margin": margin, "cycle": f"{checked.cycle_s:.3f} s"}
     limits: dict[str, str] = {}
@@ -209,6 +207,8 @@ def _limits(checked: Report, bounds: Bounds | None, summary: Mapping[str, Any]) 
         number = sum(finding.rule == rule for finding in checked.findings)
         unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
         told = f"{number} finding{'' if number == 1 else 's'}" if number else ("no limit" if unbound else "ok")
+        if rule == "golden" and not checked.run.call:
+            told = "not compared"
         wrong = " class='wrong'" if number else ""
         cells = "".join(
             f"<td class='text'>{escape(text)}</td>"
@@ -281,17 +281,18 @@ def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
 
 def _path(seen: Columns, marks: Sequence[Mark]) -> str:
     most_um, _ = deviation_classes(seen)
+    unit, most = ("um", most_um) if most_um < MM_FROM_UM else ("mm", most_um / 1e3)
     swatches = []
     for k, colour in enumerate(COLOURS):
         x = 110 + 85 * k
-        told = f"{most_um * (k + 1) / len(COLOURS):.3g}"
+        told = f"{most * (k + 1) / len(COLOURS):.3g}"
         swatches.append(
             f"<rect x='{x}' y='4' width='85' height='10' fill='{colour}'/><text x='{x + 85}' y='30' "
             f"text-anchor='middle'>{told}</text>"
         )
     legend = (
         f"<svg viewBox='0 0 720 36' width='720' height='36' role='img' aria-label='Colours from deviation 0 to "
-        f"{most_um:.3g} um'><text x='0' y='14'>deviation / um</text><text x='110' y='30' text-anchor='middle'>0</text>"
+        f"{most:.3g} {unit}'><text x='0' y='14'>deviation / {unit}</text><text x='110' y='30' text-anchor='middle'>0</text>"
         f"{''.join(swatches)}</svg>"
     )
     views = path_view(seen, (0, 1), "xy", marks) + path_view(seen, (0, 2), "xz", marks)
@@ -340,7 +341,8 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
         named.add(result.number)
         numbers = [f"{result.time_ns / SECOND_NS:.6f}", f"{(result.end_ns - result.time_ns) / SECOND_NS:.6f}"]
         cells = "".join(f"<td>{text}</td>" for text in numbers)
-        cells += "".join(f"<td class='code'>{escape(text[:LONG])}</td>" for text in (result.command, _reply(result)))
+        cells += f"<td class='code command'>{escape(result.command[:LONG])}</td>"
+        cells += f"<td class='code'>{escape(_reply(result)[:LONG])}</td>"
         cells += "".join(f"<td>{count}</td>" for count in result.counts)
         cells += "".join(f"<td>{position:.4f}</td>" for position in result.position_mm)
         if with_margin:
