@@ -431,7 +431,9 @@ def lanes(recorder: Recorder, last_ns: int) -> list[tuple[str, str, list[tuple[i
 
 
 def _lane(name: str, spans: Sequence[tuple[int, int, int | str]], px: _Pixels, y: float) -> Iterable[str]:
-    values: dict[int | str, int] = {0: 0, "free": 0, "released": 0, "closed": 0, "ok": 0, spans[0][2]: 0}
+    values: dict[int | str, int] = {0: 0, "free": 0, "released": 0, "closed": 0, "ok": 0}
+    if isinstance(spans[0][2], str):  # of an input, what it is at first is its rest; a number speaks for itself
+        values[spans[0][2]] = 0
     least = (spans[-1][1] - spans[0][0]) / MOST_SPANS
     drawn_ns = spans[0][0]
     for first_ns, last_ns, value in spans:

@@ -3,9 +3,9 @@
     verdict and limits | findings with pictures | path | time plots | what differs from the golden run | commands
 
 The page is plain HTML with inline SVG, and a little script of its own for the zoom: without it, in print and for a
-screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes from outside
-(names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen cannot show
-is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
+screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes from
+outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen cannot
+show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
 
 What the position error is, is in `isel_twin.snapshot`. Curves are of the carriages, counters of all axes that the
 controller has. A name that ends in .png makes a picture instead (picture.py, with matplotlib, the extra `report`).
@@ -292,13 +292,15 @@ def _path(seen: Columns, marks: Sequence[Mark]) -> str:
         )
     legend = (
         f"<svg viewBox='0 0 720 36' width='720' height='36' role='img' aria-label='Colours from deviation 0 to "
-        f"{most:.3g} {unit}'><text x='0' y='14'>deviation / {unit}</text><text x='110' y='30' text-anchor='middle'>0</text>"
+        f"{most:.3g} {unit}'><text x='0' y='14'>deviation / {unit}</text>"
+        f"<text x='110' y='30' text-anchor='middle'>0</text>"
         f"{''.join(swatches)}</svg>"
     )
     views = path_view(seen, (0, 1), "xy", marks) + path_view(seen, (0, 2), "xz", marks)
     return (
         "<section aria-labelledby='path'><h2 id='path'>Path</h2><p>From above and from the front, in the zero that "
-        f"counts at the end. Where a counter is set anew, the path goes on.</p><figure><div class='columns'>{views}</div>"
+        "counts at the end. Where a counter is set anew, the path goes on.</p>"
+        f"<figure><div class='columns'>{views}</div>"
         f"{legend}</figure></section>"
     )
 
@@ -356,7 +358,8 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     rest = f"<p>and {len(results) - len(shown)} more</p>" if len(results) > len(shown) else ""
     return (
         "<section aria-labelledby='commands'><h2 id='commands'>Commands</h2><div class='wide'><table><caption>Lines of "
-        f"the job, when each was sent and how long it took; counters and true positions at its end</caption>{_head(head)}"
+        f"the job, when each was sent and how long it took; counters and true positions at its end</caption>"
+        f"{_head(head)}"
         f"<tbody>{''.join(rows)}</tbody></table></div>{rest}</section>"
     )
 
