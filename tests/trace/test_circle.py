@@ -36,6 +36,7 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert twin.read() == b"0"
             if line == CIRCLE:
                 (folder / "end").write_text(str(twin.time_ns))
+        twin.run(0.2)
         twin.set_input("hood", "open")
         twin.run(0.2)
         for kind in (".npz", ".vcd", ".parquet"):
