@@ -105,9 +105,7 @@ def test_all_traces_at_once(tmp_path):
     page = files["report"].read_text()
     assert "<svg" in page
     assert "@0M16000,5000,8000,5000,0,5000,0,30" in page
-    assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
-        "http://creativecommons.org", ""
-    ).replace("https://matplotlib.org", "")  # nothing is fetched from elsewhere
+    assert "://" not in page  # nothing is fetched from elsewhere
 
 
 def test_the_same_job_gives_the_same_bytes(tmp_path):

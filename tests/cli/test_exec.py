@@ -23,9 +23,24 @@ with serial.Serial("COM4", 19200, timeout=90) as port:
 """
 
 
+STARTED: list[subprocess.Popen[str]] = []
+"""Of the present test."""
+
+
+@pytest.fixture(autouse=True)
+def none_left():
+    """A host that spins does not outlive a test that has failed."""
+    yield
+    for process in STARTED:
+        process.kill()
+    STARTED.clear()
+
+
 def start(*arguments: str | Path, **kwargs) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "isel_twin.cli", "exec", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **kwargs)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **kwargs)
+    STARTED.append(process)
+    return process
 
 
 def execute(*arguments: str | Path, plant: str = "kinematic", **kwargs) -> subprocess.CompletedProcess[str]:

@@ -40,7 +40,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
     ("words", "line"),
     [
         ("run job.txt --trace out", "--trace needs pyarrow: pip install 'isel-twin[trace]'"),
-        ("run job.txt --report out", "--report needs matplotlib: pip install 'isel-twin[report]'"),
+        ("run job.txt --report o.png", "--report o.png: a picture needs matplotlib: pip install 'isel-twin[report]'"),
         ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
         ("serve --panel 127.0.0.1:0", "--panel needs viser: pip install 'isel-twin[panel]'"),
         ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
@@ -67,6 +67,7 @@ def test_everything_else_needs_no_extra(plant: str, tmp_path: Path, capsys: pyte
     assert (code, err) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt", "o.npz", "o.vcd"}
     assert said(capsys, "motor", "23HS32-4004S") == (0, "")
+    assert said(capsys, "run", "job.txt", "--plant", "kinematic", "--report", "o.html") == (0, "")
 
 
 def names(requirements: list[str]) -> set[str]:

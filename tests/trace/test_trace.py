@@ -53,6 +53,9 @@ class Bench:
         self._look = callback
         callback(self)
 
+    def listen(self, note):
+        """Nothing happens to it."""
+
     def at(self, time_ns: int, **change) -> None:
         self.time_ns = time_ns
         for name, value in change.items():
@@ -288,7 +291,8 @@ def test_vcd_shows_samples_and_changes(tmp_path, bench):
     assert [value for _, value in changes["position_x_mm"]] == pytest.approx([0.001, 0.0015, 0.002])
     assert changes["p3_0"][-1] == (1_500_000, "0")
     assert changes["limit_x1"][-1] == (1_500_000, "struck")
-    assert changes["lamp_stop"][-1] == (1_500_000, 1)
+    assert changes["limit_x1_changed"][-1] == (1_500_000, "1")
+    assert changes["lamp_stop"][-1] == (1_500_000, "1")
 
 
 def test_parquet_has_a_row_a_sample_and_holds_values(tmp_path, bench):
@@ -297,6 +301,10 @@ def test_parquet_has_a_row_a_sample_and_holds_values(tmp_path, bench):
         bench.at(1_500_000, inputs={"limit_x1": "struck"}, levels={"p3.0": False}, outputs={"lamp_stop": 1})
         bench.at(2 * MS)
         write_parquet(tmp_path / "s.parquet", recorder)
+    units = {field.name: (field.metadata or {}).get(b"unit") for field in pq.read_schema(tmp_path / "s.parquet")}
+    assert (units["time_ns"], units["count_x"], units["position_z_mm"]) == (b"ns", b"steps", b"mm")
+    assert (units["lost_a_steps"], units["level_p3.0"], units["input_limit_x1"]) == (b"steps", b"1", None)
+    assert all(field.metadata[b"description"] for field in pq.read_schema(tmp_path / "s.parquet"))
     table = pq.read_table(tmp_path / "s.parquet").to_pydict()
     assert table["time_ns"] == [0, 1 * MS, 1_500_000, 2 * MS]
     assert table["position_x_mm"] == pytest.approx([0.0, 0.001, 0.0015, 0.002])

@@ -28,7 +28,7 @@ of its business; a switch that stays struck is told once.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.golden import Golden, Scribe, differences
+from isel_twin.golden import Golden, Move, Scribe, differences
 from isel_twin.job import Line, Result, play
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.verdict import Verdict, judge, lost
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from isel_twin.call import TwinCall
     from isel_twin.twin import Twin
 
-__all__ = ["RULES", "Bounds", "Finding", "Report", "check_job"]
+__all__ = ["RULES", "Bounds", "Finding", "Inspection", "Report", "check_job"]
 
 LOOK_NS = 5 * MILLISECOND_NS
 """Between two looks at the deviation."""
@@ -147,7 +147,7 @@ class _Watch:
         self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
         self._most_mm = bounds.deviation_mm
         self.begin()
-        twin.observe(self._look, LOOK_NS)
+        twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)  # switches are told as they change
 
     def begin(self) -> None:
         """A line begins."""
@@ -191,57 +191,79 @@ class _Watch:
         return found
 
 
+class Inspection:
+    """Follows a job on a twin, line by line, from before its first one, and says what is wrong with it."""
+
+    def __init__(self, twin: Twin, bounds: Bounds | None = None) -> None:
+        self.twin = twin
+        self.bounds = bounds or Bounds()
+        self.results: list[Result] = []
+        self._watch = _Watch(twin, self.bounds)
+        self._scribe = Scribe()
+        self._findings: list[Finding] = []
+        self._moves: list[Move] = []
+        self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
+        self._expected = np.array(twin.counts)
+
+    def take(self, result: Result) -> None:
+        """A line has just ended."""
+        twin, bounds = self.twin, self.bounds
+        self.results.append(result)
+        self._findings += _of_answer(result, bounds)
+        move = self._scribe.move(result, twin.steps)
+        if not result.condition:
+            self._moves.append(move)
+        self._expected = self._expected + self._scribe.way
+        counter_set = bool((np.array(result.counts) != self._expected).any())
+        self._expected = np.array(result.counts)
+        self._findings += self._watch.findings(result, counter_set)
+        self._watch.begin()
+        self._findings += _of_margin(result, bounds)
+        now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
+        self._findings += [
+            Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
+            for i in np.flatnonzero(now & ~self._gone)
+        ]
+        self._gone |= now
+
+    def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
+        """All of it, and what others have found, when the job is over."""
+        run = Golden.of({}, self._moves, verdict)
+        findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
+        findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        return Report(job, _few(findings), verdict, run, tuple(self._scribe.spans_ns))
+
+
 def check_job(
     job: Path,
     call: TwinCall,
     lines: Sequence[Line],
     bounds: Bounds | None = None,
+    begun: Callable[[Inspection], None] | None = None,
 ) -> Report:
     """Play a job on a twin of its own and say what is wrong with it; `Report.compared` adds what it did otherwise once.
 
+    begun: given the inspection before the first line, for whoever wants to see more of the twin.
     Raises CallError for a call that cannot be carried out.
     """
-    bounds = bounds or Bounds()
-    twin, scribe, findings = call.build(), Scribe(), list[Finding]()
-    watch = _Watch(twin, bounds)
-    results: list[Result] = []
-    moves = []
-    gone = np.zeros(len(twin.counts), dtype=np.bool_)
-    expected = np.array(twin.counts)
-    for result in play(twin, lines, bounds.timeout_s):
-        results.append(result)
-        findings += _of_answer(result, bounds)
-        move = scribe.move(result, twin.steps)
-        if not result.condition:
-            moves.append(move)
-        expected = expected + scribe.way
-        counter_set = bool((np.array(result.counts) != expected).any())
-        expected = np.array(result.counts)
-        findings += watch.findings(result, counter_set)
-        watch.begin()
-        findings += _of_margin(result, bounds)
-        now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
-        findings += [
-            Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
-            for i in np.flatnonzero(now & ~gone)
-        ]
-        gone |= now
-    verdict = judge(twin, results, len(lines) - len(results))
-    run = Golden.of({}, moves, verdict)
-    findings = [finding for finding in findings if not _expected(finding, verdict, lines)]
-    findings += _of_verdict(verdict, gone, results, bounds)
-    if bounds.robust:
-        findings += _of_repetitions(call, lines, verdict, bounds)
-    return Report(str(job), _few(findings), verdict, run, tuple(scribe.spans_ns))
+    inspection = Inspection(call.build(), bounds)
+    if begun is not None:
+        begun(inspection)
+    for result in play(inspection.twin, lines, inspection.bounds.timeout_s):
+        inspection.take(result)
+    verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
+    others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else []
+    return inspection.report(str(job), verdict, others)
 
 
-def _expected(finding: Finding, verdict: Verdict, lines: Sequence[Line]) -> bool:
-    """Whether the job says itself that it must be so: `! lost > 0`, `! limit_x2 == struck`."""
+def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
+    """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
     name = finding.message.partition(" ")[0]
     if finding.rule == "lost":
         return not verdict.lost[AXIS_NAMES.index(name)]
-    said = {(line.condition.name, line.condition.value) for line in lines if line.condition is not None}
-    return finding.rule == "switch" and bool({(name, "struck"), (f"input.{name}", "struck")} & said)
+    wanted = (f"{name} == struck", f"input.{name} == struck")
+    said = [" ".join(result.command.strip("! \t").split()) for result in results if result.condition and result.ok]
+    return finding.rule == "switch" and any(text in wanted for text in said)
 
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +18,9 @@ if TYPE_CHECKING:
     from isel_twin.checks import Report
     from isel_twin.checks.settings import Task
     from isel_twin.twin import Twin
+
+INTERVAL_NS = 10_000_000
+"""Between two samples of what a page shows."""
 
 
 def check(
@@ -41,6 +43,7 @@ def check(
     processes: Annotated[int, Parameter(help="Processes that share the jobs.")] = 1,
     junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
+    report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
 ) -> int:
     """Play jobs and say what is wrong: refused commands, lost steps, switches struck, margins, tolerances, time.
@@ -60,7 +63,8 @@ def check(
         options["may_strike"] = tuple(name for name in may_strike.split(",") if name)
     _check_options(options, processes)
     tasks = _tasks(jobs, settings, options)
-    check_writable(junit, sarif, kept=(*jobs, settings, scenario))
+    pages = _pages(tasks, report)
+    check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
 
     from isel_twin.checks.formats import as_annotations, as_json
     from isel_twin.checks.formats import junit as as_junit
@@ -68,9 +72,9 @@ def check(
 
     reports = []
     with ExitStack() as stack:
-        for report in _reports(tasks, processes, stack):
-            reports.append(report)
-            print(as_json(report) if json else _in_words(report), flush=True)
+        for made in _reports(tasks, pages, processes, stack):
+            reports.append(made)
+            print(as_json(made) if json else _in_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -80,7 +84,7 @@ def check(
 
             with call_errors(path):
                 atomic_write(path, write(reports).encode())
-    failed = sum(not report.ok for report in reports)
+    failed = sum(not made.ok for made in reports)
     if not json:
         number = len(reports)
         print(f"{number} job{'' if number == 1 else 's'}, {f'{failed} not as it should be' if failed else 'all well'}")
@@ -137,27 +141,63 @@ def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any])
     return tasks
 
 
-def _reports(tasks: Sequence[Task], processes: int, stack: ExitStack) -> Iterator[Report]:
+def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
+    """A page for each task in the folder, which is made: NAME.html; of jobs of one name, NAME-2.html and so on."""
+    if folder is None:
+        return [None] * len(tasks)
+    with call_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    names: list[str] = []
+    for task in tasks:
+        name, number = task.job.stem, 1
+        while name in names:
+            number += 1
+            name = f"{task.job.stem}-{number}"
+        names.append(name)
+    return [folder / f"{name}.html" for name in names]
+
+
+def _reports(tasks: Sequence[Task], pages: Sequence[Path | None], processes: int, stack: ExitStack) -> Iterator[Report]:
     """The reports in the order of the tasks, whatever makes them."""
     if processes == 1 or len(tasks) == 1:
-        yield from map(perform, tasks)
+        yield from map(perform, tasks, pages)
         return
     from isel_twin.robust import processes as pool
 
     executor = stack.enter_context(pool(min(processes, len(tasks))))
-    yield from executor.map(partial(perform), tasks)
+    yield from executor.map(perform, tasks, pages)
 
 
-def perform(task: Task) -> Report:
-    """Check one job; in this process or another."""
+def perform(task: Task, page: Path | None = None) -> Report:
+    """Check one job, and write a page about it; in this process or another."""
     from isel_twin.checks import check_job
+    from isel_twin.checks.job import Inspection
     from isel_twin.golden import called, golden_file, load
+    from isel_twin.trace.recorder import Recorder
 
     file = golden_file(task.job)
     golden = load(file) if task.golden and file.is_file() else None
     lines = read_job(task.job, task.call.controller)
-    report = check_job(task.job, task.call, lines, task.bounds)
-    return report if golden is None else report.compared(golden, called(report.run, task.call, task.job, file))
+    with ExitStack() as stack:
+        watched: list[tuple[Inspection, Recorder]] = []
+
+        def begun(inspection: Inspection) -> None:
+            recorder = stack.enter_context(Recorder(inspection.twin, INTERVAL_NS))
+            watched.append((inspection, recorder))
+
+        report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun)
+        if golden is not None:
+            report = report.compared(golden, called(report.run, task.call, task.job, file))
+        for inspection, recorder in watched:
+            from isel_twin.trace.report import write_report
+
+            call = {"controller": task.call.controller, "plant": task.call.plant, "seed": task.call.seed}
+            summary = {**report.verdict.summary(), **call}
+            twin, results = inspection.twin, inspection.results
+            with call_errors(page):
+                title = f"isel-twin: {task.job}"
+                write_report(page or "", title, twin, recorder, results, summary, report, task.bounds)
+    return report
 
 
 def _in_words(report: Report) -> str:

@@ -22,7 +22,7 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
+from isel_twin.cli.run import MOST_SAMPLES, interruption, need_pyarrow, need_report
 from isel_twin.units import MICROSECOND_NS, SECOND_NS
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def drive(
     if trace is not None:
         need_pyarrow()
     if report is not None:
-        need_matplotlib()
+        need_report(report)
     check_record(record)
     check_writable(steps, vcd, trace, report, record, kept=(capture, scenario))
     overrides = dict(parse_override(text) for text in set)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,6 +26,7 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
@@ -50,7 +52,9 @@ def run(
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
-    report: Annotated[Path | None, Parameter(help="Write an HTML page about the job.")] = None,
+    report: Annotated[
+        Path | None, Parameter(help="Write a page about the job (HTML; a picture if it ends in .png).")
+    ] = None,
     record: RecordPath = None,
     interval: Interval = 0.01,
     timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
@@ -83,14 +87,23 @@ def run(
     if trace is not None:
         need_pyarrow()
     if report is not None:
-        need_matplotlib()
+        need_report(report)
     check_record(record)
     check_writable(steps, vcd, trace, report, record, kept=(job, flash, scenario))
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
+    golden = None
+    if report is not None:
+        from isel_twin.golden import called as as_called
+        from isel_twin.golden import golden_file, load
+
+        if not is_standard_input(job) and (file := golden_file(job)).is_file():
+            with call_errors(file):
+                golden = load(file)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
         twin = call.build()
 
+        from isel_twin.checks.job import Bounds, Inspection
         from isel_twin.cli import outputs
         from isel_twin.job import play
         from isel_twin.trace.write import write_trace
@@ -101,6 +114,7 @@ def run(
         stack.enter_context(told_of_compiling())
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
         recording = None if record is None else begin(record, twin, interval, {"job": job_name(job)}, stack)
+        inspection = None if report is None else Inspection(twin, Bounds(timeout_s=timeout))
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
         results = []
@@ -108,6 +122,8 @@ def run(
             for result in play(twin, lines, timeout, lambda: bool(stopped)):
                 show.result(result)
                 results.append(result)
+                if inspection is not None:
+                    inspection.take(result)
         whole = len(results) == len(lines) and results[-1].complete
         interrupted = not whole and bool(stopped)
         if not whole:
@@ -130,11 +146,15 @@ def run(
             with call_errors(record):
                 recorded = keep(recording, record)
         with call_errors(report):
-            if report is not None and recorder is not None:
+            if report is not None and recorder is not None and inspection is not None:
                 from isel_twin.trace.report import write_report
 
                 summary = {**verdict.summary(), **called}
-                write_report(report, f"isel-twin: {job_name(job)}", twin, recorder, results, summary)
+                found = inspection.report(job_name(job), verdict)
+                if golden is not None:
+                    found = found.compared(golden, as_called(found.run, call, job, golden_file(job)))
+                title = f"isel-twin: {job_name(job)}"
+                write_report(report, title, twin, recorder, results, summary, found, inspection.bounds)
         show.verdict(verdict, called)
         sound = True
         if repetitions and not interrupted:
@@ -237,9 +257,7 @@ def need_pyarrow() -> None:
         raise CallError(str(error), option=True) from None
 
 
-def need_matplotlib() -> None:
-    """Raise CallError unless a report can be written."""
-    from importlib.util import find_spec
-
-    if find_spec("matplotlib") is None:
-        raise CallError("report needs matplotlib: pip install 'isel-twin[report]'", option=True)
+def need_report(path: Path) -> None:
+    """Raise CallError unless a report of that name can be written."""
+    if path.suffix.lower() == ".png" and find_spec("matplotlib") is None:
+        raise CallError(f"report {path}: a picture needs matplotlib: pip install 'isel-twin[report]'", option=True)

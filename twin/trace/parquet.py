@@ -5,6 +5,8 @@ count_x, count_y ..                         int64, the controller's counters, as
 position_x_mm .. position_z_mm              float64, true carriage positions
 lost_x_steps, lost_y_steps ..               float64
 level_<terminal>, input_<name>, output_<name>    int64 or text, null before the first value
+
+Each column says so itself: its metadata has `unit` ("1": a number of things; none for text) and `description`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,16 @@ from isel_twin.trace.recorder import Change, Samples
 
 __all__ = ["write_parquet"]
 
+_COLUMNS = {
+    "time": ("ns", "virtual time since power-on"),
+    "count": ("steps", "counter of axis {} in the controller"),
+    "position": ("mm", "true position of carriage {}, in zero and direction of the counter"),
+    "lost": ("steps", "counter minus rotor of axis {}; fractions are load angle, meaningful at rest"),
+    "level": ("1", "electrical level of terminal {}, 1: high"),
+    "input": ("1", "state of the switch or element {}"),
+    "output": ("1", "output or relay {}, 1: on"),
+}
+"""Unit and meaning of columns, by the first word of their names."""
 ROWS = 65_536
 """Rows of a row group."""
 
@@ -31,10 +43,23 @@ ROWS = 65_536
 def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
     """Write all samples so far. Raises OSError."""
     history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
-    schema = _table(np.empty(0, dtype=recorder.dtype), history).schema
+    schema = _told(_table(np.empty(0, dtype=recorder.dtype), history).schema)
     with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
         for piece in recorder.samples(ROWS):
-            writer.write_table(_table(piece, history))
+            writer.write_table(_table(piece, history).cast(schema))
+
+
+def _told(schema: pa.Schema) -> pa.Schema:
+    """With unit and description of each column."""
+    fields = []
+    for field in schema:
+        kind, _, rest = field.name.partition("_")
+        unit, text = _COLUMNS[kind]
+        told = {"description": text.format(rest.replace("_mm", "").replace("_steps", ""))}
+        if not pa.types.is_string(field.type):
+            told["unit"] = unit
+        fields.append(field.with_metadata(told))
+    return pa.schema(fields, metadata={"creator": "isel-twin"})
 
 
 def _table(piece: NDArray[np.void], history: dict[tuple[str, str], list[Change]]) -> pa.Table:

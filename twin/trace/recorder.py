@@ -15,7 +15,7 @@ import logging
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,11 +77,16 @@ class Recorder:
         self.dtype = sample_dtype(self.axes)
         self.ended = False
         """Nothing more is recorded: what there is was all there was room for."""
+        self.counters_set_ns: list[int] = []
+        """When counters were set anew, so that positions before and after are no motion."""
+        self.events: list[tuple[int, str, str]] = []
+        """(time in ns, kind, in words) of what a scenario or somebody did, bytes lost and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=self.dtype)
         self._buffered = 0
         self._stored = 0
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
+        twin.listen(self._hear)
         twin.observe(self._look, interval_ns)
 
     def __enter__(self) -> Recorder:
@@ -97,6 +102,13 @@ class Recorder:
     def __len__(self) -> int:
         """Number of samples taken."""
         return self._stored + self._buffered
+
+    def _hear(self, time_ns: int, kind: str, what: Any) -> None:
+        if kind == "counter":
+            if not self.counters_set_ns or self.counters_set_ns[-1] != time_ns:
+                self.counters_set_ns.append(time_ns)
+        elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:  # a job does that itself
+            self.events.append((time_ns, kind, _in_words(what)))
 
     def _look(self, twin: Twin) -> None:
         seen = snapshot(twin)
@@ -152,3 +164,10 @@ class Recorder:
     def names(self) -> list[tuple[str, str]]:
         """(group, name) of everything that was seen to have a value, group by group."""
         return [(group, name) for group, values in self._last.items() for name in values]
+
+
+def _in_words(what: Any) -> str:
+    """An event, which is a table, or a remark."""
+    if isinstance(what, Mapping):
+        return ", ".join(f"{key} {_in_words(value)}" for key, value in what.items())
+    return str(what)

@@ -6,7 +6,8 @@
     scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
     scope level      p3_0 ...                 electrical level of the input terminals
     scope input      hood, limit_x1 ...       state of switches and elements, as text
-    scope output     stages, spindle ...      outputs of the controller and relays
+    scope input      hood_changed ...         the same as one bit, for viewers without text: 1, not as at the first look
+    scope output     stages, spindle ...      outputs of the controller and relays: one bit, if they are but 0 and 1
 
 A pulse rises at the time of its tick, one for each axis that the tick changes (a full step of a half-step stage is one
 pulse too), and is over before the next tick. Direction is stable before and after it, as power stages want it:
@@ -76,16 +77,19 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
             name = f"position_{axis}_mm"
             signals[name] = writer.register_var("machine", name, "real", init=0.0)
         texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
+        wide = {(change.group, change.name) for change in recorder.changes if change.value not in (0, 1)}
+        bits = set(recorder.names()) - wide
         for group, name in recorder.names():
             key = name.replace(".", "_")
             if (group, name) in texts:
                 signal = writer.register_var(group, key, "string", init="")
-            elif group == "level":
+                signals[f"changed.{name}"] = writer.register_var(group, f"{key}_changed", "wire", size=1, init="x")
+            elif (group, name) in bits:
                 signal = writer.register_var(group, key, "wire", size=1, init="x")
             else:
                 signal = writer.register_var(group, key, "integer", size=64, init="x")
             signals[f"{group}.{name}"] = signal
-        streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes)]
+        streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
         if led:
             streams.append(_commands(steps))
         for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
@@ -158,6 +162,10 @@ def _samples(recorder: Samples) -> Iterator[_Entry]:
                 yield time, f"position_{axis}_mm", position
 
 
-def _changes(changes: list[Change]) -> Iterator[_Entry]:
+def _changes(changes: list[Change], texts: set[tuple[str, str]]) -> Iterator[_Entry]:
+    first: dict[str, int | str] = {}
     for change in changes:
         yield change.time_ns, f"{change.group}.{change.name}", change.value
+        if (change.group, change.name) in texts:
+            at_first = first.setdefault(change.name, change.value)
+            yield change.time_ns, f"changed.{change.name}", int(change.value != at_first)
