@@ -313,8 +313,8 @@ def assert_outputs(seen: Watched, **values: int) -> None:
 def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, update: bool = False) -> None:
     """The job that `Watched.play` played does what it did in its golden run (`isel-twin golden record`), to the tick.
 
-    file: None for the one beside the job. update: write it anew instead. Raises GoldenError (ValueError) for a file that
-    is none, or of another call.
+    file: None for the one beside the job. update: write it anew instead. Raises GoldenError (ValueError) for a file
+    that is none, or of another call.
     """
     __tracebackhide__ = True
     if (run := seen.run) is None:
