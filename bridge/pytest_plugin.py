@@ -111,7 +111,7 @@ def _checked(call: Mapping[str, Any], where: str) -> dict[str, Any]:
             if key == "seed" and (not isinstance(one, int) or isinstance(one, bool) or one < 0):
                 _wrong(f"{where}: seed={one!r}; must be a whole number from 0")
             if key == "overrides" and not isinstance(one, Mapping):
-                _wrong(f"{where}: overrides={one!r}; must be a table, such as {{'payload_kg': 5.0}}")
+                _wrong(f"{where}: overrides={one!r}; must be a table, such as {{'payload.mass': 5.0}}")
         if key in LISTED and isinstance(value, list | tuple) and not value:
             _wrong(f"{where}: {key}={value!r} is empty; name one or more")
     return dict(call)

@@ -33,8 +33,9 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder) -
     samples = np.concatenate([samples[:: max(1, len(samples) // POINTS)], samples[-1:]])
     time_s = samples["time_ns"] / SECOND_NS
     x, y, z = samples["position_mm"].T
-    figure = Figure(figsize=(11, 7), layout="constrained")
+    figure = Figure(figsize=(11, 8))  # with room between the curves; to have it found out would draw all twice
     FigureCanvasAgg(figure)
+    figure.subplots_adjust(0.08, 0.07, 0.98, 0.95, wspace=0.2, hspace=0.3)
     (plan, front), (error, lost) = figure.subplots(2, 2)
     plan.plot(x, y, linewidth=1)
     plan.plot(x[-1:], y[-1:], "o")
