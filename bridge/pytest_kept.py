@@ -37,7 +37,7 @@ __all__ = ["KeptTwins", "ServedTwin"]
 
 INTERVAL_NS = 10 * MILLISECOND_NS
 """From sample to sample of a recording."""
-MOST_SAMPLES = 100_000
+MOST_SAMPLES = 20_000
 """Beyond which there are fewer of them in a second."""
 STOP_S = 30.0
 """Wall time for a server to end, and to answer what needs no waiting."""

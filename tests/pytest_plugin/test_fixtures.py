@@ -93,7 +93,7 @@ time.sleep(600)
 
 
 def test_every_fixture_in_a_test_that_fails(project: pytest.Pytester) -> None:
-    (project.path / "host.py").write_text(HOST + "raise SystemExit('no tool')\n")
+    (project.path / "host.py").write_text(HOST.replace("600", "60") + "raise SystemExit('no tool')\n")
     project.makepyfile(
         """
         import pytest
@@ -106,7 +106,7 @@ def test_every_fixture_in_a_test_that_fails(project: pytest.Pytester) -> None:
             assert twin_serial.read() == b"0", "silence"
 
         def test_server(twin_server):
-            with pytest.raises(TimeoutError, match="spindle"):
+            with pytest.raises(TimeoutError, match="not so in time"):
                 twin_server.ask({"wait": {"output": "spindle", "is": 1, "wall_s": 0.05}})
             twin_server.ask({"set": {"hood": "ajar"}})
 
@@ -129,7 +129,7 @@ def test_every_fixture_in_a_test_that_fails(project: pytest.Pytester) -> None:
             "E*ValueError: request: set: input 'hood' cannot be 'ajar'*",
             "E*AssertionError: assert False*",
             "no tool*",
-            "*seed=0, 600.* s of virtual time",
+            "*seed=0, 60.* s of virtual time",
         ]
     )
 
@@ -169,7 +169,7 @@ def test_marker_over_ini_keys_and_the_nearest_marker_first(project: pytest.Pytes
         @pytest.mark.twin(machine="4030", seed=1, overrides={"axes.x.lead": 10.0}, scenario="hood.toml")
         def test_marker(twin):
             assert (twin.origin.seed, twin.controller_name, twin.machine.name) == (1, "imc-m", "4030")
-            assert twin.machine.payload_kg == 2.0 and twin.machine.axes[0].lead_mm == 10.0
+            assert twin.machine.payload_kg == 2.0 and twin.machine.axes[0].screw.lead_mm == 10.0
             twin.run(2.0)
             assert twin.inputs["hood"] == "open"
 
