@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -27,7 +26,7 @@ INI = """
 
 @pytest.fixture(scope="session")
 def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A session in this process forgets what it has imported, and numba and matplotlib do not bear to be imported twice.
+    """A session in this process forgets what it has imported, and numba does not bear to be imported twice.
 
     So all that they import when first used is imported before.
     """
@@ -40,10 +39,10 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture
-def project(warm: None, pytester: pytest.Pytester) -> Iterator[pytest.Pytester]:
+def project(warm: None, pytester: pytest.Pytester) -> pytest.Pytester:
     """A project whose twins follow their counters."""
     pytester.makeini(INI)
-    yield pytester
+    return pytester
 
 
 def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:

@@ -150,7 +150,7 @@ SAID = {
         "E *line ?: *",
     ],
     "test_path": [
-        "E *7.071 mm from the path",
+        "E *10.000 mm from the path",
         "E *expected: within 0.5 mm of it",
         "E *was:      first 0.5?? mm off, at x 0.5?? y 0.5?? z 0.000 mm; most * at x 10.000 y 10.000 z 0.000 mm",
         "E *axis:     y",
@@ -232,7 +232,7 @@ def test_an_error_has_its_parts() -> None:
         asserts.assert_ends_at(seen, (11.0,))
     error = caught.value
     assert (error.axis, error.expected) == ("x", "11.000 mm +- 0.05 mm")
-    assert error.command is not None and str(error.command) == "@0M3200,4000,0,30,0,30,0,30"
+    assert str(error.command) == "@0M3200,4000,0,30,0,30,0,30"
     assert error.time_ns == seen.twin.time_ns
 
 

@@ -9,7 +9,6 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
-
 from pytest_plugin.projects import INI, project, run, warm
 
 from isel_twin.cli import main

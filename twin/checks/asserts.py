@@ -299,14 +299,14 @@ def assert_outputs(seen: Watched, **values: int) -> None:
         if name not in outputs:
             raise ValueError(f"there is no output {name!r}; there are: {', '.join(sorted(outputs))}")
         if outputs[name] != value:
-            when_ns = seen.output_times_ns.get(name)
+            when_ns, command = seen.output_changes.get(name, (None, seen.command_at(seen.twin.time_ns)))
             since = "from the beginning" if when_ns is None else f"since {when_ns / SECOND_NS:.6f} s"
             raise MotionError(
                 f"{name} is {outputs[name]}",
                 expected=f"{name} = {value}",
                 was=f"{outputs[name]}, {since}",
                 time_ns=seen.twin.time_ns,
-                command=seen.command_at(seen.twin.time_ns if when_ns is None else when_ns),
+                command=command,
             )
 
 

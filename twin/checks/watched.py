@@ -6,7 +6,7 @@
 
 Goal: whatever is wrong in the end can be told with the moment, the axis and the command in which it began, whether a
 job was played or a host has sent the bytes. A command begins with the first byte after a reply, or after the
-controller was idle.
+controller was idle; the rest of a message that is not whole yet belongs to it.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ class Watched:
         """The last job that was played."""
         self.begin_ns = twin.time_ns
         """What was before is not looked at, see `begin`."""
-        self.output_times_ns: dict[str, int] = {}
-        """When each output last changed."""
+        self.output_changes: dict[str, tuple[int, Command | None]] = {}
+        """When each output last changed, in ns, and in which command."""
         self._commands: list[Command] = []
         self._current: Command | None = None
         self._line: int | None = None
@@ -104,6 +104,7 @@ class Watched:
         self._outputs: Mapping[str, int] = dict(twin.outputs)
         self._gone: set[str] = set()
         self._rested_ns = -1
+        self._decoder = None if twin.language is None else create_language(twin.controller_name)
         twin.listen(self._note)
         twin.observe(self._look, round(interval_s * SECOND_NS))
 
@@ -196,21 +197,25 @@ class Watched:
         outputs = twin.outputs
         if outputs != self._outputs:
             changed = (name for name, value in outputs.items() if self._outputs.get(name) != value)
-            self.output_times_ns.update(dict.fromkeys(changed, twin.time_ns))
+            command = self._commands[-1] if self._commands else None
+            self.output_changes.update(dict.fromkeys(changed, (twin.time_ns, command)))
             self._outputs = dict(outputs)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
         current = self._current
         if kind == "sent":
-            over = current is None or (self._line is None and bool(current.reply or self.twin.idle))
-            if over or self._fresh:
+            begun = self._decoder is not None and self._decoder.rest(True) != b""
+            answered = current is None or bool(current.reply) or self.twin.idle
+            if current is None or self._fresh or (self._line is None and answered and not begun):
                 self._close()
                 self._fresh = False
                 current = self._current = Command(time_ns, self._line, end_ns=time_ns)
                 self._commands.append(current)
             assert current is not None
             current.sent += what
-            current.text = self._text(current.sent)
+            if self._decoder is not None:
+                texts = [message.text for message in self._decoder.messages(what, True)]
+                current.text = " ".join([*([current.text] if current.text else []), *texts])
         elif kind == "received" and current is not None:
             current.reply += what.data
             current.end_ns = what.arrival_ns
@@ -218,13 +223,6 @@ class Watched:
             current.counter_set = True
         elif kind == "operated" and "watch_margin" in what:
             self._take_margin()
-
-    def _text(self, sent: bytes) -> str:
-        language = create_language(self.twin.controller_name) if self.twin.language is not None else None
-        if language is None:
-            return readable(sent)
-        texts = [message.text for message in language.messages(sent, True)]
-        return " ".join([*texts, *([readable(language.rest(True))] if language.rest(True) else [])])
 
     def _close(self) -> None:
         """The command that is in work is over."""
