@@ -28,7 +28,7 @@ class Freshness:
     """A guest of the server that hands a recording to the operating system every FLUSH_S, if there is anything."""
 
     def __init__(self, recording: FileRecording) -> None:
-        self._writer = recording.writer
+        self._recording = recording
         self._since_s: float | None = None
 
     def attach(self, server: Server) -> None:
@@ -46,17 +46,17 @@ class Freshness:
 
     def look(self) -> None:
         """See Guest."""
-        if not self._writer.unwritten or self._writer.ended:
+        if not self._recording.unwritten or self._recording.writer.ended:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = time.monotonic()
         elif time.monotonic() - self._since_s >= FLUSH_S:
-            self._writer.flush()
+            self._recording.flush()
             self._since_s = None
 
     def close(self) -> None:
         """See Guest."""
-        self._writer.flush()
+        self._recording.flush()
 
 
 class TimeTap:

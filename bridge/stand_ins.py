@@ -30,6 +30,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType, ModuleType
 from typing import Any
 
+import isel_twin
 from isel_twin.bridge.virtual_time import EPOCH_NS, UPTIME_NS, HostEnded, VirtualTime, here
 from isel_twin.units import SECOND_NS
 
@@ -68,6 +69,10 @@ class StandIn:
         return typing.Any
 
     __ror__ = __or__
+
+
+FOR_EVER_S = 1e9
+"""A timeout from which on nobody means it: `threading.TIMEOUT_MAX` is taken by hosts that want to hear Ctrl-C."""
 
 
 # Clocks
@@ -125,27 +130,30 @@ def _clock_gettime(whole: bool) -> Callable[..., Any]:
 
 
 class _DateMeta(type):
+    """Real dates are instances of what stands in for their class, too; a host's own subclasses are as ever."""
+
     def __instancecheck__(cls, value: object) -> bool:
-        return isinstance(value, cls.__mro__[1])
+        return isinstance(value, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__instancecheck__(cls, value)
 
     def __subclasscheck__(cls, other: type) -> bool:
-        return issubclass(other, cls.__mro__[1])
+        return issubclass(other, _REAL_DATES[cls]) if cls in _REAL_DATES else type.__subclasscheck__(cls, other)
 
 
 class _Date(datetime.date, metaclass=_DateMeta):
     @classmethod
     def today(cls) -> Any:
         active = here()
-        return _date_type.today() if active is None else _date_type.fromtimestamp(_epoch_s(active))
+        return super().today() if active is None else cls.fromtimestamp(_epoch_s(active))
+
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Date else super().__repr__()
 
 
 class _Datetime(datetime.datetime, metaclass=_DateMeta):
     @classmethod
     def now(cls, tz: datetime.tzinfo | None = None) -> Any:
         active = here()
-        if active is None:
-            return _datetime_type.now(tz)
-        return _datetime_type.fromtimestamp(_epoch_s(active), tz)
+        return super().now(tz) if active is None else cls.fromtimestamp(_epoch_s(active), tz)
 
     @classmethod
     def utcnow(cls) -> Any:
@@ -155,9 +163,14 @@ class _Datetime(datetime.datetime, metaclass=_DateMeta):
     def today(cls) -> Any:
         return cls.now()
 
+    def date(self) -> Any:
+        return _Date(self.year, self.month, self.day)
 
-_datetime_type = datetime.datetime
-_date_type = datetime.date
+    def __repr__(self) -> str:
+        return f"datetime.{super().__repr__()}" if type(self) is _Datetime else super().__repr__()
+
+
+_REAL_DATES: dict[type, type] = {_Date: datetime.date, _Datetime: datetime.datetime}
 for _stand, _name in ((_Date, "date"), (_Datetime, "datetime")):
     _stand.__name__ = _stand.__qualname__ = _name
     _stand.__module__ = "datetime"
@@ -269,8 +282,11 @@ def _check_timeout(blocking: bool, timeout: float) -> None:
 def _wait_for(ready: Callable[[], bool], timeout: float, why: str) -> bool:
     active = here()
     if active is not None:
-        return active.wait(ready, None if timeout == -1 else active.deadline(timeout), why)
+        return active.wait(ready, None if timeout == -1 or timeout >= FOR_EVER_S else active.deadline(timeout), why)
     return True  # the host is over, and so is whoever held it
+
+
+_real_start = _thread.start_new_thread
 
 
 def _start(real: Callable[..., Any]) -> StandIn:
@@ -280,7 +296,7 @@ def _start(real: Callable[..., Any]) -> StandIn:
         arguments = args[0] if args else ()
         named = args[1] if len(args) > 1 else {}
         task = active.spawn(function)
-        if real is _thread.start_new_thread:
+        if real is _real_start:
             return real(active.body, (task, function, arguments, named))
         return real(lambda: active.body(task, function, arguments, named), **kwargs)
 
@@ -424,9 +440,15 @@ class _Finder:
 
 
 LIBRARIES = tuple(
-    {os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(os.path.abspath(__file__)))}
-    | {folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))}
+    folder.rstrip(os.sep) + os.sep
+    for folder in (
+        os.path.dirname(os.__file__),
+        os.path.dirname(os.path.abspath(__file__)),
+        os.path.dirname(os.path.abspath(isel_twin.__file__)),
+        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
+    )
 )
+"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
 
 
 def host_line(frame: FrameType | None) -> str:
@@ -486,6 +508,7 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
     for name in ("clock_gettime", "clock_gettime_ns"):
         if (real := getattr(time, name, None)) is not None:
             pairs.append((real, StandIn(real, _clock_gettime(name.endswith("_ns")))))
+    pairs.append((threading._allocate_lock, StandIn(threading._allocate_lock, lambda _: VirtualLock())))  # type: ignore[attr-defined]
     for name in ("_start_new_thread", "_start_joinable_thread"):
         if (real := getattr(threading, name, None)) is not None:
             pairs.append((real, _start(real)))
@@ -507,7 +530,7 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
 
 
 _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_bootstrap")
-"""Modules that keep the real functions, with all below them."""
+"""Modules that keep the real functions, with all below them: the twin, and what imports modules."""
 
 
 def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
@@ -534,6 +557,7 @@ def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Ca
     for name, method in (("join", _join), ("is_alive", _is_alive)):
         put(threading.Thread, name, method)
     put(threading.Event, "is_set", _is_set)
+    put(_thread, "start_new_thread", table[id(_real_start)][1])
     from serial import serialutil
 
     put(serialutil.Timeout, "TIME", table[id(_real_monotonic)][1])

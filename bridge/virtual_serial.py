@@ -6,7 +6,7 @@
 
 It does what pySerial's ports do, in virtual time: reads wait for their bytes or for their timeouts, writes return at
 once unless BUFFER bytes are waiting to go over the line, one program has it open at a time. Line settings are accepted
-and change nothing; a host that sets another speed than the controller's is told so at the end (`Ports.notes`).
+and change nothing; a host that writes with other ones than the controller's is told so at the end (`Ports.notes`).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Ports:
         self.line_free_ns = 0
         """When everything written so far has gone over the line."""
         self.notes: list[str] = []
-        """What a real machine would not have taken, one line each."""
+        """What is worth a word at the end, one line each."""
 
     @property
     def shown(self) -> str:
@@ -62,13 +62,13 @@ class Ports:
             raise SerialException(errno.EACCES, f"could not open port {name!r}: {reason}")
         self.open = port
 
-    def check_speed(self, port: VirtualSerial) -> None:
-        """Make a note if the host has set another speed than the controller's."""
-        line = self.time.twin.serial_format.baud
-        if port.baudrate != line:
-            note = (
-                f"the host set {port.baudrate} baud; the controller's line has {line}, and a real one would not answer"
-            )
+    def check_settings(self, port: VirtualSerial) -> None:
+        """Make a note if the host has set the port otherwise than the line is. Stop bits do not matter."""
+        line = self.time.twin.serial_format
+        if (port.baudrate, port.bytesize, port.parity) != (line.baud, line.data_bits, line.parity):
+            host = f"{port.baudrate} {port.bytesize}{port.parity}{port.stopbits:g}"
+            where = f"the host's port is set to {host}, the controller's line has {line}"
+            note = f"{where}; a real line would garble each byte, here it does not matter"
             if note not in self.notes:
                 self.notes.append(note)
 
@@ -122,7 +122,6 @@ class VirtualSerial(SerialBase):
             raise SerialException("Port must be configured before it can be used.")
         self.ports.claim(self)
         self.is_open = True
-        self.ports.check_speed(self)
         self._time.fetch().clear()
 
     def close(self) -> None:
@@ -136,7 +135,7 @@ class VirtualSerial(SerialBase):
                 self._fd = None
 
     def _reconfigure_port(self) -> None:
-        self.ports.check_speed(self)
+        """Settings are looked at when something is written: many hosts make them after opening."""
 
     def _check_open(self) -> None:
         if not self.is_open:
@@ -219,6 +218,7 @@ class VirtualSerial(SerialBase):
         """
         with self._waiting() as time:
             sent = to_bytes(data)
+            self.ports.check_settings(self)
             byte_ns = self._byte_ns
             time.look()
             room_ns = self.ports.line_free_ns + (len(sent) - BUFFER) * byte_ns

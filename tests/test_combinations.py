@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +23,8 @@ FREE = {
 """Nothing rubs, so that a push arrives at the motor whole."""
 
 
-def imc(**options: object) -> Twin:
-    twin = Twin(start_mm=START_MM, **options)  # type: ignore[arg-type]
+def imc(**options: Any) -> Twin:
+    twin = Twin(start_mm=START_MM, **options)
     assert twin.query("@07") == "0"
     return twin
 

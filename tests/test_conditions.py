@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from isel_twin import Twin
+from isel_twin.controller import Output, create_controller
+from isel_twin.wiring import ScenarioError
 
 START_MM = (30.0, 30.0, 30.0)
 OUT = "@0A8000,8000,0,30,0,30,0,30"  # 25 mm at 25 mm/s
@@ -134,6 +136,18 @@ def test_an_output(tmp_path: Path) -> None:
     assert high[0] == began + 200_000_000
 
 
+def test_an_output_that_a_controller_adds(tmp_path: Path) -> None:
+    text = f'[[event]]\nwhen = "output vacuum == 1"\n{PRESS}'
+    with pytest.raises(ScenarioError, match="unknown output 'vacuum'; there are: stages,"):
+        twin_with(tmp_path, text)
+    controller: Any = create_controller("imc-s8")
+    controller.output_names = ("vacuum",)
+    twin = twin_with(tmp_path, text, controller=controller)
+    controller._events.append(Output("vacuum", 1))
+    twin.write(b"@")
+    assert twin.inputs["estop"] == "pressed"
+
+
 def test_an_input_and_what_comes_after(tmp_path: Path) -> None:
     events = f"""
         [[event]]
@@ -174,12 +188,13 @@ def test_a_switch_and_a_fault_are_inputs(tmp_path: Path) -> None:
 
 
 def test_two_conditions_at_one_instant_happen_in_the_order_of_the_file(tmp_path: Path) -> None:
-    """Whichever is met first in the code: the last word has the one that stands last."""
-    first = '[[event]]\nwhen = "output moving == 1"\nset = { user_1 = "high" }\n'
-    second = '[[event]]\nwhen = "sent @0A"\nset = { user_1 = "low" }\n'
-    for text, state in ((first + second, "low"), (second + first, "high")):
-        twin = home(twin_with(tmp_path, text.replace("output moving == 1", "sent @0A8")))
+    """A command comes and the motion begins at one instant, the command first; the file has the last word."""
+    moving = '[[event]]\nwhen = "output moving == 1"\nalways = true\nset = { user_1 = "high" }\n'
+    told = '[[event]]\nwhen = "sent @0A"\nset = { user_1 = "low" }\n'
+    for text, state in ((moving + told, "low"), (told + moving, "high")):
+        twin = home(twin_with(tmp_path, text))
         twin.write(OUT.encode() + b"\r")
+        assert twin.outputs["moving"] == 1
         assert twin.inputs["user_1"] == state
 
 
@@ -242,6 +257,12 @@ when = "replied 0"
 always = true
 obstacle_mm = { y = 200 }
 [[event]]
+when = "replied 0"
+times = 5
+delay = 0.0006
+line_cut = true
+for = 0.0011
+[[event]]
 at = 12
 every = 0.25
 repeat = 30
@@ -257,17 +278,28 @@ for = 0.2
 when = "input estop == pressed"
 hot_stage_k = { z = 70 }
 """
-SENT = ((0.1, b"@07\r"), (0.5, b"@0R7\r"), (14.0, OUT.encode() + b"\r"), (16.3, BACK.encode() + b"\r"))
-SENT = (*SENT, (18.1, OUT.encode() + b"\r"), (21.0, BACK.encode() + b"\r"), (23.0, b"@07\r"))
+IMC = (
+    (0.1, b"@07\r"), (0.5, b"@0R7\r"), (14.0, OUT.encode() + b"\r"), (16.3, BACK.encode() + b"\r"),
+    (18.1, OUT.encode() + b"\r"), (21.0, BACK.encode() + b"\r"), (23.0, b"@07\r"),
+)  # fmt: skip
+ISMIF = (
+    (0.1, b"$HZXY\x01"), (14.0, b"#S300\r#E0,4000\r#R37\r"), (14.2, b"L0,X4000,Y0,Z0\x01"),
+    (16.3, b"L0,X0,Y0,Z0\x01"), (18.1, b"L0,X4000,Y0,Z0\x01"), (21.0, b"L0,X0,Y0,Z0\x01"), (23.0, b"$HZXY\x01"),
+)  # fmt: skip
+TOLD = {
+    "imc-s8": (IMC, STORY),
+    "ismif": (ISMIF, STORY.replace("sent @0A", "sent L0").replace("replied 0", "replied <2>")),
+}
 END_S = 24.0
 
 
-def played(plant: str, timed: bool, cuts: Sequence[float]) -> tuple[Any, ...]:
+def played(controller: str, plant: str, timed: bool, cuts: Sequence[float]) -> tuple[Any, ...]:
     """What is to be seen at the end and on the way, with time cut there too."""
     with tempfile.TemporaryDirectory() as folder:
-        twin = twin_with(folder, STORY, plant, line_speed=timed, seed=3)
+        sent, story = TOLD[controller]
+        twin = twin_with(folder, story, plant, line_speed=timed, seed=3, controller=controller)
         heard = []
-        written = dict(SENT)
+        written = dict(sent)
         for at_s in sorted({*written, *cuts, 11.0, END_S}):
             twin.run_until(round(at_s * 1e9))
             heard += [twin.read()] if at_s in written or at_s == END_S else []
@@ -283,15 +315,22 @@ def played(plant: str, timed: bool, cuts: Sequence[float]) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize(
-    ("plant", "timed", "examples"), [("kinematic", True, 25), ("mujoco", True, 5), ("mujoco", False, 3)]
+    ("controller", "plant", "timed", "examples"),
+    [
+        ("imc-s8", "kinematic", True, 25),
+        ("imc-s8", "mujoco", True, 5),
+        ("imc-s8", "mujoco", False, 3),
+        ("ismif", "kinematic", True, 10),
+        ("ismif", "mujoco", True, 3),
+    ],
 )
-def test_the_same_bits_however_time_is_cut(plant: str, timed: bool, examples: int) -> None:
-    whole = played(plant, timed, ())
+def test_the_same_bits_however_time_is_cut(controller: str, plant: str, timed: bool, examples: int) -> None:
+    whole = played(controller, plant, timed, ())
     assert whole[7] <= 2, "nearly all of it happens"
 
     @settings(max_examples=examples, deadline=None, derandomize=True)
     @given(st.lists(st.floats(0.0, END_S), max_size=60))
     def cut(cuts: list[float]) -> None:
-        assert played(plant, timed, cuts) == whole
+        assert played(controller, plant, timed, cuts) == whole
 
     cut()

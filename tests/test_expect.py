@@ -180,7 +180,7 @@ def test_a_condition_before_the_first_command_is_refused() -> None:
     [
         ("! hod == open", 3, "unknown input hod; there are hood, estop"),
         ("! hood == opened", 11, "hood can be closed, forced, open"),
-        ("! limit_x1 == hit", 15, "limit_x1 can be broken, free, ok, struck"),
+        ("! limit_x1 == hit", 15, "limit_x1 can be bounce, broken, free, ok, struck"),
         ("! spindl == 1", 3, "unknown name spindl; there are lost"),
         ("! level.p9.9 == 1", 3, "unknown level p9.9; there are"),
         ("! count.v == 1", 3, "count.v: the controller has the axes x, y, z, a"),
@@ -364,7 +364,7 @@ def test_margins_are_those_of_the_last_command() -> None:
 
 def test_conditions_look_at_every_kind_of_name() -> None:
     met = ["output.stages == 1", "input.power == on", "level.p1.0 == 1", "clock < 1 s", "x > -1 mm", "hood != open"]
-    met += ["estop_1 == ok", "limit_x1 != struck"]
+    met += ["estop_1 == ok", "limit_x1 != struck", "limit_x1 == ok", "limit_x1 == free", "spindle != broken"]
     unmet = ["output.nothing == 0", "stages != 1", "x < -1e9", "level.p1.0 == 0", "hood == open"]
     results, verdict = played("\n! ".join(["@07", *met, *unmet]))
     assert [r.command for r in results if not r.ok] == [f"! {text}" for text in unmet]
@@ -379,6 +379,15 @@ def test_the_example_of_the_page_is_green() -> None:
     for plant in "kinematic", "mujoco":
         results, verdict = played(job, plant)
         assert verdict.ok, [(r.number, r.why) for r in results]
+
+
+def test_faults_of_contacts_are_states_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "faults.toml").write_text(
+        '[[event]]\nat = 0.0\nset = { limit_x2 = "broken", estop_2 = "stuck_closed" }\n'
+    )
+    conditions = ["limit_x2 == broken", "limit_x2 != ok", "estop_2 == stuck_closed", "estop_1 == ok"]
+    text = "\n! ".join(["@07 => *", *conditions, "limit_x2 != struck"])
+    assert played(text, scenario=tmp_path / "faults.toml")[1].unmet == ()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.bridge.control import ControlError, Operator
+from isel_twin.controller import create_controller
 from isel_twin.parameters import Place
 from isel_twin.wiring import ACTS, ScenarioError, event_now
 
@@ -104,7 +105,7 @@ def test_a_fault_that_is_over_leaves_nothing(scenario: ByScenario) -> None:
         "friction_n.x", "friction_n.y", "payload_kg.table", "payload_kg.tool", "obstacle_mm.x", "obstacle_mm.z",
         "undervoltage", "hot_stage_k.x",
     }  # fmt: skip
-    assert np.abs(path(twin) - path(build())).max() < 2e-3, "standing with a load moves a carriage by some nanometres"
+    assert np.abs(path(twin) - path(build())).max() < 1e-9, "mm"
     assert dict(twin.faults) == {}
 
 
@@ -447,6 +448,17 @@ def test_other_controllers_start_anew_as_well(controller: str) -> None:
     for data in twin.language.reference():  # type: ignore[union-attr]
         twin.write(data)
         assert twin.run_until_idle()
+
+
+def test_a_controller_that_was_handed_in_cannot_start_anew() -> None:
+    twin = build("kinematic", controller=create_controller("imc-s8"))
+    happen(twin, reset=True)
+    assert "there is no other" in twin.remarks[-1][1]
+    happen(twin, brownout=True)
+    assert twin.outputs["power"] == 0, "the cabinet has no mains all the same"
+    twin.write(b"@07\r")
+    twin.run_until_idle()
+    assert twin.read() == b"9"
 
 
 # ---- one name everywhere ---------------------------------------------------------------------------------------------

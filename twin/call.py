@@ -79,10 +79,13 @@ class TwinCall:
     start_mm: tuple[float, ...] | None = None
     """Carriage positions at power-on in machine coordinates; None: drawn from the seed."""
 
-    def build(self, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
+    def build(
+        self, keep_motions: int | None = None, controller: Controller | None = None, memory: bytes | None = None
+    ) -> Twin:
         """The twin, switched on, its flash kept in the file. Raises CallError for anything wrong with the call.
 
-        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named.
+        keep_motions: see `Twin`. controller: one that has been built, in place of the one that is named, and what
+        others could build it from again (`memory`, in place of a flash file).
 
         A flash file that is damaged is the controller's business, who says so to its host. One that never was a flash
         image is the caller's mistake: it is refused and left as it is.
@@ -101,7 +104,7 @@ class TwinCall:
                 controller or self.controller,
                 self.plant,
                 self.seed,
-                flash=image,
+                flash=image if controller is None else memory,
                 scenario=self.scenario,
                 line_speed=self.line_speed,
                 overrides=self.overrides,

@@ -41,6 +41,7 @@ from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.language import LanguageError, encoded, readable
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.verdict import whole_slips
+from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
     from isel_twin.job import Result
@@ -256,7 +257,8 @@ class Condition:
             names = [*_QUANTITIES, *_named(twin, "output"), *_named(twin, "input")]
             raise ExpectError(f"unknown name {name}; there are {', '.join(dict.fromkeys(names))}", self.name_at)
         if kind == "input" and isinstance(self.value, str):
-            states = {*twin.settable.get(name, ()), *(("free", "struck") if known[name] in ("free", "struck") else ())}
+            switches = [switch.name for switch in twin.machine.switches]
+            states = {*twin.settable.get(name, ()), *(("free", "struck") if name in switches else ())}
             if self.value not in states:
                 raise ExpectError(f"{name} can be {', '.join(sorted(states))}", self.value_at)
 
@@ -266,6 +268,8 @@ class Condition:
         if head not in _QUANTITIES:
             kind, name = (head, rest) if head in _KINDS else (self._kind(twin), self.name)
             found = _named(twin, kind).get(name)
+            if found is not None and kind == "input" and self.value in FAULTS:  # it may have a state beside the fault
+                found = str(twin.faults.get(name, "ok"))
             if found is None:
                 return Seen(False, f"there is no {kind} {name}")
             if isinstance(found, str):
@@ -282,8 +286,8 @@ class Condition:
 
     def _holds(self, value: float) -> bool:
         wanted = float(self.value)
-        if self.comparison == "==":  # a number that is written has few digits, what is measured has all of them
-            return abs(value - wanted) <= self.tolerance + 1e-12 * max(abs(wanted), 1.0)
+        if self.comparison == "==":
+            return abs(value - wanted) <= self.tolerance * (1.0 + 1e-9)  # 50.03 - 50 is more than 0.03 in binary
         return not math.isnan(value) and _COMPARE[self.comparison](value, wanted)
 
     def _kind(self, twin: Twin) -> str:

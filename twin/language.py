@@ -169,9 +169,12 @@ def encoded(text: str) -> bytes:
         raise LanguageError(f"{text[error.start]!r} is not a character a serial line can carry") from None
 
 
+_READABLE = tuple(chr(byte) if 32 <= byte < 127 and byte != ord("<") else f"<{byte}>" for byte in range(256))
+
+
 def readable(data: bytes) -> str:
     """Bytes as a job file has them: printable ASCII as it is, any other byte as its number, <13>."""
-    return "".join(chr(byte) if 32 <= byte < 127 and byte != ord("<") else f"<{byte}>" for byte in data)
+    return "".join(map(_READABLE.__getitem__, data))
 
 
 def integers(values: Sequence[int], count: int) -> list[int]:

@@ -18,6 +18,7 @@ controller counts are known on different grids of time and differ by a pulse in 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,8 @@ class Position:
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
+        self.before_change: Callable[[], None] | None = None
+        """Called before counters and positions are related in another way, for whoever has samples to relate."""
         self._turned = tuple(controller.direction)
         """The directions that the zeros below belong to."""
         self._zero_mm = self._zeros()
@@ -70,6 +73,8 @@ class Position:
     def counter_set(self, axis: int, value: int) -> None:
         """The controller has set the counter of one axis to a value, without a motion."""
         self.follow_direction()
+        if self.before_change is not None:
+            self.before_change()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
         slip = round((told - rotor) / self._period[axis]) * self._period[axis]
         self._forgotten[axis] += abs(slip - self._slip[axis])
@@ -82,6 +87,8 @@ class Position:
         """The other way round, another place is where the counter is 0. To be called before a motion begins: directions
         change at rest only, and then counters and drives agree."""
         if self._controller.direction != self._turned:
+            if self.before_change is not None:
+                self.before_change()
             self._turned = tuple(self._controller.direction)
             self._sense, self._mirrored = self._senses()
             self._zero_mm = self._zeros()
@@ -95,14 +102,21 @@ class Position:
     def position_mm(self) -> NDArray[np.float64]:
         """float64 [3], true carriage positions in zero and direction of the counters."""
         self.follow_direction()
-        beyond_mm: NDArray[np.float64] = self._plant.position_mm - self._zero_mm
+        return self.of_carriages_mm(self._plant.position_mm)
+
+    def of_carriages_mm(self, carriages_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., 3], machine coordinates in zero and direction of the counters as they are now."""
+        beyond_mm: NDArray[np.float64] = carriages_mm - self._zero_mm
         return self._sense * beyond_mm if self._mirrored else beyond_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
         """float64 [3], true carriage velocities in the direction of the counters."""
         self.follow_direction()
-        velocity_mm_s = self._plant.velocity_mm_s
+        return self.of_velocities_mm_s(self._plant.velocity_mm_s)
+
+    def of_velocities_mm_s(self, velocity_mm_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., 3], velocities in machine coordinates in the direction of the counters as it is now."""
         return self._sense * velocity_mm_s if self._mirrored else velocity_mm_s.copy()
 
     @property
@@ -114,6 +128,22 @@ class Position:
     def lost_steps(self) -> NDArray[np.float64]:
         """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle."""
         return self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
+
+    def lost_of(self, commanded: NDArray[np.int64], rotor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., axes], lost steps of other commands and rotors, as counters were set last."""
+        lost: NDArray[np.float64] = self.turned * (commanded - rotor - self._slip)
+        return lost
+
+    @property
+    def turned(self) -> NDArray[np.int64]:
+        """int64 [axes], the directions that positions are related by."""
+        return np.array(self._turned, dtype=np.int64)
+
+    @property
+    def offset(self) -> NDArray[np.int64]:
+        """int64 [axes], counters less what has been commanded, in the direction of the counters."""
+        self.follow_direction()
+        return self.counts - self.turned * self._plant.told
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:

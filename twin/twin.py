@@ -47,8 +47,9 @@ from isel_twin.journal import Note, Origin, Received, cut_content, push_content
 from isel_twin.language import Language, create_language, needed
 from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import PLACES, Cut, Plant, Threshold
+from isel_twin.plant import PLACES, Cut, Plant, Sampled, Threshold
 from isel_twin.position import Position
+from isel_twin.sampling import Sampler, TwinSamples
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.unpowered import Unpowered
 from isel_twin.wiring import (
@@ -186,6 +187,11 @@ class Twin:
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: list[_Observer] = []
+        self._sampler: Sampler | None = None
+        self._changes = 0
+        """Of the wiring, when observers looked last."""
+        self._inputs: Mapping[str, str] = {}
+        """As they were then."""
         self._notes: list[Note] = []
         self._least_margin = np.ones(axes)
         """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
@@ -354,9 +360,8 @@ class Twin:
     def take_margin(self) -> NDArray[np.float64]:
         """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
         panel does. Nobody else notices."""
-        taken = self._plant.margin
+        taken = self._plant.take_margin()
         self._least_margin = np.minimum(self._least_margin, taken)
-        self._plant.watch_margin()
         return taken
 
     @property
@@ -483,19 +488,42 @@ class Twin:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
         self._note("operated", push_content(CARRIAGES[axis], force_n, place))
         self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
+        self._settle()
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
         self._note("operated", cut_content(cut))
         self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
+        self._settle()
 
-    def observe(self, callback: Callable[[Twin], None], interval_ns: int) -> None:
-        """Call `callback(twin)` now, then every interval_ns of virtual time and at every input or output change."""
-        if interval_ns <= 0:
+    def observe(self, callback: Callable[[Twin], None], interval_ns: int | None) -> None:
+        """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""
+        if interval_ns is not None and interval_ns <= 0:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
+        self._changes, self._inputs = self._wiring.changes, self._wiring.inputs
         self._observe(changed=False)
         self._due_ns = self._next_due_ns()
+
+    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int) -> Sampler | None:
+        """Have the plant take samples every interval_ns from power-on, handed on by `take` some time later.
+
+        While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
+        what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
+        Whoever asks second shares those of the first, or gets None if they come at other times.
+        """
+        if not self.can_sample(interval_ns) or not isinstance(self._plant, Sampled):
+            return None
+        if self._sampler is None:
+            self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+        else:
+            self._sampler.share(take)
+        return self._sampler
+
+    def can_sample(self, interval_ns: int) -> bool:
+        """Whether `sample` would do it."""
+        same = self._sampler is None or self._sampler.interval_ns == interval_ns
+        return same and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
 
     def listen(self, note: Note) -> None:
         """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""
@@ -526,6 +554,9 @@ class Twin:
 
     def _advance_plant(self, until_ns: int) -> None:
         """Let the plant make the ticks up to until_ns, or up to the first threshold passed or the end of a chunk."""
+        if self._sampler is not None:
+            self._sampler.prepare()
+            until_ns = min(until_ns, self.time_ns + self._sampler.span_ns)
         t_ns, delta = self._stream.until(until_ns)
         count = len(t_ns)
         if count and self._stream.more_after(count):
@@ -536,6 +567,8 @@ class Twin:
         if count:
             self._stream.make(count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
         self.time_ns = reached
+        if self._sampler is not None:
+            self._sampler.keep_up()
 
     def _tell(self) -> None:
         """Let the controller know of the time that has passed, if it does not yet."""
@@ -568,7 +601,7 @@ class Twin:
             if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
-                self._observe(changed=False)
+                self._observe(changed=self._inputs_changed())
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
@@ -668,22 +701,35 @@ class Twin:
         log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
 
     def _observe(self, changed: bool) -> None:
+        if changed:
+            self._inputs_changed()
         for observer in self._observers:
             observer.look(self, changed)
+
+    def _inputs_changed(self) -> bool:
+        """Whether an input is not what it was when observers looked last; they are about to look."""
+        if not self._observers or self._changes == self._wiring.changes:
+            return False
+        self._changes = self._wiring.changes
+        before, self._inputs = self._inputs, self._wiring.inputs
+        return before != self._inputs
 
 
 class _Observer:
     """Somebody who looks at the twin on a grid of virtual time."""
 
-    def __init__(self, callback: Callable[[Twin], None], interval_ns: int, start_ns: int) -> None:
+    def __init__(self, callback: Callable[[Twin], None], interval_ns: int | None, start_ns: int) -> None:
         self._callback = callback
         self._interval_ns = interval_ns
-        self.next_ns = start_ns
+        self.next_ns: int | None = start_ns
 
     def look(self, twin: Twin, changed: bool) -> None:
-        due = twin.time_ns >= self.next_ns
-        while self.next_ns <= twin.time_ns:
-            self.next_ns += self._interval_ns
+        due = self.next_ns is not None and twin.time_ns >= self.next_ns
+        if self._interval_ns is None:
+            self.next_ns = None
+        elif self.next_ns is not None:
+            while self.next_ns <= twin.time_ns:
+                self.next_ns += self._interval_ns
         if due or changed:
             self._callback(twin)
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import logging
 import math
+import socket
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -30,13 +31,14 @@ from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.panel.menu import BESIDE, menu
 from isel_twin.bridge.panel.monitor import Monitor
 from isel_twin.bridge.server import Line, Server, Watch
-from isel_twin.bridge.tcp import listen
+from isel_twin.bridge.tcp import listen, parse_address
 from isel_twin.bridge.token import token_for
 from isel_twin.decode import DecodeError, typed
 from isel_twin.language import LanguageError, needed
 from isel_twin.machine import Machine
 from isel_twin.parameters import Place, known
 from isel_twin.twin import Twin
+from isel_twin.units import MILLISECOND_NS
 from isel_twin.version import VERSION
 from isel_twin.wiring import FAULTS
 
@@ -49,6 +51,9 @@ FRAMES_PER_S = 20.0
 
 ROUND = 32
 """Requests dealt with in one round of the server's loop."""
+
+MARGIN_NS = 5 * MILLISECOND_NS
+"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
 
 SAID_BYTES = 4096
 """Longest text typed at once, as bytes on the line."""
@@ -135,7 +140,7 @@ class Panel:
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0
         self._last: Frame = {}
-        self._margin_ns = -1
+        self._margin_ns = -MARGIN_NS
         self._margin: list[float | None] = []
         """Least margins from the frame before to that time."""
         if site is not None:
@@ -150,7 +155,11 @@ class Panel:
     @property
     def url(self) -> str:
         """What a person types into a browser."""
-        return f"http://{self.address}/" + (f"?token={self.token}" if self.token else "")
+        host, port = parse_address(self.address)
+        if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
+            host = socket.gethostname()
+        where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
 
     def take(self, asked: Asked) -> None:
         """A browser wants something. Called from any thread."""
@@ -305,7 +314,7 @@ class Panel:
         twin, pacer = self._twin, self._server.pacer
         frame = self._operator.state()
         frame["step_hz"] = twin.step_hz.tolist()
-        if twin.time_ns != self._margin_ns:
+        if twin.time_ns >= self._margin_ns + MARGIN_NS:
             self._margin_ns = twin.time_ns
             self._margin = [None if math.isnan(margin) else margin for margin in twin.take_margin().tolist()]
         frame["margin_now"] = self._margin

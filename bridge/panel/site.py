@@ -7,7 +7,8 @@
     WebSocket, any other path        the scene, in viser's own protocol
 
 viser brings web server and thread. What it has no hook for is put round the function it serves with (`_Serving`): the
-listening socket, which is bound before anything else starts, the page, and the gate.
+listening socket, which is bound before anything else starts, the page, and the gate. What it can do that nobody here
+wants, to share a scene through a server of its makers, is taken out.
 
 The gate: whoever does not name this server as his host, comes from a page of another origin, or lacks the token where
 one is needed, gets 403 and a line that says why. On the loopback interface the host must be this computer by name or
@@ -58,6 +59,12 @@ _quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered
 
 BROWSERS = 16
 """Pages open at once."""
+
+UNANSWERED = 64
+"""Requests of a browser that wait for their answers, or answers that it has not read; more is no page of ours."""
+
+FAREWELL_S = 1.0
+"""Longest wait for a browser that is let go to say so."""
 
 MESSAGE_BYTES = 1 << 20
 """Longest message of a browser."""
@@ -155,6 +162,8 @@ class _Browser:
 
     def __init__(self) -> None:
         self.answers: deque[Mapping[str, Any]] = deque()
+        self.asked = 0
+        """Requests that have no answer yet."""
         self.frame: Frame | None = None
         self.lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self.plots: deque[list[Any]] = deque(maxlen=HISTORY)
@@ -199,6 +208,7 @@ class WebSite:
         self._about = dict(about)
         with contextlib.redirect_stdout(io.StringIO()), _Serving(self):  # viser greets on the standard output
             self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
         self._loop = self._viser._event_loop
         self._stage = _Stage(self._viser, machine)
 
@@ -240,6 +250,7 @@ class WebSite:
 
     def _answer(self, client: int, answer: Mapping[str, Any]) -> None:
         if (browser := self._browsers.get(client)) is not None:
+            browser.asked -= 1
             browser.answers.append(answer)
             browser.news.set()
 
@@ -258,6 +269,10 @@ class WebSite:
         telling = asyncio.create_task(self._tell(connection, browser))
         try:
             async for text in connection:
+                if browser.asked + len(browser.answers) >= UNANSWERED:
+                    await connection.close(1008, f"more than {UNANSWERED} requests at once")
+                    break
+                browser.asked += 1
                 self._hear(number, text)
         except websockets.exceptions.ConnectionClosed:
             pass
@@ -351,7 +366,12 @@ class _Serving:
             own = urlsplit(connection.request.path).path == "/operate"
             await (site.serve(connection) if own else scene(connection))
 
-        options |= {"process_request": site.respond, "max_size": MESSAGE_BYTES, "logger": _quiet}
+        options |= {
+            "process_request": site.respond,
+            "max_size": MESSAGE_BYTES,
+            "close_timeout": FAREWELL_S,
+            "logger": _quiet,
+        }
         return websockets.asyncio.server.serve(handle, sock=site._listener, **options)
 
 

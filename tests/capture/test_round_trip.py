@@ -11,6 +11,8 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.capture.load import load
+from isel_twin.capture.play import Strikes
+from isel_twin.capture.play import play as play_capture
 from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.cli import main
@@ -19,7 +21,7 @@ from isel_twin.machine import load_machine
 from isel_twin.trace.npz import write_npz
 from isel_twin.trace.recorder import Recorder
 from isel_twin.trace.vcd import write_vcd
-from isel_twin.verdict import SETTLE_S
+from isel_twin.verdict import SETTLE_S, judge
 
 REFERENCED = "@07\n@0R7\n@0M16000,8000,8000,4000,0,30,2000,800\n<0.4s>\n@0M8000,5000,9000,1000,0,30,0,30\n"
 STOPPED = "@07\n@0ID2\n@0R7\n@0A8000,5000,400,900,0,30,0,30<13> <0.6s> <253>\n@0S\n"
@@ -142,7 +144,7 @@ def test_the_table_tells_what_happened(call: Any, tmp_path: Path) -> None:
     code, out, err = call("drive", "job.vcd", "--plant", "kinematic", "--start", "50,50,20", "--interval", "1")
     assert (code, err) == (0, "")
     assert "X +8000" in out
-    assert "all well: 1 motions, 0 struck a switch" in out
+    assert "all well: 1 motion, 0 struck a switch" in out
     assert "X: 8000 steps, at most 5000 a second" in out
     assert "cycle time" in out
 
@@ -217,3 +219,56 @@ def test_a_call_that_cannot_be_carried_out_is_one_line(call: Any, tmp_path: Path
     code, out, err = call("drive", *words, "--plant", "kinematic")
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert said in err
+
+
+def test_full_steps_of_a_half_step_stage_are_pulses_of_two(tmp_path: Path) -> None:
+    """The iSMIF counts half steps; in full-step mode a pulse is two of them, which the dump says beside it."""
+    twin = Twin(controller="ismif", plant="kinematic", seed=5)
+    job = "$HZXY<1>\nF1\nL1,x400,y101<1>\nF0\nL1,x101,y30<1>\n"
+    with Recorder(twin, 10_000_000) as recorder:
+        list(play(twin, parse_job(job, twin.language, "ismif"), 600.0))
+        write_vcd(tmp_path / "job.vcd", twin.steps, recorder)
+    assert set(np.unique(np.abs(twin.steps.delta))) == {0, 1, 2}
+    ticks = load(tmp_path / "job.vcd")
+    np.testing.assert_array_equal(ticks.t_ns, twin.steps.t_ns)
+    np.testing.assert_array_equal(ticks.delta, twin.steps.delta)
+
+
+def test_a_recording_of_a_driven_machine_is_replayed_to_the_bit(call: Any, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 16001) * 250_000, delta=np.ones((16000, 1), dtype=np.int8))
+    (tmp_path / "stop.toml").write_text('[[event]]\nat = 2.0\nset = { estop = "pressed" }\n')
+    words = ("--scenario", "stop.toml", "--start", "50,50,20", "--record", "a.mcap", "--json")
+    code, out, err = call("drive", "a.npz", *words)
+    assert (code, err) == (1, "")
+    assert json.loads(out.splitlines()[-1])["ok"] is False
+    code, out, err = call("replay", "a.mcap")
+    assert (code, err) == (0, "")
+    assert "no difference" in out
+    assert call("export", "a.mcap", "b.npz")[0] == 0
+    np.testing.assert_array_equal(load(tmp_path / "b.npz").t_ns, load(tmp_path / "a.npz").t_ns)
+
+
+def test_a_player_comes_back_from_its_image() -> None:
+    outputs = ((0, "stages", 0), (5, "stages", 1))
+    ticks = Ticks(np.array([3, 9]), np.array([[1, 0], [-1, 2]], dtype=np.int8), 9, outputs)
+    player = Player.restored(Player(ticks, ("limit_x1",), 5).image())
+    assert (player.terminals(), len(player.motions)) == ({"limit_x1": ("limit_x1",)}, 2)
+    twin = Twin(controller=player, plant="kinematic")
+    twin.run_until(9)
+    assert (twin.steps.t_ns.tolist(), twin.steps.delta.tolist()) == ([3, 9], [[1, 0], [-1, 2]])
+    assert twin.outputs["stages"] == 1
+    for image in (b"", b"PK", b"isel-twin"):
+        with pytest.raises(ValueError, match="is no image of a player"):
+            Player.restored(image)
+
+
+def test_an_interrupted_play_has_made_the_ticks_before() -> None:
+    ticks = Ticks(np.arange(1, 1001) * 1_000_000, np.ones((1000, 3), dtype=np.int8), 1_000_000_000)
+    player = Player(ticks)
+    twin = Twin(controller=player, plant="kinematic", start_mm=(50, 50, 20))
+    twin.observe(lambda _: None, 10_000_000)  # somebody looks, so that something happens on the way
+    (result,) = play_capture(twin, player, ticks.over_ns, Strikes(twin), bool, lambda: twin.time_ns >= 300_000_000)
+    assert (result.complete, result.ok) == (False, True)
+    assert result.counts == (result.end_ns // 1_000_000,) * 3
+    verdict = judge(twin, [result], 0, interrupted=True)
+    assert (verdict.ok, verdict.refused) == (False, 0)

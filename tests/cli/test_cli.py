@@ -213,14 +213,14 @@ def test_a_bad_call_as_a_process(arguments, taken):
 def test_help_names_every_command():
     done = isel_twin("--help")
     assert done.returncode == 0
-    for command in ("serve", "run", "machines", "describe", "motor", "controllers"):
+    for command in ("serve", "run", "exec", "machines", "describe", "motor", "controllers"):
         assert command in done.stdout
 
 
 @pytest.mark.parametrize(
     "arguments",
     [["--help"], ["--version"], ["machines"], ["controllers"]]
-    + [[command, "--help"] for command in ("serve", "run", "describe", "motor")],
+    + [[command, "--help"] for command in ("serve", "run", "exec", "describe", "motor")],
     ids=" ".join,
 )
 def test_help_and_lists_import_nothing_heavy(arguments):

@@ -202,6 +202,8 @@ class Sight:
     elements: Mapping[str, str]
     """What people operate: a fault of the contact with the same name hides its state in `inputs`."""
     bouncing: bool
+    swapped: Mapping[str, str]
+    """Contacts whose wires are exchanged, both ways round."""
     """A position switch still chatters."""
     powered: bool
     """A motor has current."""
@@ -216,6 +218,7 @@ class Sight:
             place_mm=_on_guides_mm(twin).tolist(),
             elements=dict(twin._wiring._cabinet.states),
             bouncing=twin._wiring._contacts.next_ns is not None,
+            swapped=dict(twin._wiring._contacts._swapped),
             powered=bool(twin._plant.powered.any()),
         )
 
@@ -293,7 +296,8 @@ class Watch:
             if levels[terminal] != told:
                 raise Broken(f"{terminal} is {_word(levels[terminal])}, and the controller was told {_word(told)}")
         closed = {name: _closed(contact, sight) for name, contact in self._contacts.items()}
-        for terminal, contacts in self._wired.items():
+        for terminal, wired in self._wired.items():
+            contacts = [self._contacts[sight.swapped.get(contact.name, contact.name)] for contact in wired]
             worn = any(sight.inputs.get(contact.name) == "bounce" for contact in contacts)
             if worn or (sight.bouncing and any(contact.kind == "switch" for contact in contacts)):
                 continue

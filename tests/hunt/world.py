@@ -59,8 +59,8 @@ SETTINGS: tuple[dict[str, int | bool], ...] = (
 )
 """What a machine file may say of the controllers of the iMC family."""
 LINE_KEYS = ("dropped", "doubled", "line_cut")
-FAULT_KEYS = (*LINE_KEYS, "friction_n", "undervoltage")
-"""Faults that are drawn, and those among them that need no physics."""
+PHYSICAL_KEYS = ("friction_n", "undervoltage")
+"""Faults that are drawn beside `swapped`, of the line and of the machine."""
 SWITCHES = tuple(f"limit_{axis}{end}" for axis in CARRIAGES for end in (1, 2))
 POWER_ON_MM = (1.0, 12.0)
 """Where carriages stand at power-on, so that references are near."""
@@ -252,16 +252,20 @@ def _events(draw: Draw, machine: str, physics: bool, end_ns: int, grid_ns: int) 
 def _faults(draw: Draw, physics: bool, end_ns: int, grid_ns: int) -> Iterator[Event]:
     """Faults that end by themselves, in a quarter of the worlds, drawn apart from all else.
 
-    Not those that would need the invariants to know more: loads and obstacles give energy, swapped wires and a
-    controller that starts anew change what there is to compare with.
+    Not those that would need the invariants to know more: loads and obstacles give energy, a controller that starts
+    anew is another one to compare with.
     """
     if not chance(draw, 0.25):
         return
+    keys = (*LINE_KEYS, "swapped", *(PHYSICAL_KEYS if physics else ()))
     for _ in range(int(draw.integers(1, 8))):
         at_ns = _on_grid(float(draw.uniform(0.0, 0.8)) * end_ns, grid_ns)
         seconds = round(float(draw.uniform(0.0, 0.2)) * end_ns / SECOND_NS, 3)
-        key = pick(draw, FAULT_KEYS if physics else LINE_KEYS)
+        key = pick(draw, keys)
         match key:
+            case "swapped":
+                one, other = draw.choice(SWITCHES, 2, replace=False).tolist()
+                value: Any = {one: other}
             case "friction_n":
                 value = {pick(draw, CARRIAGES): pick(draw, (5.0, 100.0, 3000.0))}
             case "undervoltage":
@@ -299,7 +303,7 @@ def _toml(doing: Doing) -> str:
         case "noise", probability:
             return f"noise = {probability}\n"
         case "fault", key, dict(by_axis), seconds:
-            return f"for = {seconds}\n[event.{key}]\n" + "".join(f"{axis} = {n}\n" for axis, n in by_axis.items())
+            return f"for = {seconds}\n[event.{key}]\n" + "".join(f"{n} = {json.dumps(v)}\n" for n, v in by_axis.items())
         case "fault", key, value, seconds:
             return f"for = {seconds}\n{key} = {json.dumps(value)}\n"
     raise ValueError(f"unknown doing {doing!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import socket
 import threading
@@ -9,11 +10,12 @@ import time
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed
 
 from isel_twin import Twin
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
-from isel_twin.bridge.panel.site import BROWSERS
+from isel_twin.bridge.panel.site import BROWSERS, UNANSWERED
 from isel_twin.bridge.server import Server
 from isel_twin.bridge.tcp import TcpEndpoint, parse_address
 from tests.panel.conftest import LOOPBACK, WAIT_S
@@ -144,6 +146,20 @@ def test_more_browsers_than_there_is_room_for_are_told(bench, browser):
         browser(here)
 
 
+def test_who_asks_without_end_is_let_go_and_nobody_else(bench, browser):
+    here = bench()
+    page, other = browser(here), browser(here)
+
+    def without_end() -> None:
+        for number in range(2 * UNANSWERED):
+            page.socket.send(json.dumps({"id": number, "ask": {"wait": {"input": "hood", "is": "open"}}}))
+        page.until(lambda: False)
+
+    with pytest.raises(ConnectionClosed, match=f"more than {UNANSWERED} requests at once"):
+        without_end()
+    assert other.ask(set={"hood": "forced"})["inputs"] == {"hood": "open"}
+
+
 def test_a_browser_that_comes_later_gets_what_was_said_and_plotted(bench, browser):
     here = bench(ready=True)
     first = browser(here)
@@ -236,3 +252,34 @@ def test_there_are_no_more_frames_than_twenty_in_a_second():
     took_s = time.monotonic() - began
     assert 2 <= len(site.frames) <= math.ceil(took_s * FRAMES_PER_S) + 1
     assert panel.wait_s() is not None
+
+
+def test_it_stays_usable_while_the_machine_runs_at_max(bench, browser):
+    """A host that never lets the line rest: frames come, requests are answered, what is pressed stops the machine."""
+    here = bench(ready=True)
+    page = browser(here)
+    stop, replies = threading.Event(), []
+
+    def host() -> None:
+        with socket.create_connection(parse_address(here.line.address), timeout=WAIT_S) as port:
+            while not stop.is_set():
+                for way in (20_000, -20_000):
+                    port.sendall(f"@0A {way},2000,0,800,0,800,0,800\r".encode())
+                    replies.append(port.recv(1))
+
+    thread = threading.Thread(target=host)
+    thread.start()
+    try:
+        seen: set[int] = set()
+        while len(seen) < 20:
+            page.hear()
+            seen.add(page.frame["time_ns"])
+        assert max(seen) - min(seen) > 20_000_000_000  # of virtual time, which flies
+        assert page.ask(state=True)["counts"][0] in range(20_001)
+        page.ask(set={"estop": "pressed"})
+        page.until(lambda: page.frame["outputs"]["power"] == 0 and page.frame["counts"] == here.twin.counts.tolist())
+    finally:
+        stop.set()
+        thread.join(WAIT_S)
+    assert b"0" in replies
+    assert replies[-1] != b"0"

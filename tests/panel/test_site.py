@@ -79,7 +79,7 @@ def test_a_token_is_made_up_beyond_the_loopback_interface_and_stands_in_the_link
     try:
         assert panel.token is not None
         assert len(panel.token) >= 16
-        assert panel.url.endswith(f"/?token={panel.token}")
+        assert panel.url == f"http://{socket.gethostname()}:{panel.address.split(':')[1]}/?token={panel.token}"
     finally:
         panel.close()
 
@@ -150,3 +150,15 @@ def test_a_panel_may_be_closed_before_it_has_a_server():
     panel = Panel(LOOPBACK)
     panel.close()
     panel.close()
+
+
+def test_nobody_can_have_the_scene_shared_through_a_public_server(bench, monkeypatch: pytest.MonkeyPatch):
+    """viser would do so at the request of any client."""
+    import viser
+
+    def share(*_: object, **__: object) -> None:
+        raise AssertionError("somebody asked for a tunnel")
+
+    monkeypatch.setattr(viser.ViserServer, "request_share_url", share)
+    site = bench().panel._site._viser
+    assert site.request_share_url() is None

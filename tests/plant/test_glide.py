@@ -130,6 +130,21 @@ def test_what_is_not_of_this_kind_is_mujocos(axis: str, damping: float, more: st
     assert np.isfinite(gliding(model)[0]["low_m"]).all() == written_out
 
 
+def test_a_plane_has_no_end_that_could_be_passed() -> None:
+    """A wall across the way of a slide is met at 0.8 m, wherever its origin is."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.0005"/><worldbody>
+        <geom type="plane" size="1 1 0.1" pos="0.9 100 100" zaxis="-1 0 0"/>
+        <body><joint type="slide" axis="1 0 0" frictionloss="30" range="-1 1"/><geom size="0.1"/></body>
+        </worldbody></mujoco>"""
+    )
+    assert np.isnan(gliding(model)[0]["low_m"]).all()
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.85
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 1
+
+
 def test_a_fixture_that_is_met_from_the_side_stops_an_axis_that_could_glide(bench, tmp_path: Path) -> None:
     """A cube of 40 mm amid the table, the cutter's end 27 mm above the table: X stops where the cutter's side meets the
     cube, by the places of the two in the model, less a few bounces of a tenth (a slip of the motor); Y and Z stay where

@@ -122,6 +122,8 @@ def _own(names: Sequence[str]) -> Iterator[tuple[str, Signal]]:
         if {f"step.step_{axis}", f"step.dir_{axis}"} <= present:
             yield f"{axis}.step", Signal(f"step.step_{axis}")
             yield f"{axis}.dir", Signal(f"step.dir_{axis}", inverted=True)
+            if f"step.full_{axis}" in present:
+                yield f"{axis}.full", Signal(f"step.full_{axis}")
     for output in OUTPUTS:
         if f"output.{output}" in present:
             yield output, Signal(f"output.{output}")

@@ -9,6 +9,7 @@ begin at 0 where the machine stands when the capture begins, and everything is r
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +23,10 @@ from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import Event, Output, SerialFormat
 from isel_twin.motion import Displacement, StepRun
 
-__all__ = ["GAP_NS", "Player"]
+__all__ = ["GAP_NS", "NAME", "Player"]
+
+NAME = "player"
+"""What twins and recordings call it."""
 
 GAP_NS = 100_000_000
 """Pause between two ticks that ends a motion: a start-stop frequency below 10 Hz is of no use to anybody."""
@@ -112,13 +116,43 @@ class Player:
         self.motions: tuple[StepRun, ...] = tuple(_motions(ticks, gap_ns))
         """The motions of the capture, in the order of time."""
         self.run: StepRun | None = None
+        self._ticks = ticks
         self._contacts = contacts
+        self._gap_ns = gap_ns
         self._outputs = ticks.outputs
         self._told = 0
         self._begun = 0
         self._made: Displacement = (0,) * axes
         self._t_ns = 0
         self._events: list[Event] = []
+
+    def image(self) -> bytes:
+        """All that a player is made of, as flash memory that `restored` reads, for recordings."""
+        file = io.BytesIO()
+        times, names, levels = zip(*self._outputs, strict=True) if self._outputs else ((), (), ())
+        np.savez_compressed(
+            file,
+            after_ns=np.diff(self._ticks.t_ns, prepend=np.int64(0)),
+            delta=self._ticks.delta,
+            output_ns=np.array(times, dtype=np.int64),
+            output=np.array(names, dtype=np.str_),
+            level=np.array(levels, dtype=np.int64),
+            contacts=np.array(self._contacts, dtype=np.str_),
+            gap_ns=np.int64(self._gap_ns),
+        )
+        return file.getvalue()
+
+    @staticmethod
+    def restored(image: bytes) -> Player:
+        """A player fresh from an image. Raises ValueError for what is none."""
+        try:
+            with np.load(io.BytesIO(image), allow_pickle=False) as file:
+                t_ns = np.cumsum(file["after_ns"])
+                columns = (file[name].tolist() for name in ("output_ns", "output", "level"))
+                ticks = Ticks(t_ns, file["delta"], int(t_ns[-1]), tuple(zip(*columns, strict=True)))
+                return Player(ticks, tuple(file["contacts"].tolist()), int(file["gap_ns"]))
+        except Exception as error:  # numpy, zipfile and zlib have a dozen kinds for bytes that are none of theirs
+            raise ValueError(f"is no image of a player: {' '.join(str(error).split())}") from None
 
     @property
     def counts(self) -> Displacement:

@@ -14,6 +14,7 @@ none, and each row is one sample at a known rate. Cells are 0 or 1.
 from __future__ import annotations
 
 import codecs
+import csv
 import mmap
 import re
 from collections.abc import Sequence
@@ -71,7 +72,7 @@ class Table:
         comments, rows, places = self._beginning()
         first = rows[0][1]
         self._delimiter = next((mark for mark in "\t;" if mark in rows[-1][1]), ",")
-        cells = [cell.strip().strip('"').strip() for cell in first.split(self._delimiter)]
+        cells = [cell.strip() for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))]
         headed = not all(_NUMBER.fullmatch(cell) for cell in cells if cell)
         said = _names_in(comments)
         rate_hz = sample_rate_hz if sample_rate_hz is not None else _rate_in(comments)

@@ -102,6 +102,8 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
             step, direction = waves[f"{axis}.step"], waves[f"{axis}.dir"]
             t_ns = _active(step, edge)
             sign = np.where(direction.at(t_ns), 1, -1).astype(np.int8)
+            if f"{axis}.full" in waves:
+                sign *= waves[f"{axis}.full"].at(t_ns) + np.int8(1)
             setup, hold = _around(t_ns, direction.t_ns, needs)
             pulses = [step]
         else:

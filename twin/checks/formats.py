@@ -20,7 +20,7 @@ from isel_twin.checks.job import RULES, Finding, Report
 from isel_twin.units import SECOND_NS
 from isel_twin.version import VERSION
 
-__all__ = ["annotations", "as_json", "junit", "sarif", "where"]
+__all__ = ["as_annotations", "as_json", "junit", "sarif", "where"]
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML does not have; a reply may hold any."""
@@ -121,7 +121,7 @@ def as_json(report: Report) -> str:
     return json.dumps(told)
 
 
-def annotations(reports: Iterable[Report]) -> Iterator[str]:
+def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
     """Commands for the log of a GitHub-style runner."""
     for report in reports:
         for finding in report.findings:

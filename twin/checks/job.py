@@ -11,7 +11,8 @@ annotation in a review say the same.
     unfinished    a command is not over in time; the job ends there                       `timeout`
     lost          an axis has lost steps, told with the line after which it first had     always
     halfway       a rotor rests between two places that would hold                        always
-    switch        an end switch is struck in a line that sets no counter                  `may_strike`
+    switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
+                  condition of the job (`! limit_x1 == struck`) wants it so
     fault         the controller shows an error at the end, or its flash is damaged       always
     margin        the least pull-out margin of a motor in a line                          `margin`
     deviation     true position and counter differ by more, looked at every 5 ms          `deviation_mm`
@@ -227,10 +228,20 @@ def check_job(
         gone |= now
     verdict = judge(twin, results, len(lines) - len(results))
     run = Golden.of({}, moves, verdict)
+    findings = [finding for finding in findings if not _expected(finding, verdict, lines)]
     findings += _of_verdict(verdict, gone, results, bounds)
     if bounds.robust:
         findings += _of_repetitions(call, lines, verdict, bounds)
     return Report(str(job), _few(findings), verdict, run, tuple(scribe.spans_ns))
+
+
+def _expected(finding: Finding, verdict: Verdict, lines: Sequence[Line]) -> bool:
+    """Whether the job says itself that it must be so: `! lost > 0`, `! limit_x2 == struck`."""
+    name = finding.message.partition(" ")[0]
+    if finding.rule == "lost":
+        return not verdict.lost[AXIS_NAMES.index(name)]
+    said = {(line.condition.name, line.condition.value) for line in lines if line.condition is not None}
+    return finding.rule == "switch" and bool({(name, "struck"), (f"input.{name}", "struck")} & said)
 
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -62,18 +62,19 @@ def check(
     tasks = _tasks(jobs, settings, options)
     check_writable(junit, sarif, kept=(*jobs, settings, scenario))
 
-    from isel_twin.checks import formats
+    from isel_twin.checks.formats import as_annotations, as_json
+    from isel_twin.checks.formats import junit as as_junit
+    from isel_twin.checks.formats import sarif as as_sarif
 
     reports = []
     with ExitStack() as stack:
-        told = stack.enter_context(closing(_reports(tasks, processes, stack)))
-        for report in told:
+        for report in _reports(tasks, processes, stack):
             reports.append(report)
-            print(formats.as_json(report) if json else _in_words(report), flush=True)
+            print(as_json(report) if json else _in_words(report), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
-        for line in formats.annotations(reports):
+        for line in as_annotations(reports):
             print(line)
-    for path, write in ((junit, formats.junit), (sarif, formats.sarif)):
+    for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
             from isel_twin.files import atomic_write
 

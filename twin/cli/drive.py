@@ -19,7 +19,9 @@ from isel_twin.cli.options import (
     Seed,
     check_seconds,
     check_writable,
+    parse_override,
 )
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.cli.run import MOST_SAMPLES, interruption, need_matplotlib, need_pyarrow
 from isel_twin.units import MICROSECOND_NS, SECOND_NS
 
@@ -61,6 +63,7 @@ def drive(
     vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
     trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
+    record: RecordPath = None,
     interval: Interval = 0.01,
     json: Annotated[bool, Parameter(help="One line of JSON a motion, then one with the summary.")] = False,
 ) -> int:
@@ -86,8 +89,9 @@ def drive(
         need_pyarrow()
     if report is not None:
         need_matplotlib()
-    check_writable(steps, vcd, trace, report, kept=(capture, scenario))
-    overrides = dict(_override(text) for text in set)
+    check_record(record)
+    check_writable(steps, vcd, trace, report, record, kept=(capture, scenario))
+    overrides = dict(parse_override(text) for text in set)
     call = TwinCall(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
 
     from isel_twin.capture.load import load
@@ -102,7 +106,7 @@ def drive(
             )
         except WrongCallError as error:
             raise CallError(str(error), option=True) from None
-    if needs_recorder and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
+    if (needs_recorder or record is not None) and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
         from isel_twin.capture.play import Strikes, lines_of, play
@@ -117,10 +121,11 @@ def drive(
             as_built = load_machine(machine)
         allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
         player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
-        twin = call.build(controller=player)
+        twin = call.build(controller=player, memory=None if record is None else player.image())
         stack.enter_context(told_of_compiling())
         strikes = Strikes(twin)
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None
+        recording = None if record is None else begin(record, twin, interval, {"capture": str(capture)}, stack)
         lines = lines_of(player)
         show: outputs.JobOutput = (
             outputs.JsonOutput() if json else stack.enter_context(outputs.MotionsOutput(twin, lines))
@@ -141,6 +146,10 @@ def drive(
             if path is not None:
                 with call_errors():
                     write_trace(path, twin, recorder, kind)
+        recorded = True
+        if record is not None and recording is not None:
+            with call_errors(record):
+                recorded = keep(recording, record)
         with call_errors(report):
             if report is not None and recorder is not None:
                 from isel_twin.trace.report import write_report
@@ -153,22 +162,8 @@ def drive(
     if interrupted:
         outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
         return 128 + stopped[0]
-    return 0 if verdict.ok and all(allowed(strike.switch) for strike in strikes.seen) else 1
-
-
-def _override(text: str) -> tuple[str, Any]:
-    """KEY=VALUE; the value a number, true, false or a word."""
-    key, equals, word = (part.strip() for part in text.partition("="))
-    if not equals or not key or not word:
-        raise CallError(f"set {text!r}: must be KEY=VALUE, for example axes.all.steps_per_rev=3200", option=True)
-    if word in ("true", "false"):
-        return key, word == "true"
-    for number in (int, float):
-        try:
-            return key, number(word)
-        except ValueError:
-            continue
-    return key, word
+    struck = not all(allowed(strike.switch) for strike in strikes.seen)
+    return 0 if verdict.ok and recorded and not struck else 1
 
 
 def _start(text: str) -> tuple[float, ...] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -62,3 +62,18 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
         if path.resolve() in taken and not path.is_char_device():
             raise CallError(f"{path}: is named twice in this call; choose another name for what is written")
         taken.add(path.resolve())
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """A machine parameter as KEY=VALUE; the value a number, true, false or a word. Raises CallError."""
+    key, equals, word = (part.strip() for part in text.partition("="))
+    if not equals or not key or not word:
+        raise CallError(f"set {text!r}: must be KEY=VALUE, for example axes.all.steps_per_rev=3200", option=True)
+    if word in ("true", "false"):
+        return key, word == "true"
+    for number in (int, float):
+        try:
+            return key, number(word)
+        except ValueError:
+            continue
+    return key, word

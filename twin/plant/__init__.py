@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import Stage
 from isel_twin.plant.cutting import Cut
 
-__all__ = ["PLACES", "Cut", "Plant", "Quantity", "Threshold"]
+__all__ = ["MOST_SAMPLES", "PLACES", "Cut", "Plant", "Quantity", "Sampled", "Samples", "Threshold"]
 
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}
 """Where a force can act from outside, and the site of the MuJoCo model that stands for it."""
@@ -206,6 +206,9 @@ class Plant(Protocol):
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
         asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor."""
 
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], `margin`, which begins anew without a look of its own: 1 until the next window is over."""
+
     def watch_margin(self) -> None:
         """Begin anew with the least margins."""
 
@@ -216,3 +219,53 @@ class Plant(Protocol):
     @property
     def at_rest(self) -> bool:
         """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """n samples of a plant, as its properties would have been at those times. Arrays are copies."""
+
+    time_ns: NDArray[np.int64]
+    """int64 [n], rising."""
+    position_mm: NDArray[np.float64]
+    """float64 [n, 3]"""
+    velocity_mm_s: NDArray[np.float64]
+    """float64 [n, 3]"""
+    commanded: NDArray[np.int64]
+    """int64 [n, axes]"""
+    rotor: NDArray[np.float64]
+    """float64 [n, axes]"""
+    current_fraction: NDArray[np.float64]
+    """float64 [n, m], of the stages."""
+    margin: NDArray[np.float64]
+    """float64 [n, axes]"""
+    supply_v: NDArray[np.float64]
+    """float64 [n]"""
+
+
+@runtime_checkable
+class Sampled(Protocol):
+    """A plant that takes samples by itself while it advances, on a grid of time from power-on.
+
+    While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
+    """
+
+    def fits(self, interval_ns: int) -> bool:
+        """Whether the plant can take samples so often: its own grid has these times."""
+
+    def sample_every(self, interval_ns: int) -> None:
+        """Take samples from now on. ValueError if the interval does not fit."""
+
+    def sample_again(self) -> None:
+        """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""
+
+    @property
+    def samples_waiting(self) -> int:
+        """Samples not read yet; beyond MOST_SAMPLES they are lost."""
+
+    def take_samples(self) -> Samples:
+        """Those that wait."""
+
+
+MOST_SAMPLES = 1024
+"""Samples that a plant keeps."""

@@ -92,6 +92,7 @@ def _wake(plant, axes, supply):
     if plant.frozen == 0:
         return
     plant.frozen = 0
+    plant.held = 0
     plant.quiet = 0
     over = plant.now % plant.window
     for i in range(AXES):
@@ -216,6 +217,37 @@ def _look(memory):
 
 
 @njit(nogil=True, error_model="numpy")
+def _take(parts, at):
+    """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
+    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply."""
+    plant, axes = parts.plant[0], parts.axes
+    if plant.sampled == parts.samples.shape[0]:
+        return
+    row = parts.samples[plant.sampled]
+    plant.sampled += 1
+    n, m = parts.qpos.shape[0], parts.commanded.shape[0]
+    share = plant.now % plant.window / plant.window
+    row[0] = at
+    for j in range(n):
+        row[1 + j] = parts.before[j] + share * (parts.qpos[j] - parts.before[j])
+        row[1 + n + j] = parts.qvel[j]
+    at_commands = 1 + 2 * n
+    at_ns = at * plant.substep_ns
+    for i in range(m):
+        row[at_commands + i] = parts.commanded[i]
+        row[at_commands + m + i] = parts.commanded[i] - behind(parts.leads[i], at_ns)
+    at_axes = at_commands + 2 * m
+    for i in range(AXES):
+        axis = axes[i]
+        row[1 + axis.dof] = axis.x_m
+        row[1 + n + axis.dof] = axis.v_m_s
+        row[at_commands + m + i] = parts.states[i].theta_rad * axis.steps_per_rad
+        row[at_axes + i] = 0.0 if axis.phases & parts.supply[0].gate == OPEN else axis.fraction
+        row[at_axes + AXES + i] = axis.margin
+    row[at_axes + 2 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
+
+
+@njit(nogil=True, error_model="numpy")
 def _pass(memory):
     """Compare with all thresholds at the end of a sub-step; True if one was passed or left."""
     parts = parts_of(memory)
@@ -266,6 +298,11 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             for i in range(AXES):
                 wakes = min(wakes, _lower_at(axes[i]))
             plant.now = max(plant.now, wakes)
+            if plant.sample_every and plant.sample_at <= plant.now:
+                if plant.held == 0:
+                    _take(parts, plant.sample_at)
+                    plant.held = 1
+                plant.sample_at = (plant.now // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
                 break
             _wake(plant, axes, supply)
@@ -337,6 +374,9 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             _leave_window(memory)
             if plant.lost_dof >= 0:
                 break
+        if plant.now == plant.sample_at:
+            _take(parts, plant.now)
+            plant.sample_at += plant.sample_every
         near = plant.watched != 0
         for i in range(AXES):
             near = near or not axes[i].free_low_m < axes[i].x_m < axes[i].free_high_m

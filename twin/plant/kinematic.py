@@ -325,6 +325,10 @@ class KinematicPlant:
         """See Plant.margin; there are no motors here."""
         return np.full(len(self.slip_steps), np.nan)
 
+    def take_margin(self) -> NDArray[np.float64]:
+        """See Plant.take_margin."""
+        return self.margin
+
     def watch_margin(self) -> None:
         """See Plant.watch_margin."""
 

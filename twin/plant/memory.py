@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE
+from isel_twin.plant import MOST_SAMPLES
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
@@ -25,6 +26,8 @@ from isel_twin.plant.thread import SCREW
 
 AXES = 3
 """Axes with mechanics."""
+SAMPLES = MOST_SAMPLES
+"""Samples that can wait to be read."""
 
 PLANT = np.dtype(
     [
@@ -42,6 +45,10 @@ PLANT = np.dtype(
         ("led_until_ns", "i8"),  # when the last of all leads is over
         ("lost_dof", "i8"),  # number of the joint coordinate that left the finite numbers, -1: none
         ("uneven", "i8"),  # 1: a screw is not everywhere the same
+        ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
+        ("sample_at", "i8"),  # sub-step of the next one
+        ("sampled", "i8"),  # samples that wait to be read
+        ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
     ],
     align=True,
 )
@@ -143,6 +150,8 @@ class Parts(NamedTuple):
     """float64 [nv], joint positions one window ago."""
     rates: Any
     """float64 [nv], joint velocities one window ago."""
+    samples: Any
+    """float64 [SAMPLES, w], rows of the loop's `_take`; who has them taken reads them before there are more."""
     place: Any
     """float64 [nv], where the joints are at the end of the last call, within a sub-step along their velocities."""
     qpos: Any
@@ -154,7 +163,8 @@ class Parts(NamedTuple):
 
 
 MEMORY = np.dtype(
-    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds")], align=True
+    [(name, "i8") for name in (*Parts._fields, "joints", "number_of_thresholds", "commands", "speeds", "fields")],
+    align=True,
 )
 """Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
 a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
@@ -198,6 +208,7 @@ def parts_of(memory):
         carray(at_address(at.supply), (1,), SUPPLY),
         carray(at_address(at.before), (n,), np.float64),
         carray(at_address(at.rates), (n,), np.float64),
+        carray(at_address(at.samples), (SAMPLES, at.fields), np.float64),
         carray(at_address(at.place), (n,), np.float64),
         carray(at_address(at.qpos), (n,), np.float64),
         carray(at_address(at.qvel), (n,), np.float64),
@@ -218,4 +229,5 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["number_of_thresholds"] = len(parts.thresholds)
     memory["commands"] = len(parts.commanded)
     memory["speeds"] = parts.available.shape[1]
+    memory["fields"] = parts.samples.shape[1]
     return memory

@@ -24,7 +24,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
-from isel_twin.plant import PLACES, Threshold, kernel, memory
+from isel_twin.plant import PLACES, Samples, Threshold, kernel, memory
 from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.feed import supply_state
 from isel_twin.plant.glide import glide, gliding
@@ -47,7 +47,7 @@ _LEAST_V = 5.0
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 
-_NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
+_NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
@@ -165,6 +165,8 @@ class MujocoPlant:
         self._plant["data"] = data._address
         self._plant["lost_dof"] = -1
         self._plant["uneven"] = uneven
+        self._plant["sample_at"] = kernel.NEVER
+        self._samples = np.zeros((memory.SAMPLES, 2 + 2 * (model.nv + len(self._commanded) + memory.AXES)))
         self._plant["watched"] = (self._thresholds["quantity"] != memory.POSITION).any()
         self._words = self._plant.view(np.int64)
         """The same as whole numbers, by place."""
@@ -188,8 +190,8 @@ class MujocoPlant:
             thresholds=self._thresholds, commanded=self._commanded, leads=self._leads, available=self._available,
             joints_law=self._joints_law, mobility=mobility, push=self._push, springs=self._springs, cut=self._cuts,
             cut_nuts=self._cut_nuts, cut_joints=self._cut_joints, supply=self._supply, before=self._before,
-            rates=self._rates_before, place=self._place, qpos=data.qpos, qvel=data.qvel, qacc=data.qacc,
-            qacc_smooth=data.qacc_smooth, qfrc=data.qfrc_applied,
+            rates=self._rates_before, samples=self._samples, place=self._place, qpos=data.qpos, qvel=data.qvel,
+            qacc=data.qacc, qacc_smooth=data.qacc_smooth, qfrc=data.qfrc_applied,
         )  # fmt: skip
         """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
         self._memory = memory.memory_of(self._parts)
@@ -480,9 +482,60 @@ class MujocoPlant:
         margin[: memory.AXES] = self._axes["margin"]
         return margin[: self._count]
 
+    def take_margin(self) -> NDArray[np.float64]:
+        """See Plant.take_margin."""
+        taken = self.margin
+        self._axes["margin"] = 1.0
+        return taken
+
     def watch_margin(self) -> None:
         """See Plant.watch_margin."""
         kernel.look(self._memory)
+        self.sample_again()
+
+    # Samples taken in the loop, for recordings: `isel_twin.plant.Sampled`
+
+    def fits(self, interval_ns: int) -> bool:
+        """See Sampled.fits."""
+        return interval_ns > 0 and interval_ns % self._substep_ns == 0
+
+    def sample_every(self, interval_ns: int) -> None:
+        """See Sampled.sample_every."""
+        if not self.fits(interval_ns):
+            raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
+        every = interval_ns // self._substep_ns
+        self._plant["sample_every"] = every
+        self._plant["sample_at"] = (self._plant["now"] // every + 1) * every
+
+    def sample_again(self) -> None:
+        """See Sampled.sample_again."""
+        self._plant["held"] = 0
+
+    @property
+    def samples_waiting(self) -> int:
+        """See Sampled.samples_waiting."""
+        return self._words.item(_SAMPLED)
+
+    def take_samples(self) -> Samples:
+        """See Sampled.take_samples."""
+        rows = self._samples[: self.samples_waiting]
+        self._plant["sampled"] = 0
+        joints, commands = self.model.nv, len(self._commanded)
+        ends = np.cumsum([1, joints, joints, commands, commands, memory.AXES, memory.AXES])
+        now, place, rates, commanded, rotor, current, margin, supply_v = np.split(rows.copy(), ends, axis=1)
+        count = self._count
+        margins = np.full((len(rows), commands), np.nan)
+        margins[:, : memory.AXES] = margin
+        return Samples(
+            time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
+            position_mm=_each(self._shape_mm, place),
+            velocity_mm_s=_each(self._shape_mm, rates),
+            commanded=commanded[:, :count].astype(np.int64),
+            rotor=rotor[:, :count],
+            current_fraction=current,
+            margin=margins[:, :count],
+            supply_v=supply_v[:, 0],
+        )
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -573,6 +626,12 @@ class MujocoPlant:
             f"{1.0 / self._mobility[dof, dof]:.3g} kg; "
             f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
         )
+
+
+def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product with each of some vectors [n, k], to the bit as with one of them."""
+    products: NDArray[np.float64] = np.matmul(matrix, rows[:, :, None])[..., 0]
+    return products
 
 
 def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:

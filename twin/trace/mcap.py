@@ -21,13 +21,18 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, cast
+from typing import IO, TYPE_CHECKING, Any, Final
 
 from isel_twin.files import Claim
 from isel_twin.language import readable
+from isel_twin.trace.container import Container
+from isel_twin.trace.samples import HEADER
 from isel_twin.version import VERSION
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from isel_twin.language import Language
 
 __all__ = ["CHANNELS", "METADATA", "SAMPLES", "RecordingWriter"]
@@ -86,8 +91,6 @@ class RecordingWriter:
         attachments: files by name.
         language: explains the bytes, an instance of its own (`isel_twin.language.create_language`); None: nobody does.
         """
-        from mcap.writer import Writer
-
         self.path = Path(path)
         self.ended = False
         """Nothing more is recorded: closed, or no room."""
@@ -98,13 +101,11 @@ class RecordingWriter:
         self._language = language
         self._file = _File(self.path)
         self._channels: dict[str, int] = {}
-        self._numbers: dict[int, int] = {}
         try:
-            self._writer = Writer(cast(IO[bytes], self._file), chunk_size=CHUNK_BYTES)
-            self._writer.start(library=f"isel-twin {VERSION}")
-            self._writer.add_metadata(METADATA, {"isel_twin": VERSION, **metadata})
+            self._container = Container(self._file, f"isel-twin {VERSION}")
+            self._container.metadata(METADATA, {"isel_twin": VERSION, **metadata})
             for name, data in (attachments or {}).items():
-                self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
+                self._container.attachment(name, data)
             self._file.put_in_place()
         except BaseException as error:
             self._file.give_up()
@@ -128,37 +129,27 @@ class RecordingWriter:
 
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
         """Write one message, a table that JSON can hold, on one of CHANNELS."""
-        if not self.ended:
-            self.raw(channel, time_ns, json.dumps(content, separators=(",", ":")).encode())
-
-    def raw(self, channel: str, time_ns: int, data: bytes) -> None:
-        """Write one message as its bytes."""
         if self.ended:
             return
-        self.unwritten = True
-        try:
-            number = self._channels.get(channel) or self._register(channel)
-            self._add(number, time_ns, data)
-        except OSError as error:
-            self._end(error)
+        number = self._channels.get(channel) or self._register(channel)
+        self._container.message(number, time_ns, json.dumps(content, separators=(",", ":")).encode())
+        self._grown()
 
-    def sample(self, time_ns: int, data: bytes, schema: str) -> None:
-        """Write a sample, a message of samples.py; schema: the fields it has, the same each time."""
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:
+        """Write samples, their fields in the words of `schema`, which is the same each time; see samples.py."""
         if self.ended:
             return
-        self.unwritten = True
-        try:
-            if (number := self._channels.get(SAMPLES)) is None:
-                schema_id = self._writer.register_schema("isel_twin/Sample", "ros2msg", schema.encode())
-                number = self._writer.register_channel(SAMPLES, "cdr", schema_id)
-                self._channels[SAMPLES], self._numbers[number] = number, 0
-            self._add(number, time_ns, data)
-        except OSError as error:
-            self._end(error)
+        if (number := self._channels.get(SAMPLES)) is None:
+            number = self._container.channel(SAMPLES, "cdr", ("isel_twin/Sample", "ros2msg", schema.encode()))
+            self._channels[SAMPLES] = number
+        self._container.messages(number, time_ns, rows, HEADER)
+        self._grown()
 
-    def _add(self, number: int, time_ns: int, data: bytes) -> None:
-        count = self._numbers[number] = self._numbers[number] + 1
-        self._writer.add_message(number, time_ns, data, time_ns, count)
+    def _grown(self) -> None:
+        """Something has been added to the chunk in progress."""
+        self.unwritten = True
+        if self._container.waiting >= CHUNK_BYTES:
+            self.flush()
 
     def flush(self) -> None:
         """Hand everything recorded so far to the operating system, where it outlives this process."""
@@ -166,7 +157,7 @@ class RecordingWriter:
             return
         self.unwritten = False
         try:
-            self._writer.flush()
+            self._container.flush()
         except OSError as error:
             self._end(error)
 
@@ -175,7 +166,7 @@ class RecordingWriter:
         if self.ended:
             return
         try:
-            self._writer.finish()
+            self._container.finish()
             self._file.close()
             self.ended = True
         except OSError as error:
@@ -193,10 +184,8 @@ class RecordingWriter:
         what, properties = CHANNELS[channel]
         schema = {"title": channel, "description": what, "type": "object", "properties": properties}
         name = "isel_twin" + channel.replace("/", ".")
-        schema_id = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-        number = self._writer.register_channel(channel, "json", schema_id)
+        number = self._container.channel(channel, "json", (name, "jsonschema", json.dumps(schema).encode()))
         self._channels[channel] = number
-        self._numbers[number] = 0
         return number
 
     def _end(self, error: OSError) -> None:

@@ -82,6 +82,11 @@ class Recorded:
         """Number of axes of the controller."""
         return self._number("axes", 1, MOST_AXES)
 
+    @property
+    def interval_ns(self) -> int:
+        """From sample to sample."""
+        return self._number("interval_ns", 1, 1 << 62)
+
     @cached_property
     def samples(self) -> NDArray[np.void]:
         """The samples, with the fields of samples.py. Raises RecordingError if they are none."""
@@ -126,18 +131,32 @@ class Played:
             self.changes += [Change(time_ns, groups[channel], name, value) for name, value in content.items()]
         times_ns, every = recorded.sample_times_ns, recorded.samples
         last = np.append(np.diff(times_ns) > 0, True)[: len(times_ns)]  # of several looks at one instant
-        self._samples = np.empty(int(last.sum()), dtype=self.dtype)
-        self._samples["time_ns"] = times_ns[last]
-        for name in ("counts", "position_mm", "lost_steps"):
-            self._samples[name] = every[name][last]
+        self._times_ns, self._rows = times_ns[last], np.flatnonzero(last)
+        if recorded.metadata.get("held") == "true":
+            self._hold(recorded.interval_ns, recorded.end_ns)
+        self._every = every
+
+    def _hold(self, interval_ns: int, end_ns: int) -> None:
+        """What was not sampled, because nothing moved, is as it was before."""
+        if not len(self._times_ns):
+            return
+        grid_ns = np.arange(-(-self._times_ns[0] // interval_ns) * interval_ns, end_ns + 1, interval_ns)
+        times_ns = np.union1d(self._times_ns, grid_ns)
+        self._rows = self._rows[np.searchsorted(self._times_ns, times_ns, side="right") - 1]
+        self._times_ns = times_ns
 
     def __len__(self) -> int:
-        return len(self._samples)
+        return len(self._times_ns)
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
         """As Recorder.samples."""
-        for first in range(0, len(self._samples), size):
-            yield self._samples[first : first + size]
+        for first in range(0, len(self), size):
+            part = slice(first, min(first + size, len(self)))
+            samples = np.empty(part.stop - first, dtype=self.dtype)
+            samples["time_ns"] = self._times_ns[part]
+            for name in ("counts", "position_mm", "lost_steps"):
+                samples[name] = self._every[name][self._rows[part]]
+            yield samples
 
     def names(self) -> list[tuple[str, str]]:
         """As Recorder.names."""

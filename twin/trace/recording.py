@@ -19,18 +19,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.journal import Received
 from isel_twin.language import create_language
-from isel_twin.snapshot import snapshot
+from isel_twin.position import position_error_mm
 from isel_twin.trace.mcap import RecordingWriter
 from isel_twin.trace.runs import described
-from isel_twin.trace.samples import as_message, sample_dtype, samples_schema
+from isel_twin.trace.samples import sample_dtype, samples_schema
 
 if TYPE_CHECKING:
     from isel_twin.journal import Origin
     from isel_twin.motion import Motion
+    from isel_twin.sampling import TwinSamples
     from isel_twin.twin import Twin
 
 __all__ = [
@@ -59,6 +61,9 @@ MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
 """Channel of each group of a `recorder.Change`."""
 
+MOST_LOOKS = 100
+"""Samples of changes that wait."""
+
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
@@ -68,7 +73,7 @@ class Sink(Protocol):
     def sent(self, time_ns: int, data: bytes) -> None: ...
     def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None: ...
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None: ...
-    def sample(self, time_ns: int, data: bytes, schema: str) -> None: ...
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None: ...
 
 
 class Recording:
@@ -80,17 +85,54 @@ class Recording:
         self._twin = twin
         self._axes = len(twin.counts)
         self._motors = len(twin.current_fraction)
+        self._step_mm = twin.step_mm
         self._dtype = sample_dtype(self._axes, self._motors)
         self._schema = samples_schema(self._dtype)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
+        self._looks: list[tuple[int, NDArray[np.void]]] = []
+        """Samples of changes, which wait for those of the plant that come before them."""
         twin.listen(self._note)
-        twin.observe(self._look, interval_ns)
+        self._sampler = twin.sample(self._take, interval_ns)
+        twin.observe(self._look, interval_ns if self._sampler is None else None)
+
+    @property
+    def waiting(self) -> bool:
+        """Something has been recorded that the sink has not been told of."""
+        return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
+
+    def hand_on(self) -> None:
+        """Tell the sink of everything so far."""
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        if self._looks:
+            self._tell_samples(np.empty(0, dtype=np.int64), np.empty(0, dtype=self._dtype))
 
     def end(self) -> None:
         """That was all: the last message, with the time it is."""
+        self.hand_on()
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
+
+    def _take(self, samples: TwinSamples) -> None:
+        """Samples of the plant."""
+        rows = np.empty(len(samples.time_ns), dtype=self._dtype)
+        for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
+            rows[name] = getattr(samples, name)
+        rows["position_error_mm"] = position_error_mm(samples.position_mm, samples.counts, self._step_mm)
+        if self._motors:
+            rows["current"] = samples.current_fraction
+        self._tell_samples(samples.time_ns, rows)
+
+    def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
+        """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
+        if self._looks:
+            looks, self._looks = self._looks, []
+            times_ns = np.concatenate((times_ns, np.array([time_ns for time_ns, _ in looks], dtype=np.int64)))
+            order = np.argsort(times_ns, kind="stable")
+            times_ns = times_ns[order]
+            rows = np.concatenate((rows, *(row for _, row in looks)))[order]
+        self._sink.samples(times_ns, rows, self._schema)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
         sink = self._sink
@@ -123,24 +165,26 @@ class Recording:
         self._sink.message("/runs", time_ns, {"run": described(motion), "continues": continues})
 
     def _look(self, twin: Twin) -> None:
-        seen = snapshot(twin)
-        row = np.empty((), dtype=self._dtype)
-        row["counts"] = seen.counts
-        row["position_mm"] = seen.position_mm
-        row["position_error_mm"] = seen.position_error_mm
-        row["lost_steps"] = seen.lost_steps
+        time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm
+        row = np.empty(1, dtype=self._dtype)
+        row["counts"] = counts
+        row["position_mm"] = position_mm
+        row["position_error_mm"] = position_error_mm(position_mm, counts, self._step_mm)
         row["velocity_mm_s"] = twin.velocity_mm_s
-        if self._motors:
-            row["current"] = twin.current_fraction
+        row["lost_steps"] = twin.lost_steps
         row["margin"] = twin.margin
         row["supply_v"] = twin.supply_v
-        self._sink.sample(seen.time_ns, as_message(row), self._schema)
-        self._compare(seen.time_ns, "level", seen.levels)
-        self._compare(seen.time_ns, "input", seen.inputs)
-        self._compare(seen.time_ns, "output", seen.outputs)
-        if (faults := dict(twin.faults)) != self._faults:
-            self._faults = faults
-            self._sink.message("/faults", seen.time_ns, {"faults": faults})
+        if self._motors:
+            row["current"] = twin.current_fraction
+        self._looks.append((time_ns, row))
+        if self._sampler is None or len(self._looks) >= MOST_LOOKS:
+            self.hand_on()
+        self._compare(time_ns, "level", twin.levels)
+        self._compare(time_ns, "input", twin.inputs)
+        self._compare(time_ns, "output", twin.outputs)
+        if (faults := twin.faults) != self._faults:
+            self._faults = dict(faults)
+            self._sink.message("/faults", time_ns, {"faults": self._faults})
 
     def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
         last = self._last[group]
@@ -171,7 +215,13 @@ class FileRecording:
 
     def flush(self) -> None:
         """Hand what has been recorded to the operating system."""
+        self._recording.hand_on()
         self.writer.flush()
+
+    @property
+    def unwritten(self) -> bool:
+        """Something has been recorded since the last `flush`."""
+        return self.writer.unwritten or self._recording.waiting
 
     def tell_time(self, what: str) -> None:
         """Write down how virtual time passes from now on."""
@@ -202,6 +252,7 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "carriages": " ".join(CARRIAGES),
         "step_mm": json.dumps(twin.step_mm.tolist()),
         "interval_ns": str(interval_ns),
+        "held": json.dumps(twin.can_sample(interval_ns)),
         "begins_ns": str(twin.time_ns),
         "python": platform.python_version(),
         "platform": platform.platform(),

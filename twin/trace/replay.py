@@ -23,7 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from isel_twin.capture.player import NAME as PLAYER
+from isel_twin.capture.player import Player
 from isel_twin.journal import SETTINGS
 from isel_twin.language import readable
 from isel_twin.machine import machine_from_tree
@@ -106,7 +109,7 @@ def rebuilt(recorded: Recorded, folder: Path) -> Twin:
         raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
     return Twin(
         machine_from_tree(tree, folder / "machine.toml"),
-        controller,
+        Player.restored(files.get(FLASH, b"")) if controller == PLAYER else controller,
         plant,
         seed,
         flash=files.get(FLASH),
@@ -124,13 +127,14 @@ def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Differen
     Raises RecordingError for causes that are none.
     """
     eye = _Eye(recorded, twin)
-    Recording(twin, eye, _interval_ns(recorded))
+    recording = Recording(twin, eye, recorded.interval_ns)
     for entry in recorded.of(*CAUSES):
         _run_until(twin, entry.time_ns, pace, eye.seen)
         if eye.seen():
             return eye.difference
         _cause(recorded, entry, twin)
     _run_until(twin, recorded.end_ns, pace, eye.seen)
+    recording.hand_on()
     return eye.difference or eye.missing()
 
 
@@ -161,13 +165,6 @@ def _bytes(recorded: Recorded, entry: Entry) -> bytes:
         return bytes.fromhex(entry.content["hex"])
     except (KeyError, TypeError, ValueError):
         raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
-
-
-def _interval_ns(recorded: Recorded) -> int:
-    text = recorded.metadata.get("interval_ns", "")
-    if not text.isascii() or not text.isdigit() or int(text) == 0:
-        raise RecordingError(f"{recorded.path}: interval_ns of the recording is {text!r}")
-    return int(text)
 
 
 class _Eye:
@@ -214,15 +211,20 @@ class _Eye:
         if channel not in _NOT_COMPARED:
             self._compare(channel, time_ns, _table(content))
 
-    def sample(self, time_ns: int, data: bytes, schema: str) -> None:
-        number, size = self._sample, len(data) - 4
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:
+        data, size = rows.tobytes(), rows.dtype.itemsize
+        for index, time in enumerate(time_ns.tolist()):
+            self._one_sample(time, data[index * size : (index + 1) * size])
+
+    def _one_sample(self, time_ns: int, now: bytes) -> None:
+        number, size = self._sample, len(now)
         if number == len(self._sample_times):
             self._extra(SAMPLES, time_ns, "a sample")
             return
         self._sample += 1
         if self.seen():
             return
-        then, now = self._sample_bytes[number * size : (number + 1) * size], data[4:]
+        then = self._sample_bytes[number * size : (number + 1) * size]
         if self._sample_times[number] != time_ns:
             at = f"a sample at {self._sample_times[number]} ns"
             self._differ(SAMPLES, min(time_ns, self._sample_times[number]), at, f"one at {time_ns} ns")

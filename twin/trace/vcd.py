@@ -1,6 +1,7 @@
 """A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
 
     scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
+    scope step       full_x ...               1: a pulse is two steps of the counter, where there are such pulses
     scope step       command_x ...            sum of the changes so far, where there are set points
     scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
     scope level      p3_0 ...                 electrical level of the input terminals
@@ -27,16 +28,13 @@ from __future__ import annotations
 import heapq
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from vcd import VCDWriter
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.files import replacing
+from isel_twin.motion import Steps
 from isel_twin.trace.recorder import Change, Samples
-
-if TYPE_CHECKING:
-    from isel_twin.motion import Steps
 
 __all__ = ["write_vcd"]
 
@@ -61,7 +59,10 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
         signals = {}
         led = any(motion.lead_ns for motion in steps.motions)
         stepped = not led or any(not motion.lead_ns for motion in steps.motions)
+        doubled = stepped and _doubled(steps)
         for axis in AXIS_NAMES[: steps.axes]:
+            if doubled:
+                signals[f"full_{axis}"] = writer.register_var("step", f"full_{axis}", "wire", size=1, init=0)
             if stepped:
                 signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
                 signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
@@ -84,7 +85,7 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
             else:
                 signal = writer.register_var(group, key, "integer", size=64, init="x")
             signals[f"{group}.{name}"] = signal
-        streams = [_pulses(steps), _samples(recorder), _changes(recorder.changes)]
+        streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes)]
         if led:
             streams.append(_commands(steps))
         for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
@@ -100,9 +101,16 @@ def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
                 yield from zip(t_ns.tolist(), delta.tolist(), strict=True)
 
 
-def _pulses(steps: Steps) -> Iterator[_Entry]:
-    """Rising and falling edges of step, and direction before them."""
+def _doubled(steps: Steps) -> bool:
+    """Whether any pulse is two steps of the counter."""
+    pieces = (Steps(steps.axes, [motion]).chunks(CHUNK) for motion in steps.motions if not motion.lead_ns)
+    return any(bool((abs(delta) > 1).any()) for chunks in pieces for _, delta in chunks)
+
+
+def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
+    """Rising and falling edges of step, and direction before them; `doubled`: and how many steps a pulse is."""
     minus = [False] * steps.axes
+    full = [False] * steps.axes
     high: list[int] = []
     rose = 0
     for time, changes in _ticks(steps, every=False):
@@ -117,6 +125,9 @@ def _pulses(steps: Steps) -> Iterator[_Entry]:
             if minus[axis] != (changes[axis] < 0):
                 minus[axis] = changes[axis] < 0
                 yield max(time - SETUP_NS, middle), f"dir_{AXIS_NAMES[axis]}", int(minus[axis])
+            if doubled and full[axis] != (abs(changes[axis]) > 1):
+                full[axis] = not full[axis]
+                yield max(time - SETUP_NS, middle), f"full_{AXIS_NAMES[axis]}", int(full[axis])
         for axis in new:
             if axis not in kept:
                 yield time, f"step_{AXIS_NAMES[axis]}", 1

@@ -111,6 +111,8 @@ class Wiring:
         """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
         self._faults: dict[str, str | float] = {}
         """What acts have set that can be ended, by key or `key.member`, but for contacts and the line."""
+        self.changes = 0
+        """Goes up whenever an input may have changed."""
         self.restarts = 0
         """How often the controller had to start anew or lost its supply."""
         self.mains = True
@@ -166,6 +168,7 @@ class Wiring:
 
     def carry_out(self, event: ScenarioEvent, t_ns: int) -> None:
         """Let an event happen at t_ns, the present, whatever its time; all of it has been checked."""
+        self.changes += 1
         self.events_without_effect += event.physical and not self._plant.physics
         if event.inputs:
             self._operate_all(event.inputs)
@@ -278,7 +281,9 @@ class Wiring:
         bounced = self._contacts.advance(t_ns)
         if bounced:  # a worn contact of the cabinet chatters, too
             self._settle_cabinet()
-        return bounced or bool(changed)
+        acted = bounced or bool(changed)
+        self.changes += acted
+        return acted
 
     @property
     def _places(self) -> int:
@@ -294,8 +299,10 @@ class Wiring:
             self._set_mains(not value)
         elif key == "line_cut":
             self._line.cut(t_ns, value)
-        elif key in ("dropped", "doubled"):
-            setattr(self._line, key, value)
+        elif key == "dropped":
+            self._line.dropped = value
+        elif key == "doubled":
+            self._line.doubled = value
         elif key == "undervoltage":
             plant.set_undervoltage(value)
         for name, one in value.items() if act.by in ("axis", "place") else ():
@@ -348,6 +355,7 @@ class Wiring:
 
     def _operate_all(self, changes: Mapping[str, str]) -> None:
         """Elements and contacts change together; all of it has been checked."""
+        self.changes += 1
         elements = self._cabinet.elements
         self._cabinet.operate_all({name: state for name, state in changes.items() if state in elements.get(name, ())})
         for name, state in changes.items():

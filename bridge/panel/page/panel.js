@@ -366,11 +366,14 @@ for (const tab of document.querySelectorAll("nav [data-tab]")) {
 
 // ---- the line --------------------------------------------------------------------------------------------------------
 
+// Lines break after a comma rather than within a number.
+function breakable(text) { return text.split(",").flatMap((part, i, all) => i < all.length - 1 ? [`${part},`, make("wbr")] : [part]); }
+
 function say(lines) {
   const monitor = $("monitor");
   const at_end = monitor.scrollHeight - monitor.scrollTop - monitor.clientHeight < 30;
   monitor.append(...lines.map((line) => make("div", { class: "message", "data-who": line.who },
-    make("time", {}, line.s.toFixed(3)), make("span", { class: "who" }, line.who), make("span", { class: "text" }, line.text),
+    make("time", {}, line.s.toFixed(3)), make("span", { class: "who" }, line.who), make("span", { class: "text" }, ...breakable(line.text)),
     make("span", { class: "means" }, line.means))));
   while (monitor.childElementCount > MESSAGES) monitor.firstChild.remove();
   if (at_end) monitor.scrollTop = monitor.scrollHeight;
@@ -422,6 +425,7 @@ function draw() {
     pen.font = "10px system-ui, sans-serif"; pen.fillStyle = "#8a94a0"; pen.strokeStyle = "#e6eaef"; pen.lineWidth = 1;
     for (const value of low < 0 && high > 0 ? [low, 0, high] : [low, high]) {
       pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(width - 4, y(value)); pen.stroke();
+      if (value === 0 && Math.min(y(0) - y(high), y(low) - y(0)) < 10 && low < 0 && high > 0) continue; // would lie upon another
       pen.textAlign = "right"; pen.textBaseline = "middle"; pen.fillText(short(value), left - 4, y(value));
     }
     pen.textBaseline = "alphabetic"; pen.textAlign = "left"; pen.fillText(`${begin.toFixed(1)} s`, left, height - 2);

@@ -1,0 +1,287 @@
+"""`isel-twin check`: each rule broken once and kept once, bounds of projects, and what other programs read of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import junitparser
+import pytest
+from sarif_pydantic import Sarif
+
+from isel_twin.checks import RULES
+from isel_twin.cli import main
+
+HOME = "@07\n@0R7\n"
+WELL = HOME + "@0M3200,3000,1600,3000,0,30,0,30\n"
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as caught:
+        main(["check", *map(str, arguments)])
+    out, err = capsys.readouterr()
+    return int(caught.value.code or 0), out, err
+
+
+def write(folder: Path, text: str, name: str = "job.txt") -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def found(capsys: pytest.CaptureFixture[str], job: Path, *options: object) -> list[tuple[str, int | None, str]]:
+    """Rule, line and message of each finding; the exit code is theirs."""
+    plant = () if "--plant" in options else ("--plant", "kinematic")
+    code, out, err = call(capsys, job, "--json", *plant, *options)
+    answer = json.loads(out)
+    findings = answer["findings"]
+    assert err == ""
+    assert answer["ok"] == (code == 0) == all(each["level"] == "warning" for each in findings)
+    return [(each["rule"], each["line"], each["message"]) for each in findings]
+
+
+def rules(capsys: pytest.CaptureFixture[str], job: Path, *options: object) -> list[tuple[str, int | None]]:
+    return [(rule, line) for rule, line, _ in found(capsys, job, *options)]
+
+
+def test_nothing_is_wrong_with_a_job_that_is_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = call(capsys, write(tmp_path, WELL), "--plant", "kinematic")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"{tmp_path / 'job.txt'}: ok (3 commands, ")
+    assert out.endswith("1 job, all well\n")
+
+
+@pytest.mark.parametrize(
+    ("job", "options", "expected"),
+    [
+        (HOME + "@0Jfast\n", (), [("refused", 3)]),
+        ("@0M1,500,1,500,0,30,0,30\n@07\n", (), [("refused", 1)]),
+        (HOME + "@0P => 1\n", (), [("refused", 3)]),
+        (HOME + "@0P => *\n", (), []),
+        (WELL + "! x == 5 +- 0.1 mm\n", (), [("unmet", 4)]),
+        (WELL + "! x == 10 +- 0.01 mm\n", (), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", (), [("switch", 3)]),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "limit_x1"), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "limit_y1"), [("switch", 3)]),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "all"), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n! limit_x1 == struck\n", (), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n! limit_x2 == free\n", (), [("switch", 3)]),
+        (WELL, ("--cycle-s", "30"), [("cycle", 3)]),
+        (WELL, ("--cycle-s", "40"), []),
+        (WELL, ("--deviation-mm", "0.001"), []),  # without physics the carriage follows the counter
+        (WELL, ("--margin", "0.5"), []),  # and nothing is known of margins
+    ],
+)
+def test_rules_that_need_no_physics(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    job: str,
+    options: tuple[str, ...],
+    expected: list[tuple[str, int | None]],
+) -> None:
+    assert rules(capsys, write(tmp_path, job), *options) == expected
+
+
+def test_a_command_that_is_not_over_in_time_ends_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job = write(tmp_path, WELL + "@0P\n")
+    findings = found(capsys, job, "--timeout-s", "5")
+    assert [(rule, line) for rule, line, _ in findings] == [("unfinished", 2), ("unfinished", 2)]
+    assert "no complete reply within 5 s" in findings[0][2]
+    assert "2 lines are not sent" in findings[1][2]
+
+
+def test_events_that_come_too_late_are_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = write(tmp_path, '[[event]]\nat = 500\nset = { hood = "open" }\n', "late.toml")
+    assert rules(capsys, write(tmp_path, WELL), "--scenario", scenario) == [("effect", None)]
+    assert call(capsys, tmp_path / "job.txt", "--plant", "kinematic", "--scenario", scenario)[0] == 0
+
+
+def test_physics_loses_steps_keeps_margins_and_tolerances(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ramps that no motor follows: all of it is wrong in the line that does it. A slow move keeps all of them."""
+    fast = write(tmp_path, HOME + "@0j4000\n@0J4000\n@0M9600,30000,0,30,0,30,0,30\n@0P\n", "fast.txt")
+    bounds = ("--plant", "mujoco", "--margin", "0.2", "--deviation-mm", "0.5")
+    findings = found(capsys, fast, *bounds)
+    assert {(rule, line) for rule, line, _ in findings if line == 5} == {("lost", 5), ("margin", 5), ("deviation", 5)}
+    (lost,) = (message for rule, _, message in findings if rule == "lost")
+    assert lost.startswith("x has lost ")
+    assert rules(capsys, write(tmp_path, WELL, "slow.txt"), *bounds) == []
+
+
+def test_a_job_that_works_by_luck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """60 mm back from where the machine happens to stand: from some places that ends at a switch."""
+    job = write(tmp_path, "@07\n@0N7\n@0A-19200,9000,0,30,0,30,0,30 => *\n! x < -59 mm\n")
+    told = found(capsys, job, "--robust", "12", "--may-strike", "all")
+    (luck,) = (message for rule, _, message in told if rule == "luck")
+    assert "of 12 repetitions end otherwise: number " in luck
+    assert rules(capsys, write(tmp_path, WELL, "well.txt"), "--robust", "3") == []
+
+
+def test_golden_runs_are_compared_where_there_are_any(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job = write(tmp_path, WELL)
+    with pytest.raises(SystemExit):
+        main(["golden", "record", str(job), "--plant", "kinematic"])
+    assert capsys.readouterr().err == ""
+    assert rules(capsys, job) == []
+    job.write_text(WELL.replace("3200,3000", "3200,2900"))
+    assert {rule for rule, _ in rules(capsys, job)} == {"golden"}
+    assert rules(capsys, job, "--no-golden") == []
+    job.with_suffix(".golden").unlink()
+    code, _, err = call(capsys, job, "--golden", "--plant", "kinematic")
+    assert code == 2
+    assert "there is no golden run of" in err
+
+
+def test_bounds_of_a_project_are_found_above_a_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(
+        tmp_path,
+        '[check]\nplant = "kinematic"\ncycle_s = 1.0\n[[check.job]]\nmatch = "slow/*"\ncycle_s = "off"\n'
+        '[[check.job]]\nmatch = "slow/b*.txt"\nmay_strike = ["all"]\nscenario = "hood.toml"\n',
+        "isel-twin.toml",
+    )
+    write(tmp_path, '[[event]]\nat = 900\nset = { hood = "open" }\n', "hood.toml")
+    for name in ("a.txt", "slow/a.txt", "slow/b.txt"):
+        write(tmp_path, WELL, name)
+    jobs = [tmp_path / name for name in ("a.txt", "slow/a.txt", "slow/b.txt")]
+    code, out, _ = call(capsys, *jobs, "--json")
+    answers = [json.loads(line) for line in out.splitlines()]
+    assert code == 1
+    assert [[each["rule"] for each in answer["findings"]] for answer in answers] == [["cycle"], [], ["effect"]]
+    assert [answer["job"] for answer in answers] == [str(job) for job in jobs]
+    assert call(capsys, jobs[0], "--cycle-s", "100")[0] == 0  # an option has the last word
+    nearer = write(tmp_path / "slow", '[check]\nplant = "kinematic"\ncycle_s = 2.0\n', "isel-twin.toml")
+    assert call(capsys, jobs[1])[0] == 1
+    nearer.unlink()
+    assert call(capsys, jobs[1])[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("[check]\nmargn = 0.2\n", "check.margn: unknown key; did you mean 'margin'?"),
+        ("[check]\nmargin = 2\n", "check.margin: 2; allowed: 0 .. 1"),
+        ("[check]\nmargin = 'much'\n", "check.margin: 'much'; allowed: 0 .. 1"),
+        ("[check]\nseed = 1.5\n", "check.seed: 1.5; allowed: a whole number"),
+        ("[check]\nmay_strike = 'all'\n", "check.may_strike: 'all'; allowed: a list"),
+        ("[check]\ngolden = 1\n", "check.golden: 1; allowed: true, false"),
+        ("[[check.job]]\ncycle_s = 1\n", "check.job 1.match: missing"),
+        ("[chek]\n", "chek: unknown key"),
+        ("check = 1\n", "check: 1; allowed: a table"),
+        ("[check\n", "not a TOML file"),
+    ],
+)
+def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, text, "isel-twin.toml")
+    code, out, err = call(capsys, write(tmp_path, WELL))
+    assert (code, out) == (2, "")
+    assert error in err
+    assert "isel-twin.toml" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ((), "name the jobs"),
+        (("none.txt",), "none.txt: there is no such file"),
+        (("empty.txt",), "empty.txt: there is no command in it"),
+        (("binary.txt",), "binary.txt: is UTF-16 or no text at all"),
+        (("-",), "bounds stand beside a job"),
+        ((".",), "is a folder"),
+        (("job.txt", "--margin", "2"), "--margin 2: must be from 0 to 1"),
+        (("job.txt", "--deviation-mm", "nan"), "--deviation-mm nan: must be"),
+        (("job.txt", "--cycle-s", "-1"), "--cycle-s -1: must be a time"),
+        (("job.txt", "--robust", "-1"), "--robust -1: must be"),
+        (("job.txt", "--processes", "0"), "--processes 0: must be"),
+        (("job.txt", "--may-strike", "limit_q"), "may-strike limit_q: is no end switch; there are:"),
+        (("job.txt", "--settings", "none.toml"), "none.toml: there is no such file"),
+        (("job.txt", "--machine", "4O30"), "unknown machine '4O30'"),
+        (("job.txt", "--junit", "job.txt"), "job.txt: is named twice"),
+        (("job.txt", "--sarif", "none/x.sarif"), "cannot write in folder"),
+        (("names.txt", "--plant", "kinematic"), "names.txt: line 3"),
+        (("job.txt", "empty.txt"), "empty.txt: there is no command in it"),
+    ],
+)
+def test_a_call_that_cannot_be_is_one_line_and_nothing_is_begun(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    error: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, WELL)
+    write(tmp_path, "# nothing\n", "empty.txt")
+    write(tmp_path, HOME + "! spindel == 1\n", "names.txt")
+    (tmp_path / "binary.txt").write_bytes(bytes(range(256)))
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    code, out, err = call(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert error in err.splitlines()[0]
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+ODD = "@07\n@0R7\n@0Q<1><2><13>\n@0A-3200,3000,0,30,0,30,0,30\n"
+"""A refusal, bytes that XML does not have, a switch."""
+
+
+def written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
+    """JUnit and SARIF of a job that is well and one that is not."""
+    junit, sarif = tmp_path / "out.xml", tmp_path / "out.sarif"
+    jobs = (write(tmp_path, WELL, "well.txt"), write(tmp_path, ODD, 'odd "&<.txt'))
+    assert call(capsys, *jobs, "--plant", "kinematic", "--junit", junit, "--sarif", sarif)[0] == 1
+    return junit.read_text(), sarif.read_text()
+
+
+def test_an_independent_reader_reads_the_junit_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suites = junitparser.JUnitXml.fromstring(written(tmp_path, capsys)[0].encode())
+    (suite,) = suites
+    assert (suite.tests, suite.failures, suite.errors, suite.skipped) == (2, 1, 0, 0)
+    well, odd = suite
+    assert (well.name, well.is_passed, odd.is_failure) == ("well.txt", True, True)
+    assert odd.name == 'odd "&<.txt'
+    assert well.time == pytest.approx(33.7, abs=3)
+    (failure,) = odd.result
+    assert failure.type == "refused"
+    assert "limit_x1 is struck (line 4, at " in failure.text
+
+
+def test_the_sarif_file_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = written(tmp_path, capsys)[1]
+    log = Sarif.model_validate_json(text)
+    (run,) = log.runs
+    assert [rule.id for rule in run.tool.driver.rules] == list(RULES)
+    content: dict[str, Any] = json.loads(text)
+    results = content["runs"][0]["results"]
+    places = [result["locations"][0]["physicalLocation"] for result in results]
+    assert [(each["ruleId"], place["region"]["startLine"]) for each, place in zip(results, places, strict=True)] == [
+        ("refused", 3),
+        ("refused", 4),
+        ("switch", 4),
+    ]
+    assert all(place["artifactLocation"]["uri"].endswith("odd%20%22%26%3C.txt") for place in places)
+    assert all(list(RULES)[each["ruleIndex"]] == each["ruleId"] for each in results)
+
+
+def test_annotations_where_the_runner_reads_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = write(tmp_path, ODD, "a,b.txt")
+    monkeypatch.chdir(tmp_path)
+    assert "::error" not in call(capsys, "a,b.txt", "--plant", "kinematic")[1]
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    out = call(capsys, job.name, "--plant", "kinematic")[1]
+    assert "::error file=a%2Cb.txt,line=4,title=isel-twin switch::limit_x1 is struck\n" in out
+
+
+def test_processes_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    jobs = [write(tmp_path, text, f"{n}.txt") for n, text in enumerate((WELL, ODD, HOME))]
+    one = call(capsys, *jobs, "--plant", "kinematic", "--json")
+    assert call(capsys, *jobs, "--plant", "kinematic", "--json", "--processes", "2") == one
+
+
+def test_many_findings_of_a_rule_are_told_in_short(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    findings = found(capsys, write(tmp_path, "@07\n" + "@0J0\n" * 100))
+    assert len(findings) == 21
+    assert findings[-1] == ("refused", None, "and 80 more of the same")
