@@ -190,13 +190,13 @@ def test_assertions_pass_and_fail_with_what_was_when_and_where(
     project: pytest.Pytester, workers: tuple[str, ...]
 ) -> None:
     project.makeini(INI)
-    for name, text in {
+    for name, content in {
         "square.txt": SQUARE,
         "slower.txt": SQUARE.replace("@0M9600,4000,3200", "@0M9600,3900,3200"),
         "refused.txt": "@07\n@0X\n",
         "too_fast.txt": TOO_FAST.read_text(),
     }.items():
-        (project.path / name).write_text(text)
+        (project.path / name).write_text(content)
     golden = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
     golden.play(project.path / "square.txt")
     asserts.assert_golden(golden, project.path / "square.golden", update=True)
