@@ -94,13 +94,14 @@ class KeptTwins:
         """No test will use it any more."""
         self._kept = [kept for kept in self._kept if kept.twin is not twin]
 
-    def tell(self, item: pytest.Item, tmp_path: Path | None) -> str:
-        """Keep what the twins of a test that fails did; the lines of its report. Never raises."""
+    def tell(self, item: pytest.Item, tmp_path: Path | None) -> tuple[str, list[Path]]:
+        """Keep what the twins of a test that fails did; the lines of its report, and the recordings. Never raises."""
         chain = item.listchain()
         mine = [kept for kept in self._kept if kept.node in chain]
         if not mine:
-            return ""
-        lines = []
+            return "", []
+        lines: list[str] = []
+        recordings: list[Path] = []
         try:
             folder = self._folder_of(item, tmp_path)
         except OSError as error:
@@ -110,9 +111,11 @@ class KeptTwins:
             name = "twin" if number == 1 else f"twin-{number}"
             lines.append(f"{name}: {_said(kept)}, {kept.twin.time_ns / SECOND_NS:.6f} s of virtual time")
             if folder is not None:
-                lines += [f"  {line}" for line in _leave(kept, folder, name)]
+                recording, told = _leave(kept, folder, name)
+                recordings += [] if recording is None else [recording]
+                lines += [f"  {line}" for line in told]
         lines.append(f"the test again: {Path(sys.executable).name} -m pytest {shlex.quote(item.nodeid)}")
-        return "\n".join(lines)
+        return "\n".join(lines), recordings
 
     def _folder_of(self, item: pytest.Item, tmp_path: Path | None) -> Path:
         """One of its own for each test, whoever runs at the same time. Raises OSError."""
@@ -137,25 +140,25 @@ def _said(kept: _Kept) -> str:
     return " ".join(words)
 
 
-def _leave(kept: _Kept, folder: Path, name: str) -> list[str]:
-    """Do the same again, recorded. The lines of the report; whatever goes wrong is one of them."""
+def _leave(kept: _Kept, folder: Path, name: str) -> tuple[Path | None, list[str]]:
+    """Do the same again, recorded. The recording and the lines of the report; whatever goes wrong is one of them."""
     recording, picture = folder / f"{name}.mcap", folder / f"{name}.png"
     try:
-        drawn = _record(kept, recording, picture)
+        told = _record(kept, recording, picture)
     except OSError as error:
-        return [f"no recording: {_of(error, recording)}"]
+        return None, [f"no recording: {_of(error, recording)}"]
     except Exception as error:  # a test that fails must say why it did, not why its recording failed
-        return [f"no recording: {type(error).__name__}: {one_line(str(error))}"]
-    lines = [f"recording: {recording}", f"once more: isel-twin replay {shlex.quote(str(recording))}"]
-    return [*lines, f"picture:   {picture}" if drawn is None else f"no picture: {drawn}"]
+        return None, [f"no recording: {type(error).__name__}: {one_line(str(error))}"]
+    again = f"once more: isel-twin replay {shlex.quote(str(recording))}"
+    return recording, [f"recording: {recording}", again, *told]
 
 
 def _of(error: OSError, path: Path | None) -> str:
     return f"{error.filename or path}: {error.strerror or error}"
 
 
-def _record(kept: _Kept, recording: Path, picture: Path) -> str | None:
-    """The same twin again, recorded; None, or why there is no picture. Raises OSError."""
+def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
+    """The same twin again, recorded; lines about the picture, and about what came otherwise. Raises OSError."""
     import errno
 
     from isel_twin.parameters import Place
@@ -164,8 +167,9 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> str | None:
     from isel_twin.wiring import ScenarioError, event_now
 
     end_ns, causes = kept.twin.time_ns, list(kept.causes)
+    seen = _place(kept.twin)
     interval_ns = max(INTERVAL_NS, end_ns // MOST_SAMPLES)
-    twin = kept.call.build(keep_motions=1)
+    twin = _another(kept.twin)
     place = Place("the test", ScenarioError)
     with Recorder(twin, interval_ns) as recorder:
         written = FileRecording(recording, twin, interval_ns)
@@ -185,19 +189,44 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> str | None:
             whole = written.close()
         if not whole:
             raise OSError(errno.ENOSPC, "there was no room for it", str(recording))
-        return _draw(twin, recorder, picture)
+        same = kept.twin.time_ns != end_ns or _place(twin) == seen  # a served one may have gone on meanwhile
+        other = "the recording ends elsewhere than the test: something was done past the functions of the twin"
+        return [_draw(twin, recorder, picture), *([] if same else [other])]
 
 
-def _draw(twin: Twin, recorder: Any, picture: Path) -> str | None:
+def _another(twin: Twin) -> Twin:
+    """One that is built as it was. Raises ValueError, OSError."""
+    from isel_twin.twin import Twin
+
+    of = twin.origin
+    return Twin(
+        of.machine,
+        of.controller,
+        of.plant,
+        of.seed,
+        flash=of.flash,
+        scenario=of.scenario,
+        line_speed=of.line_speed,
+        overrides=of.overrides,
+        start_mm=of.start_mm,
+        keep_motions=1,
+    )
+
+
+def _place(twin: Twin) -> tuple[list[int], list[float]]:
+    return twin.counts.tolist(), twin.machine_position_mm.tolist()
+
+
+def _draw(twin: Twin, recorder: Any, picture: Path) -> str:
     try:
         from isel_twin.trace.sketch import write_sketch
     except ImportError:
-        return "it needs matplotlib: pip install 'isel-twin[report]'"
+        return "no picture: it needs matplotlib: pip install 'isel-twin[report]'"
     try:
         write_sketch(picture, twin, recorder)
     except OSError as error:
-        return _of(error, picture)
-    return None
+        return f"no picture: {_of(error, picture)}"
+    return f"picture:   {picture}"
 
 
 # A served twin

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from isel_twin.bridge.protocol_twin import Serial
     from isel_twin.bridge.pytest_kept import KeptTwins, ServedTwin
     from isel_twin.bridge.virtual_host import HostRun
@@ -73,14 +75,14 @@ def pytest_configure(config: pytest.Config) -> None:
 def _defaults(config: pytest.Config) -> dict[str, Any]:
     said = {key: config.getini(f"isel_twin_{key}") for key in ("machine", "controller", "plant", "scenario", "seed")}
     call: dict[str, Any] = {key: value for key, value in said.items() if value}
-    folder = (config.inipath or config.rootpath / "x").parent
     if "seed" in call:
         call["seed"] = int(call["seed"])
-    if "scenario" in call:
-        call["scenario"] = folder / call["scenario"]
-    if "machine" in call and (folder / call["machine"] / "machine.toml").is_file():
-        call["machine"] = str(folder / call["machine"])
-    return call
+    return {key: _seen_from(_folder(config), key, value) for key, value in call.items()}
+
+
+def _folder(config: pytest.Config) -> Path:
+    """Of the ini file, from which its paths are seen."""
+    return config.rootpath if config.inipath is None else config.inipath.parent
 
 
 # The marker
@@ -99,7 +101,17 @@ def _marked(node: Any) -> dict[str, Any]:
             if key == "overrides" and isinstance(value, Mapping):
                 value = {**call.get("overrides", {}), **value}
             call[key] = value
-    return _checked(call, "pytest.mark.twin")
+    folder = node.path.parent
+    return {key: _seen_from(folder, key, value) for key, value in _checked(call, "pytest.mark.twin").items()}
+
+
+def _seen_from(folder: Path, key: str, value: Any) -> Any:
+    """The value, as a path seen from a folder if it is the name of something there."""
+    if key == "scenario" and isinstance(value, str | os.PathLike) and (folder / value).is_file():
+        return folder / value
+    if key == "machine" and isinstance(value, str | os.PathLike) and (folder / value / "machine.toml").is_file():
+        return str(folder / value)
+    return value
 
 
 def _checked(call: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -159,7 +171,16 @@ def _call_for(request: pytest.FixtureRequest) -> dict[str, Any]:
     given = getattr(request, "param", {})
     if not isinstance(given, Mapping):
         _wrong(f"{request.fixturename}: the parameter {given!r} is no table; give one such as {{'seed': 1}}")
-    call = _defaults(request.config) | _marked(request.node) | _checked(given, f"{request.fixturename}")
+    return _call(request, given, request.fixturename or "twin_call")
+
+
+def _call(request: pytest.FixtureRequest, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Ini keys, markers over them, what is given over these."""
+    given = {key: _seen_from(request.path.parent, key, value) for key, value in _checked(given, where).items()}
+    call = _defaults(request.config) | _marked(request.node) | given
+    for key in LISTED:
+        if isinstance(call.get(key), list | tuple):
+            _wrong(f"{where}: {key}={call[key]!r}: a list makes tests, and here is one twin; give one of them")
     return call
 
 
@@ -169,8 +190,8 @@ def _twins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
     config = request.config
     folder = config.getini("isel_twin_artifacts")
-    base = (config.inipath or config.rootpath / "x").parent
-    config.stash[_kept] = kept = KeptTwins(base / folder if folder else None, tmp_path_factory.mktemp)
+    kept = KeptTwins(_folder(config) / folder if folder else None, tmp_path_factory.mktemp)
+    config.stash[_kept] = kept
     return kept
 
 
@@ -183,11 +204,7 @@ def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
     """
 
     def make(request: pytest.FixtureRequest, **changes: Any) -> Twin:
-        call = _defaults(request.config) | _marked(request.node) | _checked(changes, "twin_factory")
-        for key in LISTED:
-            if isinstance(call.get(key), list | tuple):
-                _wrong(f"twin_factory: {key}={call[key]!r}: a list needs a test that uses the fixture twin; give one")
-        twin = _twins.build(request.node, call)
+        twin = _twins.build(request.node, _call(request, changes, "twin_factory"))
         request.addfinalizer(lambda: _twins.forget(twin))
         return twin
 
@@ -268,7 +285,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     report = yield
     if report.failed and (kept := item.config.stash.get(_kept, None)) is not None:
         funcargs = getattr(item, "funcargs", {})
-        text = kept.tell(item, funcargs.get("tmp_path"))
+        text, recordings = kept.tell(item, funcargs.get("tmp_path"))
         if text:
             report.sections.append(("isel-twin", text))
+        item.user_properties += [("isel_twin_recording", str(path)) for path in recordings]  # for JUnit's XML
     return report

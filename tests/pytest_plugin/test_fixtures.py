@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -347,6 +348,72 @@ def test_a_twin_of_a_class_is_told_of_in_each_test_that_fails(project: pytest.Py
     result.stdout.fnmatch_lines(["twin: *seed=4, 0.000000 s*", "twin: *seed=4, ??.?????? s*", "*FAILED*"])
     paths = recordings(result.stdout.str())
     assert len(paths) == len(set(paths)) == 2, "the test without a twin has none"
+
+
+def test_what_is_done_past_the_twin_is_not_in_its_recording_and_is_told(project: pytest.Pytester) -> None:
+    project.makepyfile(
+        """
+        def test_it(twin):
+            for command in (b"@07\\r", b"@0R7\\r"):
+                twin._line.from_host(twin.time_ns, command, 0)
+                twin._settle()
+            twin.run(1.0)
+            assert twin.time_ns == 0
+        """
+    )
+    run(project).stdout.fnmatch_lines(["  recording: *", "  the recording ends elsewhere than the test: *"])
+
+
+def test_a_second_run_writes_over_the_first_and_junit_has_the_path(project: pytest.Pytester) -> None:
+    project.makeini(INI + "    isel_twin_artifacts = left\n")
+    project.makepyfile("def test_it(twin):\n    assert twin.query('@07') == '1'\n")
+    for _ in range(2):
+        result = run(project, "--junit-xml=report.xml", "-o", "junit_family=xunit1")
+        (path,) = recordings(result.stdout.str())
+        assert path.is_file()
+    assert sorted(path.name for path in (project.path / "left").rglob("*.*") if path.is_file()) == [
+        "twin.mcap",
+        "twin.png",
+    ]
+    assert f'name="isel_twin_recording" value="{path}"' in (project.path / "report.xml").read_text()
+
+
+def test_paths_are_seen_from_the_file_that_has_them(project: pytest.Pytester) -> None:
+    """The ini file stands above, the tests in a folder, and pytest is called from another one."""
+    hood = '[[event]]\nat = 1.0\nset = { hood = "open" }\n'
+    for name in ("deep", "elsewhere"):
+        project.mkdir(name)
+    (project.path / "above.toml").write_text(hood)
+    (project.path / "deep" / "own.toml").write_text(hood.replace("hood", "estop").replace("open", "pressed"))
+    project.makeini(INI + "    isel_twin_scenario = above.toml\n")
+    (project.path / "deep" / "test_it.py").write_text(
+        "import pytest\n\n"
+        "def test_above(twin):\n    twin.run(2.0)\n    assert twin.inputs['hood'] == 'open'\n\n"
+        "@pytest.mark.twin(scenario='own.toml')\n"
+        "def test_own(twin):\n    twin.run(2.0)\n    assert twin.inputs['estop'] == 'pressed'\n"
+    )
+    os.chdir(project.path / "elsewhere")  # which pytester undoes
+    run(project, "../deep", "-c", "../tox.ini", "--rootdir", "..").assert_outcomes(passed=2)
+
+
+def test_a_list_for_a_twin_of_a_class_is_a_line(project: pytest.Pytester) -> None:
+    project.makepyfile(
+        """
+        import pytest
+
+        @pytest.fixture(scope="class")
+        def gantry(request, twin_factory):
+            return twin_factory(request)
+
+        @pytest.mark.twin(seed=[1, 2])
+        class TestGantry:
+            def test_it(self, gantry):
+                pass
+        """
+    )
+    result = run(project)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["twin_factory: seed=?1, 2?: a list makes tests, and here is one twin; *"])
 
 
 def test_a_skipped_test_and_an_expected_failure_leave_nothing(project: pytest.Pytester) -> None:
