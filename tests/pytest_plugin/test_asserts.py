@@ -167,6 +167,8 @@ SAID = {
         "E *not what it was, first in line 5",
         "E *expected: as in square.golden",
         "E *was:      line 5: sent *; line 5: *: time *; line 5: *: stream first from *",
+        "E *when:     *.?????? s",
+        "E *axis:     x",
         "E *command:  line 5: @0M9600,3900,*",
     ],
     "test_lost": [
@@ -291,6 +293,25 @@ def test_a_missing_golden_run_says_how_to_make_it(tmp_path: Path) -> None:
         GoldenError, match=r"square\.golden: there is no golden run; make it with isel-twin golden record"
     ):
         asserts.assert_golden(seen)
+
+
+def test_the_first_divergence_has_axis_and_time(tmp_path: Path) -> None:
+    """The second move of two is slower: it begins alike, and parts from the golden run in its ramp."""
+    golden, slower = tmp_path / "a.txt", tmp_path / "b.txt"
+    golden.write_text("@07\n@0R7\n@0A3200,4000,0,30,0,30,0,30\n@0A0,30,3200,4000,0,30,0,30\n")
+    slower.write_text("@07\n@0R7\n@0A3200,4000,0,30,0,30,0,30\n@0A0,30,3200,3900,0,30,0,30\n")
+    for job, update in ((golden, True), (slower, False)):
+        seen = Watched(Twin(plant="kinematic", start_mm=(5.0, 5.0, 5.0)))
+        seen.play(job)
+        if update:
+            asserts.assert_golden(seen, golden.with_suffix(".golden"), update=True)
+    with pytest.raises(MotionError) as caught:
+        asserts.assert_golden(seen, golden.with_suffix(".golden"))
+    assert caught.value.axis == "y"
+    begun = seen.commands[-1]
+    assert begun.line == 4
+    assert caught.value.time_ns is not None
+    assert begun.begin_ns < caught.value.time_ns < begun.end_ns
 
 
 def test_the_golden_run_of_the_command_line_is_the_same(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ MotionError, an AssertionError; what cannot be asserted, such as an axis that do
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -28,8 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.call import TwinCall
-from isel_twin.checks.watched import Command, Watched
-from isel_twin.golden import GoldenError, called, differences, dumps, golden_file, load
+from isel_twin.checks.watched import Command, JobRun, Watched
+from isel_twin.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
 from isel_twin.units import SECOND_NS
 from isel_twin.verdict import halfway
 
@@ -338,12 +339,13 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
         first = found[0]
         result = next((result for result in run.results if result.number == first.line), None)
         rest = f"; and {len(found) - MOST} more" if len(found) > MOST else ""
+        time_ns, axis = _divergence(was, now, run)
         raise MotionError(
             f"not what it was, first in line {first.line}" if first.line else "not what it was",
             expected=f"as in {path}",
             was="; ".join(str(difference) for difference in found[:MOST]) + rest,
-            time_ns=None if result is None else result.time_ns,
-            axis=_axis_of(first.what),
+            time_ns=time_ns,
+            axis=axis,
             command=None if result is None else Command(result.time_ns, result.number, text=result.command),
         )
 
@@ -415,11 +417,17 @@ def _rest_of(call: TwinCall) -> tuple[str, str, int, Path | None]:
     return call.controller, call.plant, call.seed, call.scenario
 
 
-def _axis_of(what: str) -> str | None:
-    """The first axis that a difference of streams names."""
-    _, _, named = what.partition("after it was sent: ")
-    word = named.split(" ")[0]
-    return word if word in AXIS_NAMES else None
+def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:
+    """When the streams part first, to a window of a move, and the axis that does; None if they do not."""
+    commands = [result for result in run.results if not result.condition]
+    for k, (a, b) in enumerate(zip(was.moves, now.moves, strict=False)):
+        if a.windows != b.windows:
+            window = next((i for i, (x, y) in enumerate(zip(a.windows, b.windows, strict=False)) if x != y), None)
+            after_ns = 0 if window is None else run.spans_ns[k][window][0]
+            axes = itertools.zip_longest(AXIS_NAMES, a.axes, b.axes)
+            axis = next((name for name, x, y in axes if x != y), None)
+            return commands[k].time_ns + after_ns, axis
+    return None, None
 
 
 def _mm(position_mm: NDArray[np.float64]) -> str:
