@@ -168,10 +168,15 @@ def twin_call(request: pytest.FixtureRequest) -> dict[str, Any]:
 
 
 def _call_for(request: pytest.FixtureRequest) -> dict[str, Any]:
-    given = getattr(request, "param", {})
+    return _call(request, _parameter(request), "twin_call")
+
+
+def _parameter(request: pytest.FixtureRequest) -> Mapping[str, Any]:
+    """The table that a test gives to a fixture, if it does."""
+    given: Any = getattr(request, "param", {})
     if not isinstance(given, Mapping):
         _wrong(f"{request.fixturename}: the parameter {given!r} is no table; give one such as {{'seed': 1}}")
-    return _call(request, given, request.fixturename or "twin_call")
+    return given
 
 
 def _call(request: pytest.FixtureRequest, given: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -214,7 +219,8 @@ def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
 @pytest.fixture
 def twin(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twins: KeptTwins) -> Iterator[Twin]:
     """A twin in this process, in virtual time, switched on."""
-    made = _twins.build(request.node, twin_call | _checked(getattr(request, "param", {}), "twin"))
+    given = _parameter(request)
+    made = _twins.build(request.node, _call(request, {**twin_call, **given}, "twin") if given else twin_call)
     yield made
     _twins.forget(made)
 
@@ -245,11 +251,14 @@ def twin_server(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twin
     call = dict(twin_call)
     endpoint, speed = call.pop("endpoint", "tcp"), call.pop("speed", "max")
     made = _twins.build(request.node, call, line_speed=str(speed) != "max")
+    served, wrong = None, ""
     try:
         served = ServedTwin(made, endpoint, str(speed))
     except ValueError as error:
+        wrong = str(error)
+    if served is None:  # outside of the `except`, which would make more than a line of it
         _twins.forget(made)
-        _wrong(f"pytest.mark.twin: {error}")
+        _wrong(f"pytest.mark.twin: {wrong}")
         return
     yield served
     try:

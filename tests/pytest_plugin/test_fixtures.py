@@ -252,6 +252,48 @@ def test_what_is_wrong_with_an_ini_key_is_told_before_any_test(project: pytest.P
     result.stderr.fnmatch_lines([line])
 
 
+@pytest.mark.parametrize(
+    ("fixture", "marker", "line"),
+    [
+        ("twin_server", "twin(endpoint='serial')", "pytest.mark.twin: endpoint='serial'; there are: tcp, rfc2217, pty"),
+        ("twin_server", "twin(speed='fast')", "pytest.mark.twin: speed 'fast' is neither a positive number *"),
+        ("twin", "parametrize('twin', [3], indirect=True)", "twin: the parameter 3 is no table; give one such as *"),
+        ("twin", "parametrize('twin_call', [3], indirect=True)", "twin_call: the parameter 3 is no table; *"),
+        ("twin", "parametrize('twin', [{'sed': 3}], indirect=True)", "twin: unknown key 'sed'; there are: *"),
+    ],
+)
+def test_what_is_wrong_with_a_server_or_a_parameter_is_one_line(
+    project: pytest.Pytester, fixture: str, marker: str, line: str
+) -> None:
+    project.makepyfile(f"import pytest\n\n@pytest.mark.{marker}\ndef test_it({fixture}):\n    pass\n")
+    result = run(project)
+    result.assert_outcomes(errors=1)
+    begin = next(k for k, text in enumerate(result.outlines) if "ERROR at setup of test_it" in text)
+    pytest.LineMatcher(result.outlines[begin + 1 : begin + 2]).fnmatch_lines([line])
+    assert result.outlines[begin + 2].startswith("==="), "one line, and no traceback"
+
+
+@pytest.mark.parametrize(
+    ("job", "lines"),
+    [
+        (None, ["E*FileNotFoundError: * No such file or directory: 'job.txt'"]),
+        ("", ["E*JobError: job.txt: there is no command in it"]),
+        ("@07 =>\n", ["E*JobError: job.txt: line 1, column 7: say what is expected: *", "E *@07 =>", "E * ^"]),
+        ("@07\n! weight == 1\n", ["E*JobError: job.txt: line 2, column 3: *weight*", "E*! weight == 1", "E * ^*"]),
+    ],
+)
+def test_a_job_that_cannot_be_played_is_told_with_file_line_and_column(
+    project: pytest.Pytester, job: str | None, lines: list[str]
+) -> None:
+    if job is not None:
+        (project.path / "job.txt").write_text(job)
+    project.makepyfile("def test_it(watched):\n    watched.play('job.txt')\n")
+    result = run(project)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(lines)
+    assert "watched.py" not in result.stdout.str()
+
+
 def test_the_marker_is_registered_and_described(project: pytest.Pytester) -> None:
     run(project, "--markers").stdout.fnmatch_lines(["@pytest.mark.twin(machine=..., controller=...*"])
     run(project, "--fixtures").stdout.fnmatch_lines(["twin_server*", "*served on a free port*"])

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.golden import Golden, Scribe
-from isel_twin.job import Result, check_conditions, decode_job, parse_job, play
+from isel_twin.job import JobError, Result, check_conditions, decode_job, parse_job, play
 from isel_twin.language import create_language, readable
 from isel_twin.units import SECOND_NS
 from isel_twin.verdict import SETTLE_S, Verdict, judge, lost
@@ -121,9 +121,18 @@ class Watched:
         timeout_s: virtual seconds that a line may take; the job ends with one that takes longer. Raises JobError
         (ValueError) for a job that cannot be played, OSError for a file that cannot be read.
         """
+        __tracebackhide__ = True
         path, twin = Path(job), self.twin
-        lines = parse_job(decode_job(path.read_bytes()), twin.language, twin.controller_name)
-        check_conditions(lines, twin)
+        try:
+            lines = parse_job(decode_job(path.read_bytes()), twin.language, twin.controller_name)
+            check_conditions(lines, twin)
+        except JobError as error:
+            told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])
+            raise JobError(told, error.excerpt) from None
+        except OSError as error:
+            raise type(error)(error.errno, error.strerror, str(path)) from None
+        if not lines:
+            raise JobError(f"{path}: there is no command in it")
         self.begin()
         scribe, results, moves = Scribe(), list[Result](), []
         scribe.move(_nothing(twin), twin.steps)  # what was before the job is none of its business
