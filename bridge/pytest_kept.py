@@ -171,6 +171,8 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
     interval_ns = max(INTERVAL_NS, end_ns // MOST_SAMPLES)
     twin = _another(kept.twin)
     place = Place("the test", ScenarioError)
+    zeros_ns = [0]
+    twin.listen(lambda time_ns, kind, what: zeros_ns.append(time_ns) if kind == "counter" else None)
     with Recorder(twin, interval_ns) as recorder:
         written = FileRecording(recording, twin, interval_ns)
         try:
@@ -191,7 +193,7 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
             raise OSError(errno.ENOSPC, "there was no room for it", str(recording))
         same = kept.twin.time_ns != end_ns or _place(twin) == seen  # a served one may have gone on meanwhile
         other = "the recording ends elsewhere than the test: something was done past the functions of the twin"
-        return [_draw(twin, recorder, picture), *([] if same else [other])]
+        return [_draw(twin, recorder, picture, zeros_ns[-1]), *([] if same else [other])]
 
 
 def _another(twin: Twin) -> Twin:
@@ -217,13 +219,13 @@ def _place(twin: Twin) -> tuple[list[int], list[float]]:
     return twin.counts.tolist(), twin.machine_position_mm.tolist()
 
 
-def _draw(twin: Twin, recorder: Any, picture: Path) -> str:
+def _draw(twin: Twin, recorder: Any, picture: Path, zero_ns: int) -> str:
     try:
         from isel_twin.trace.sketch import write_sketch
     except ImportError:
         return "no picture: it needs matplotlib: pip install 'isel-twin[report]'"
     try:
-        write_sketch(picture, twin, recorder)
+        write_sketch(picture, twin, recorder, zero_ns)
     except OSError as error:
         return f"no picture: {_of(error, picture)}"
     return f"picture:   {picture}"
