@@ -85,7 +85,7 @@ def _width(timed: bool) -> int:
 def _recording(source: str) -> Recorded | None:
     """The recording that a file is; None if it is something else. Raises CallError."""
     path = Path(source)
-    if is_standard_input(source) or not _exists(path) or not path.is_file():
+    if is_standard_input(Path(source)) or not _exists(path) or not path.is_file():
         return None
     from isel_twin.trace.container import MAGIC
     from isel_twin.trace.reading import read
