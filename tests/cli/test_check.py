@@ -285,3 +285,35 @@ def test_many_findings_of_a_rule_are_told_in_short(tmp_path: Path, capsys: pytes
     findings = found(capsys, write(tmp_path, "@07\n" + "@0J0\n" * 100))
     assert len(findings) == 21
     assert findings[-1] == ("refused", None, "and 80 more of the same")
+
+
+def test_each_job_has_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    jobs = write(tmp_path, WELL), write(tmp_path, HOME + "@0A99999999,3000,0,30,0,30,0,30\n", "other/job.txt")
+    pages = tmp_path / "pages"
+    plain = call(capsys, *jobs, "--plant", "kinematic", "--cycle-s", "1")
+    told = call(capsys, *jobs, "--plant", "kinematic", "--cycle-s", "1", "--report", pages, "--processes", "2")
+    assert plain == told
+    assert sorted(path.name for path in pages.iterdir()) == ["job-2.html", "job.html"]
+    first, second = ((pages / name).read_text() for name in ("job.html", "job-2.html"))
+    assert "at most 1 s" in first
+    assert "id='finding-1'" in first
+    assert "id='finding-2'" not in first
+    assert "id='finding-2'" in second
+    (tmp_path / "file").write_text("")
+    assert call(capsys, *jobs, "--report", tmp_path / "file")[0] == 2
+
+
+def test_a_page_says_what_the_golden_run_did_otherwise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job = write(tmp_path, WELL)
+    with pytest.raises(SystemExit):
+        main(["golden", "record", str(job), "--plant", "kinematic"])
+    call(capsys, job, "--plant", "kinematic", "--report", tmp_path)
+    assert "The job does what it did" in (tmp_path / "job.html").read_text()
+    write(tmp_path, WELL.replace("@0M3200,3000", "@0M3200,2900"))
+    for command, report in (("check", tmp_path), ("run", tmp_path / "job.html")):
+        with pytest.raises(SystemExit):
+            main([command, str(job), "--report", str(report), "--plant", "kinematic"])
+        page = (tmp_path / "job.html").read_text()
+        assert "Compared with the golden run" in page
+        assert "line-3" in page
+        assert "@0M3200,2900,1600,3000,0,30,0,30" in page

@@ -46,7 +46,9 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def dump(path: Path) -> tuple[dict[str, str], dict[str, list[tuple[int, str]]]]:
     """Types and changes of each signal by "scope.name": a reader of IEEE 1364-2005, chapter 18, in a few lines."""
-    kinds, names, changes = {}, {}, {}
+    kinds: dict[str, str] = {}
+    names: dict[str, str] = {}
+    changes: dict[str, list[tuple[int, str]]] = {}
     scopes: list[str] = []
     head, body = path.read_text("ascii").split("$enddefinitions $end")
     assert re.search(r"\$timescale\s+1 ns\s+\$end", head)

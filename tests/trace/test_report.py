@@ -193,7 +193,7 @@ class Long:
 
 
 def test_an_hour_is_as_small_as_a_screen_and_keeps_its_peaks() -> None:
-    seen = columns(Long(), np.full(len(CARRIAGES), 0.01), 3600 * 1000 * MS)  # type: ignore[arg-type]
+    seen = columns(Long(), np.full(len(CARRIAGES), 0.01), 3600 * 1000 * MS)
     assert len(seen.time_ns) <= COLUMNS
     assert np.nanmax(seen.error_mm[1][:, 1]) == 5.0
     assert len(seen.way.time_ns) <= 16_000

@@ -1,0 +1,45 @@
+"""Traces and report of a job of an hour: time and memory of `isel-twin run`, in a process of its own.
+
+`extra_info` holds the peak of its resident memory in MB, beside that of a job of a minute: traces go to the disk as
+they come, so the difference is small, whatever the length. The dump (VCD) of an hour, which has a line for each edge,
+is left out.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+ROUND = "@0M80000,4000,40000,4000,0,30,0,30\n@0M0,4000,0,4000,0,30,0,30\n"
+"""Forty seconds of two axes at 4000 steps/s."""
+RUN = """
+import resource, sys
+from isel_twin.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000, file=sys.stderr)
+"""
+MOST_MB = 500
+
+
+def peak_mb(folder: Path, rounds: int, *names: str) -> int:
+    """Peak memory of a job of that many rounds and its traces."""
+    (folder / "job.txt").write_text("@07\n@0R7\n" + ROUND * rounds)
+    options = [word for name in names for word in (f"--{name}", str(folder / f"out.{name}"))]
+    command = [sys.executable, "-c", RUN, "run", str(folder / "job.txt"), "--plant", "kinematic", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return int(done.stderr.split("peak")[1])
+
+
+@pytest.mark.benchmark(group="traces of an hour")
+@pytest.mark.parametrize("names", [("steps",), ("trace",), ("report",), ("steps", "trace", "report")], ids="+".join)
+def test_an_hour(benchmark: BenchmarkFixture, tmp_path: Path, names: tuple[str, ...]) -> None:
+    minute = peak_mb(tmp_path, 1, *names)
+    hour = benchmark.pedantic(peak_mb, (tmp_path, 88, *names), rounds=1)
+    benchmark.extra_info |= {"peak_mb": hour, "peak_mb_of_a_minute": minute}
+    assert hour < MOST_MB
