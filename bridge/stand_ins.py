@@ -1,6 +1,6 @@
 """What stands in for clocks, sleeps, locks and threads while a host runs in virtual time.
 
-    time.sleep, time.time, ...        -->  VirtualTime.wait, .look        for a thread of the host
+    time.sleep, time.time, ...        -->  Turns.wait, .look        for a thread of the host
                                       -->  the real function              for any other thread, and for the twin
 
 A stand-in asks whose thread it is called in (`here`) at each call. So it may be left in a module that has imported it
@@ -17,7 +17,6 @@ import _thread
 import atexit
 import datetime
 import importlib
-import os
 import queue
 import select
 import signal
@@ -30,45 +29,17 @@ from collections.abc import Callable, Sequence
 from types import FrameType, ModuleType
 from typing import Any
 
-import isel_twin
-from isel_twin.bridge.virtual_time import EPOCH_NS, UPTIME_NS, HostEnded, VirtualTime, here
+from isel_twin.bridge.stand_in import StandIn
+from isel_twin.bridge.turns import EPOCH_NS, LIBRARIES, UPTIME_NS, HostEnded, Turns, here, host_line
 from isel_twin.units import SECOND_NS
 
-__all__ = ["host_line", "replace_all"]
+__all__ = ["replace_all"]
 
 SERVE = "use `isel-twin serve --pty`, in real time"
 
 _real_join = threading.Thread.join
 _real_is_alive = threading.Thread.is_alive
 _real_is_set = threading.Event.is_set
-
-
-class StandIn:
-    """Calls `virtual(time, ...)` in a thread of the host, `real(...)` elsewhere.
-
-    An object and no function, since a class may hold it: `clock = time.monotonic`, called as `self.clock()`.
-    """
-
-    def __init__(self, real: Any, virtual: Callable[..., Any]) -> None:
-        self._real = real
-        self._virtual = virtual
-        self.__name__ = getattr(real, "__name__", "?")
-        self.__doc__ = getattr(real, "__doc__", None)
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        active = here()
-        return self._real(*args, **kwargs) if active is None else self._virtual(active, *args, **kwargs)
-
-    def __repr__(self) -> str:
-        return repr(self._real)
-
-    def __instancecheck__(self, value: object) -> bool:
-        return isinstance(value, (VirtualLock, self._real) if isinstance(self._real, type) else VirtualLock)
-
-    def __or__(self, other: Any) -> Any:
-        return typing.Any
-
-    __ror__ = __or__
 
 
 FOR_EVER_S = 1e9
@@ -79,7 +50,7 @@ FOR_EVER_S = 1e9
 
 
 def _clock(real: Callable[[], Any], zero_ns: int, whole: bool) -> StandIn:
-    def virtual(active: VirtualTime) -> float | int:
+    def virtual(active: Turns) -> float | int:
         active.look()
         now_ns = zero_ns + active.now_ns
         return now_ns if whole else now_ns / SECOND_NS
@@ -90,12 +61,12 @@ def _clock(real: Callable[[], Any], zero_ns: int, whole: bool) -> StandIn:
 _ZERO_NS = {"time": EPOCH_NS, "monotonic": UPTIME_NS, "perf_counter": UPTIME_NS, "process_time": 0, "thread_time": 0}
 
 
-def _epoch_s(active: VirtualTime) -> float:
+def _epoch_s(active: Turns) -> float:
     active.look()
     return (EPOCH_NS + active.now_ns) / SECOND_NS
 
 
-def _sleep(active: VirtualTime, seconds: float, /) -> None:
+def _sleep(active: Turns, seconds: float, /) -> None:
     if seconds != seconds:
         raise ValueError("Invalid value NaN (not a number)")
     if seconds < 0:
@@ -109,7 +80,7 @@ def _sleep(active: VirtualTime, seconds: float, /) -> None:
 def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
     """Functions of `time` that take the present time if an argument is left out."""
 
-    def virtual(active: VirtualTime, *args: Any) -> Any:
+    def virtual(active: Turns, *args: Any) -> Any:
         if len(args) <= position or args[position] is None:
             present: Any = _epoch_s(active)
             if real.__name__ in ("strftime", "asctime"):
@@ -121,7 +92,7 @@ def _now_or(position: int, real: Callable[..., Any]) -> StandIn:
 
 
 def _clock_gettime(whole: bool) -> Callable[..., Any]:
-    def virtual(active: VirtualTime, clock: int) -> float | int:
+    def virtual(active: Turns, clock: int) -> float | int:
         active.look()
         now_ns = active.now_ns + (EPOCH_NS if clock == time.CLOCK_REALTIME else UPTIME_NS)
         return now_ns if whole else now_ns / SECOND_NS
@@ -292,7 +263,7 @@ _real_start = _thread.start_new_thread
 def _start(real: Callable[..., Any]) -> StandIn:
     """`_thread.start_new_thread`, and its successor of Python 3.13, which takes keywords of its own."""
 
-    def virtual(active: VirtualTime, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    def virtual(active: Turns, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         arguments = args[0] if args else ()
         named = args[1] if len(args) > 1 else {}
         task = active.spawn(function)
@@ -330,14 +301,14 @@ def _is_set(self: threading.Event) -> bool:
     return _real_is_set(self)
 
 
-def _simple_queue(_: VirtualTime) -> Any:
+def _simple_queue(_: Turns) -> Any:
     return queue._PySimpleQueue()  # type: ignore[attr-defined]  # the same, on a semaphore of `threading`
 
 
 # Waiting for files
 
 
-def _select(active: VirtualTime, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:
+def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:
     from isel_twin.bridge.virtual_serial import VirtualSerial
 
     def port_of(item: Any) -> VirtualSerial | None:
@@ -392,7 +363,7 @@ def _called_by(*packages: str) -> str | None:
 
 
 def _refused(what: str) -> Callable[..., Any]:
-    def virtual(_: VirtualTime, *args: Any, **kwargs: Any) -> Any:
+    def virtual(_: Turns, *args: Any, **kwargs: Any) -> Any:
         by = _called_by("asyncio", "multiprocessing", "concurrent", "subprocess")
         told = {
             "asyncio": "asyncio, whose loop waits in real time,",
@@ -439,38 +410,16 @@ class _Finder:
 # Where a host is
 
 
-LIBRARIES = tuple(
-    folder.rstrip(os.sep) + os.sep
-    for folder in (
-        os.path.dirname(os.__file__),
-        os.path.dirname(os.path.abspath(__file__)),
-        os.path.dirname(os.path.abspath(isel_twin.__file__)),
-        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
-    )
-)
-"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
-
-
-def host_line(frame: FrameType | None) -> str:
-    """File and line of the innermost call in a stack that is in no library; empty if there is none."""
-    while frame is not None:
-        name = frame.f_code.co_filename
-        if not name.startswith((*LIBRARIES, "<frozen")):
-            return f"{os.path.basename(name)}:{frame.f_lineno}"
-        frame = frame.f_back
-    return ""
-
-
 # All together
 
 
-def _signal(active: VirtualTime, number: int, handler: Any, /) -> Any:
+def _signal(active: Turns, number: int, handler: Any, /) -> Any:
     before = signal_function(number, active.deferred(handler) if callable(handler) else handler)
     active.handlers.setdefault(number, before)
     return getattr(before, "__wrapped__", before)
 
 
-def _getsignal(_: VirtualTime, number: int, /) -> Any:
+def _getsignal(_: Turns, number: int, /) -> Any:
     now = getsignal_function(number)
     return getattr(now, "__wrapped__", now)
 
@@ -479,7 +428,7 @@ signal_function = signal.signal
 getsignal_function = signal.getsignal
 
 
-def _register(active: VirtualTime, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+def _register(active: Turns, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     frame = sys._getframe(2)
     if frame.f_code.co_filename.startswith(LIBRARIES):
         return _real_register(function, *args, **kwargs)
@@ -487,7 +436,7 @@ def _register(active: VirtualTime, function: Callable[..., Any], *args: Any, **k
     return function
 
 
-def _unregister(active: VirtualTime, function: Callable[..., Any]) -> None:
+def _unregister(active: Turns, function: Callable[..., Any]) -> None:
     active.at_exit[:] = [entry for entry in active.at_exit if entry[0] != function]
     _real_unregister(function)
 
@@ -508,13 +457,13 @@ def _stand_ins() -> dict[int, tuple[Any, Any]]:
     for name in ("clock_gettime", "clock_gettime_ns"):
         if (real := getattr(time, name, None)) is not None:
             pairs.append((real, StandIn(real, _clock_gettime(name.endswith("_ns")))))
-    pairs.append((threading._allocate_lock, StandIn(threading._allocate_lock, lambda _: VirtualLock())))  # type: ignore[attr-defined]
+    pairs.append((threading._allocate_lock, StandIn(threading._allocate_lock, lambda _: VirtualLock(), VirtualLock)))  # type: ignore[attr-defined]
     for name in ("_start_new_thread", "_start_joinable_thread"):
         if (real := getattr(threading, name, None)) is not None:
             pairs.append((real, _start(real)))
     pairs += [
-        (threading.Lock, StandIn(threading.Lock, lambda _: VirtualLock())),
-        (threading.RLock, StandIn(threading.RLock, lambda _: VirtualRLock())),
+        (threading.Lock, StandIn(threading.Lock, lambda _: VirtualLock(), VirtualLock)),
+        (threading.RLock, StandIn(threading.RLock, lambda _: VirtualRLock(), VirtualLock)),
         (queue.SimpleQueue, StandIn(queue.SimpleQueue, _simple_queue)),
         (select.select, StandIn(select.select, _select)),
         (signal.signal, StandIn(signal.signal, _signal)),
@@ -533,7 +482,7 @@ _KEPT_MODULES = ("isel_twin", "_thread", "importlib", "_frozen_importlib", "_boo
 """Modules that keep the real functions, with all below them: the twin, and what imports modules."""
 
 
-def replace_all(active: VirtualTime, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
+def replace_all(active: Turns, more: Sequence[tuple[Any, Any]] = ()) -> Callable[[], None]:
     """Put the stand-ins in place, and `more` pairs of what is real and what stands in; return what undoes it."""
     for module_name, _ in _REFUSED_METHODS:
         importlib.import_module(module_name)

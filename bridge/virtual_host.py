@@ -17,7 +17,7 @@ How it ends                                          code
     more virtual time than it was given              1, and `reason` says so
     something virtual time cannot do                 2, and `reason` says what, where, and what to do
 
-What virtual time is, and what a look costs: `isel_twin.bridge.virtual_time`.
+What virtual time is, and what a look costs: `isel_twin.bridge.turns`.
 """
 
 from __future__ import annotations
@@ -367,6 +367,6 @@ def _put_back() -> Iterator[None]:
 
 
 def _in_library(file: str) -> bool:
-    from isel_twin.bridge.stand_ins import LIBRARIES
+    from isel_twin.bridge.turns import LIBRARIES
 
     return file.startswith(LIBRARIES)

@@ -1,7 +1,7 @@
 """The serial port that a host in virtual time finds under the name of the twin's port.
 
     serial.Serial("COM4", 19200, timeout=1)  -.
-    serial.serial_for_url("COM4")            -+--> VirtualSerial --> VirtualTime --> the twin's line
+    serial.serial_for_url("COM4")            -+--> VirtualSerial --> Turns --> the twin's line
     serial.tools.list_ports.comports()  lists it
 
 It does what pySerial's ports do, in virtual time: reads wait for their bytes or for their timeouts, writes return at
@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException, SerialTimeoutException, to_bytes
 
-from isel_twin.bridge.virtual_time import VirtualTime, here
+from isel_twin.bridge.stand_in import StandIn
+from isel_twin.bridge.turns import Turns, here
 
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
@@ -36,7 +37,7 @@ BUFFER = 4096
 class Ports:
     """The one port of a virtual host. name: what it is called; None: whatever the host calls it."""
 
-    def __init__(self, time: VirtualTime, name: str | None = None) -> None:
+    def __init__(self, time: Turns, name: str | None = None) -> None:
         self.time = time
         self.name = name
         self.open: VirtualSerial | None = None
@@ -109,7 +110,7 @@ class VirtualSerial(SerialBase):
         super().__init__(*args, **kwargs)
 
     @property
-    def _time(self) -> VirtualTime:
+    def _time(self) -> Turns:
         return self.ports.time
 
     # opening
@@ -142,7 +143,7 @@ class VirtualSerial(SerialBase):
             raise PortNotOpenError()
 
     @contextmanager
-    def _waiting(self) -> Iterator[VirtualTime]:
+    def _waiting(self) -> Iterator[Turns]:
         """A call that may wait, in a thread of the host, on an open port, which it still is afterwards."""
         self._check_open()
         time = here()
@@ -173,7 +174,7 @@ class VirtualSerial(SerialBase):
             del inbox[: len(data)]
         return data
 
-    def _wait(self, time: VirtualTime, size: int) -> None:
+    def _wait(self, time: Turns, size: int) -> None:
         """Wait until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
         inbox = time.inbox
         why = f"read of {self._port}"
@@ -306,9 +307,7 @@ def stand_ins(ports: Ports) -> list[tuple[Any, Any]]:
     import serial
     from serial.tools import list_ports
 
-    from isel_twin.bridge.stand_ins import StandIn
-
-    def for_url(_: VirtualTime, url: str, *args: Any, do_not_open: bool = False, **kwargs: Any) -> VirtualSerial:
+    def for_url(_: Turns, url: str, *args: Any, do_not_open: bool = False, **kwargs: Any) -> VirtualSerial:
         port: VirtualSerial = made[0][1](None, *args, **kwargs)
         port.port = url
         if not do_not_open:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from isel_twin.bridge.stand_ins import LIBRARIES
+from isel_twin.bridge.turns import LIBRARIES
 from isel_twin.bridge.virtual_host import run_host
 from isel_twin.bridge.virtual_time import EPOCH_NS, VirtualTime, here
 from isel_twin.twin import Twin
