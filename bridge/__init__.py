@@ -9,5 +9,7 @@ pty.py             endpoint: pseudo terminal
 tcp.py             endpoint: raw TCP
 rfc2217.py         what RFC 2217 adds to it
 protocol_twin.py   pySerial's twin://, in process, without any of the above but pacing
+pytest_plugin.py   twins as fixtures of pytest: what every start of pytest imports
+pytest_kept.py     and what it does once a test uses one
 demo.py            `make demo`
 """

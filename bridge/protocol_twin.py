@@ -103,6 +103,15 @@ class Serial(SerialBase):
         self._inside = threading.RLock()
         super().__init__(*args, **kwargs)
 
+    @classmethod
+    def on(cls, twin: Twin, **settings: Any) -> Serial:
+        """A port, open, with this twin at its other end, at speed max; settings as of a `serial.Serial`."""
+        port = cls(None, **settings)
+        port._port = port._url = port.name = f"twin://{twin.controller_name}"
+        port._twin = twin
+        port.open()
+        return port
+
     @property
     def twin(self) -> Twin:
         """The twin at the other end. Raises SerialException before the port was opened."""

@@ -60,8 +60,8 @@ class Program:
 
     arguments: tuple[str, ...] = ()
     """What comes after it."""
-    path: Path | None = None
-    """A script, or a folder or archive with a `__main__.py`."""
+    path: str | None = None
+    """A script, or a folder or archive with a `__main__.py`, as it was typed."""
     module: str | None = None
     code: str | None = None
 
@@ -86,7 +86,7 @@ class HostRun:
     was_struck: tuple[str, ...]
     """End switches that were struck at any time, in reference runs too."""
     notes: tuple[str, ...] = field(default=())
-    """What a real machine would not have taken."""
+    """What a real machine would not have taken, and threads that an exception has ended; one line each."""
     left: tuple[str, ...] = ()
     """Threads that went on after the host had ended; they stand still for good."""
 
@@ -105,7 +105,7 @@ def parse_program(words: Sequence[str]) -> Program:
         raise CallError("there is no host program; give one: exec -- python host.py")
     first, rest = words[0], list(words[1:])
     if not Path(first).name.removesuffix(".exe").startswith(("python", "pypy")) or first.endswith(".py"):
-        if not first.endswith((".py", ".pyz")) and not Path(first).is_dir():
+        if not _is_python(Path(first)):
             raise CallError(
                 f"{first}: only Python programs run in virtual time (exec -- python host.py); "
                 "for others start `isel-twin serve --pty` and give them its port"
@@ -123,10 +123,21 @@ def parse_program(words: Sequence[str]) -> Program:
         return Program(tuple(rest[2:]), code=rest[1])
     if rest[0].startswith("-"):
         raise CallError(f"{first} {rest[0]}: of Python's options -m, -c and {', '.join(_HARMLESS)} are understood")
-    path = Path(rest[0])
-    if not path.exists():
-        raise CallError(f"{path}: there is no such file")
-    return Program(tuple(rest[1:]), path=path)
+    if not Path(rest[0]).exists():
+        raise CallError(f"{rest[0]}: there is no such file")
+    return Program(tuple(rest[1:]), path=rest[0])
+
+
+def _is_python(file: Path) -> bool:
+    """Whether a file that is named without an interpreter is a Python program: by its name, or by its first line."""
+    if file.suffix in (".py", ".pyz") or file.is_dir():
+        return True
+    try:
+        with file.open("rb") as content:
+            first = content.readline(200)
+    except OSError:
+        return False
+    return first.startswith(b"#!") and b"python" in first
 
 
 def run_host(
@@ -137,13 +148,15 @@ def run_host(
     wire: Wire | None = None,
     limit_s: float | None = None,
     give_up: Callable[[VirtualTime], object] | None = None,
+    raise_interrupt: bool = True,
 ) -> HostRun:
     """Run a host program until it and its threads have ended, and judge the machine.
 
     argv: as `parse_program` takes it, the word `python` in front is not needed. port: name of the serial port at which
     the twin is; None: every port that the host opens is the twin, and it may open one at a time. wire: hears the line.
     limit_s: virtual seconds after which a host that has not ended is. give_up: for processes that run nothing else,
-    which may end themselves when the host goes on after it was told that it has ended.
+    which may end themselves when the host goes on after it was told that it has ended. raise_interrupt: Ctrl-C that the
+    host has not caught is raised again, as a test runner wants it; False: it is the end of the host, with code 130.
 
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
@@ -157,6 +170,8 @@ def run_host(
         code, ending = _run(program, time)
     if time.broken is not None:
         raise time.broken
+    if ending == "interrupt" and raise_interrupt:
+        raise KeyboardInterrupt
     ended_ns = twin.time_ns
     reason = ""
     if time.ending is not None and time.ending.kind in ("deadlock", "timeout", "refused"):
@@ -235,7 +250,7 @@ def _guarded(call: Any, time: VirtualTime) -> tuple[int, str]:
     except KeyboardInterrupt as error:
         _print(error)
         return INTERRUPTED, "interrupt"
-    except BaseException as error:
+    except Exception as error:  # others, such as a test runner's for its time limit, are not the host's
         if time.ending is None:
             _print(error)
         return 1, "exception"
@@ -280,8 +295,9 @@ def _execute(program: Program) -> None:
         sys.argv[:] = ["-m", *program.arguments]
         try:
             found = importlib.util.find_spec(program.module)
-        except (ImportError, ValueError):  # not even the package that it is in
-            found = None
+        except (ImportError, ValueError) as error:  # in the words of Python
+            why = f"Error while finding module specification for {program.module!r} ({type(error).__name__}: {error})"
+            raise SystemExit(f"{sys.executable}: {why}") from None
         if found is None:
             raise SystemExit(f"{sys.executable}: No module named {program.module}")
         runpy.run_module(program.module, run_name="__main__", alter_sys=True)
@@ -291,9 +307,9 @@ def _execute(program: Program) -> None:
         sys.argv[:] = ["-c", *program.arguments]
         _as_main(compile(program.code, "<string>", "exec"), None)
         return
-    path = program.path
-    assert path is not None
-    sys.argv[:] = [str(path), *program.arguments]
+    assert program.path is not None
+    sys.argv[:] = [program.path, *program.arguments]
+    path = Path(program.path).absolute()
     if path.is_dir() or path.suffix == ".pyz":
         runpy.run_path(str(path), run_name="__main__")
         return

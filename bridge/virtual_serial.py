@@ -43,7 +43,7 @@ class Ports:
         self.line_free_ns = 0
         """When everything written so far has gone over the line."""
         self.notes: list[str] = []
-        """What a real machine would not have taken, one line each."""
+        """What is worth a word at the end, one line each."""
 
     @property
     def shown(self) -> str:

@@ -11,10 +11,11 @@ decided by deadlines and by the order of waiting. So the same program makes the 
 What costs time: waiting does, computing does not. A look (at a clock, at the port, at something that another thread
 may change) that does not wait costs
 
-    min(max(LOOK_NS, spun / 1000), LONGEST_LOOK_NS)
+    min(max(LOOK_NS, spun / SPIN), LONGEST_LOOK_NS)
 
 where `spun` is what the looks of this thread have cost since it last waited, so that a loop that spins for a time T
-ends after about 1000 (1 + ln(T / 1 ms)) looks, up to 10 s of T, and has its time to one part in a thousand.
+ends after about SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond; it has its time
+to one part in SPIN = 10000. A host that computes and looks at the clock now and then does not notice.
 
 All of this concerns the threads of the host only: those that stand in `VirtualTime` and those that they start. Other
 threads of the process (a test runner's) and the twin itself, whoever's thread it runs in, see the real functions.
@@ -44,8 +45,9 @@ LOOK_NS = 1_000
 """Virtual time of a look that does not wait: 1 us."""
 LONGEST_LOOK_NS = 10 * MILLISECOND_NS
 """And of one in a long row of them: 10 ms."""
-SPIN = 1000
-"""Looks that a spinning loop makes in a stretch of time as long as the one before; free looks until they cost."""
+SPIN = 10_000
+"""Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
+and threads that cost nothing."""
 
 EPOCH_NS = 1_767_225_600 * SECOND_NS
 """`time.time_ns()` when the twin is switched on: 2026-01-01 00:00 UTC, so that it is the same every time."""
@@ -261,12 +263,25 @@ class VirtualTime:
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
             task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
-            _silence(thread)
+            self._listen(thread)
         else:
             task = Task("a thread", daemon=True)
         self._waiting.append(task)
         task.deadline_ns = self.now_ns
         return task
+
+    def _listen(self, thread: threading.Thread) -> None:
+        """Let nothing be printed of HostEnded in a thread; an exception that nobody has caught is noted, too."""
+        told = getattr(thread, "_invoke_excepthook", None)
+
+        def tell(thread: threading.Thread) -> None:
+            error = sys.exc_info()[1]
+            if not isinstance(error, SystemExit):
+                self.ports.notes.append(f"the thread {thread.name} has ended with {type(error).__name__}: {error}")
+            if told is not None and not isinstance(error, HostEnded):
+                told(thread)
+
+        thread._invoke_excepthook = tell  # type: ignore[attr-defined]
 
     def body(
         self, task: Task, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
@@ -486,17 +501,6 @@ class VirtualTime:
                 self._wire.carry(self.twin.time_ns, data, True)
         finally:
             self._inside = False
-
-
-def _silence(thread: threading.Thread) -> None:
-    """Let nothing be printed of HostEnded in a thread; everything else is as ever."""
-    told = getattr(thread, "_invoke_excepthook", None)
-
-    def tell(thread: threading.Thread) -> None:
-        if told is not None and not isinstance(sys.exc_info()[1], HostEnded):
-            told(thread)
-
-    thread._invoke_excepthook = tell  # type: ignore[attr-defined]
 
 
 _active: VirtualTime | None = None

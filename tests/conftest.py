@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background: what tests start would be deaf to it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 MANY = 200
 """Tests in a session from which on everything is compiled before the first of them."""

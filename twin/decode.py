@@ -34,6 +34,8 @@ class Piece:
 
     data: bytes
     sent: bool
+    time_ns: int | None = None
+    """When the last of them came, if anybody knows."""
 
 
 @dataclass(frozen=True)
@@ -50,23 +52,25 @@ class Row:
     """Readable: as in a job file; never empty."""
     explanation: str
     complete: bool
+    time_ns: int | None = None
+    """When it was complete, if anybody knows."""
 
 
 def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:
     """Rows as they become complete, then what is left of each direction. `language`: a fresh one."""
     numbers, offsets = count(1), {True: 0, False: 0}
 
-    def row(data: bytes, text: str, explanation: str, sent: bool, complete: bool = True) -> Row:
+    def row(data: bytes, text: str, explanation: str, sent: bool, time_ns: int | None, complete: bool = True) -> Row:
         offset = offsets[sent]
         offsets[sent] += len(data)
-        return Row(next(numbers), offset, sent, data, text or readable(data), explanation, complete)
+        return Row(next(numbers), offset, sent, data, text or readable(data), explanation, complete, time_ns)
 
     for piece in pieces:
         for message in language.messages(piece.data, piece.sent):
-            yield row(message.data, message.text, message.explanation, piece.sent)
+            yield row(message.data, message.text, message.explanation, piece.sent, piece.time_ns)
     for sent in (True, False):
         if begun := language.rest(sent):
-            yield row(begun, readable(begun), "not complete", sent, complete=False)
+            yield row(begun, readable(begun), "not complete", sent, None, complete=False)
 
 
 def typed(text: str, sent: bool, language: Language, controller: str) -> list[Piece]:

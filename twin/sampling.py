@@ -46,13 +46,19 @@ class Sampler:
     ) -> None:
         """take: called with samples, in the order of time. Raises ValueError if the plant cannot take them."""
         plant.sample_every(interval_ns)
+        self.interval_ns = interval_ns
         self.span_ns = interval_ns * (MOST_SAMPLES // 2 - 1)
         """Longest time to advance between two calls of `keep_up`."""
         self._plant = plant
         self._position = position
-        self._take = take
+        self._takers = [take]
         self._offset: NDArray[np.int64] | None = None
         position.before_change = self._changes
+
+    def share(self, take: Callable[[TwinSamples], None]) -> None:
+        """Hand the samples on to somebody else as well, from now on."""
+        self.hand_on()
+        self._takers.append(take)
 
     @property
     def waiting(self) -> int:
@@ -77,18 +83,18 @@ class Sampler:
         if self._offset is None:
             self._offset = self._position.offset
         raw, position = self._plant.take_samples(), self._position
-        self._take(
-            TwinSamples(
-                time_ns=raw.time_ns,
-                counts=position.turned * raw.commanded + self._offset,
-                position_mm=position.of_carriages_mm(raw.position_mm),
-                velocity_mm_s=position.of_velocities_mm_s(raw.velocity_mm_s),
-                lost_steps=position.lost_of(raw.commanded, raw.rotor),
-                margin=raw.margin,
-                current_fraction=raw.current_fraction,
-                supply_v=raw.supply_v,
-            )
+        samples = TwinSamples(
+            time_ns=raw.time_ns,
+            counts=position.turned * raw.commanded + self._offset,
+            position_mm=position.of_carriages_mm(raw.position_mm),
+            velocity_mm_s=position.of_velocities_mm_s(raw.velocity_mm_s),
+            lost_steps=position.lost_of(raw.commanded, raw.rotor),
+            margin=raw.margin,
+            current_fraction=raw.current_fraction,
+            supply_v=raw.supply_v,
         )
+        for take in self._takers:
+            take(samples)
 
     def _changes(self) -> None:
         """What the samples are related to is about to change."""

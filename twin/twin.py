@@ -189,7 +189,9 @@ class Twin:
         self._observers: list[_Observer] = []
         self._sampler: Sampler | None = None
         self._changes = 0
-        """Of the wiring, as it was told to observers last."""
+        """Of the wiring, when observers looked last."""
+        self._inputs: Mapping[str, str] = {}
+        """As they were then."""
         self._notes: list[Note] = []
         self._least_margin = np.ones(axes)
         """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
@@ -499,6 +501,7 @@ class Twin:
         if interval_ns is not None and interval_ns <= 0:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
         self._observers.append(_Observer(callback, interval_ns, self.time_ns))
+        self._changes, self._inputs = self._wiring.changes, self._wiring.inputs
         self._observe(changed=False)
         self._due_ns = self._next_due_ns()
 
@@ -507,16 +510,20 @@ class Twin:
 
         While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
         what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
-        Whoever asks second gets None.
+        Whoever asks second shares those of the first, or gets None if they come at other times.
         """
         if not self.can_sample(interval_ns) or not isinstance(self._plant, Sampled):
             return None
-        self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+        if self._sampler is None:
+            self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+        else:
+            self._sampler.share(take)
         return self._sampler
 
     def can_sample(self, interval_ns: int) -> bool:
         """Whether `sample` would do it."""
-        return self._sampler is None and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
+        same = self._sampler is None or self._sampler.interval_ns == interval_ns
+        return same and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
 
     def listen(self, note: Note) -> None:
         """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""
@@ -594,8 +601,7 @@ class Twin:
             if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
-                changes, self._changes = self._changes, self._wiring.changes
-                self._observe(changed=changes != self._changes)
+                self._observe(changed=self._inputs_changed())
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
@@ -695,8 +701,18 @@ class Twin:
         log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
 
     def _observe(self, changed: bool) -> None:
+        if changed:
+            self._inputs_changed()
         for observer in self._observers:
             observer.look(self, changed)
+
+    def _inputs_changed(self) -> bool:
+        """Whether an input is not what it was when observers looked last; they are about to look."""
+        if not self._observers or self._changes == self._wiring.changes:
+            return False
+        self._changes = self._wiring.changes
+        before, self._inputs = self._inputs, self._wiring.inputs
+        return before != self._inputs
 
 
 class _Observer:

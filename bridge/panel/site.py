@@ -60,6 +60,12 @@ _quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered
 BROWSERS = 16
 """Pages open at once."""
 
+UNANSWERED = 64
+"""Requests of a browser that wait for their answers, or answers that it has not read; more is no page of ours."""
+
+FAREWELL_S = 1.0
+"""Longest wait for a browser that is let go to say so."""
+
 MESSAGE_BYTES = 1 << 20
 """Longest message of a browser."""
 
@@ -156,6 +162,8 @@ class _Browser:
 
     def __init__(self) -> None:
         self.answers: deque[Mapping[str, Any]] = deque()
+        self.asked = 0
+        """Requests that have no answer yet."""
         self.frame: Frame | None = None
         self.lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self.plots: deque[list[Any]] = deque(maxlen=HISTORY)
@@ -242,6 +250,7 @@ class WebSite:
 
     def _answer(self, client: int, answer: Mapping[str, Any]) -> None:
         if (browser := self._browsers.get(client)) is not None:
+            browser.asked -= 1
             browser.answers.append(answer)
             browser.news.set()
 
@@ -260,6 +269,10 @@ class WebSite:
         telling = asyncio.create_task(self._tell(connection, browser))
         try:
             async for text in connection:
+                if browser.asked + len(browser.answers) >= UNANSWERED:
+                    await connection.close(1008, f"more than {UNANSWERED} requests at once")
+                    break
+                browser.asked += 1
                 self._hear(number, text)
         except websockets.exceptions.ConnectionClosed:
             pass
@@ -353,7 +366,12 @@ class _Serving:
             own = urlsplit(connection.request.path).path == "/operate"
             await (site.serve(connection) if own else scene(connection))
 
-        options |= {"process_request": site.respond, "max_size": MESSAGE_BYTES, "logger": _quiet}
+        options |= {
+            "process_request": site.respond,
+            "max_size": MESSAGE_BYTES,
+            "close_timeout": FAREWELL_S,
+            "logger": _quiet,
+        }
         return websockets.asyncio.server.serve(handle, sock=site._listener, **options)
 
 

@@ -2,7 +2,8 @@
 
 Targets (docs/performance.md): with physics at most the time of bare `mj_step`, kinematic at least 1000 times real time,
 500 times with short moves; sampling every millisecond costs less than bare `mj_step`; an hour of motion adds less than
-100 MB; `isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
+100 MB; a recording at 100 Hz costs less than 5 % of the time of a twin in motion, ten minutes of it less than 20 MB;
+`isel-twin --help` under 0.3 s, compared with what an empty Python process takes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +21,7 @@ from bench.bench_plant import SECONDS, bare
 
 from isel_twin import Twin
 from isel_twin.plant.mujoco import MujocoPlant
+from isel_twin.trace.recording import FileRecording
 
 THERE_AND_BACK = ("@0M40000,10000,40000,10000,40000,10000,0,30", "@0M0,10000,0,10000,0,10000,0,30")
 """Three axes at 10 kHz, 8 s of machine time and a little more for the ramps."""
@@ -90,6 +93,33 @@ def test_physics_and_samples_beside_bare_mujoco(benchmark: Any) -> None:
     benchmark.extra_info["whole twin, times real time by CPU"] = 1.0 / statistics.median(j for j, _, _ in turns)
     assert alone <= 1.0
     assert looking <= 1.0
+
+
+@pytest.mark.benchmark(group="twin, recorded")
+def test_recording_at_100_hz(benchmark: Any, tmp_path: Path) -> None:
+    """A job of a twin that is recorded and of one that is not, in turn, in CPU time; the file of ten minutes of it."""
+    plain, recorded = ready("mujoco"), ready("mujoco")
+    path = tmp_path / "job.mcap"
+    recording = FileRecording(path, recorded, 10_000_000)
+    began = recorded.time_ns
+
+    def job(twin: Twin) -> float:
+        cpu = time.process_time()
+        for command in THERE_AND_BACK:
+            assert twin.query(command) == "0"
+        return time.process_time() - cpu
+
+    turns = [(job(plain), job(recorded)) for _ in range(25)][1:]
+    benchmark.pedantic(lambda: turns.append((job(plain), job(recorded))), rounds=1)
+    recording.close()
+    minutes = (recorded.time_ns - began) / NANOSECOND / 60.0
+    least = [min(side) for side in zip(*turns, strict=True)]  # what other work adds is never negative
+    size_mb = path.stat().st_size / minutes * 10.0 / 1e6
+    benchmark.extra_info["recorded over not recorded, least of each"] = least[1] / least[0]
+    benchmark.extra_info["recorded over not recorded, median of turns"] = statistics.median(b / a for a, b in turns)
+    benchmark.extra_info["MB in ten minutes of motion"] = size_mb
+    assert least[1] / least[0] <= 1.08  # 1.05, and what cold caches add on a computer whose cores are taken
+    assert size_mb <= 20.0
 
 
 @pytest.mark.benchmark(group="twin, short moves")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import signal
 import socket
 import subprocess
@@ -133,3 +134,40 @@ def test_other_kinds_are_written_at_the_end_from_the_same_recording(serve, tmp_p
     assert served.stop(signal.SIGTERM) == 0
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert path.stat().st_size > 100
+
+
+def test_a_recording_is_explained_with_its_times(serve, tmp_path):
+    path = tmp_path / "session.mcap"
+    served = serve("--record", str(path), "--controller", "c142")
+    with served.open() as port:
+        assert ask(port, "@07") == "0"
+    assert served.stop(signal.SIGTERM) == 0
+    command = [sys.executable, "-m", "isel_twin.cli", "decode", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    head, asked, answered = done.stdout.splitlines()
+    assert head.split()[:4] == ["no", "time", "/", "s"]
+    assert asked.split()[2:4] == ["host", "@07"]
+    assert answered.split()[2:4] == ["twin", "0"]
+    refused = subprocess.run([*command, "--sent"], capture_output=True, text=True, check=False, timeout=60)
+    assert refused.returncode == 2
+    assert "a recording says itself who has sent what" in refused.stderr
+
+
+def test_without_room_the_recording_ends_in_one_line_and_the_machine_goes_on(serve, tmp_path):
+    path = tmp_path / "session.mcap"
+    served = serve("--record", str(path), speed="20")
+    room = path.stat().st_size + 2000
+    resource.prlimit(served.process.pid, resource.RLIMIT_FSIZE, (room, room))
+    with served.open() as port:
+        for _ in range(200):
+            assert ask(port, "@0P", 19).startswith("0")
+        time.sleep(1.0)
+        assert ask(port, "@0P", 19).startswith("0")
+    assert served.stop(signal.SIGTERM) == 1
+    lines = [line for line in served.process.stderr.read().splitlines() if "recording" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"isel-twin: {path}: the recording ends here, the machine goes on: ")
+    recorded = read(path)
+    assert not recorded.whole
+    assert recorded.metadata["controller"] == "imc-s8"

@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.controller import controller_names
 from isel_twin.language import MoveSettings, create_language, needed
+from isel_twin.trace.mcap import RecordingWriter
 from isel_twin.trace.reading import read
 from tests.bridge.conftest import STOP_S
 
@@ -141,8 +142,6 @@ def test_replay_at_a_speed_takes_its_time_and_can_be_recorded_again(tmp_path):
 
 def test_another_machine_is_a_difference_and_exit_code_1(tmp_path):
     """The recording has its machine with it: what has become of the machine's name elsewhere is no matter."""
-    from isel_twin.trace.mcap import RecordingWriter
-
     job = tmp_path / "job.txt"
     job.write_text("@07\n@0P\n")
     path, other = tmp_path / "session.mcap", tmp_path / "other.mcap"
@@ -175,3 +174,30 @@ def test_a_recording_is_not_written_onto_itself(tmp_path):
     assert done.returncode == 2
     assert "is named twice in this call" in done.stderr
     assert path.read_bytes() == b"precious"
+
+
+def test_a_real_controllers_host_is_played_to_a_twin_and_both_are_compared(serve, tmp_path):
+    """A served twin stands for the real controller: of its recording the bytes are kept, and nothing else."""
+    served = serve("--record", str(tmp_path / "all.mcap"), speed="20")
+    with served.open() as port:
+        for command, size in (("@07", 1), ("@0R7", 1), ("@0A800,2000,400,2000,0,30,0,30", 1), ("@0P", 19)):
+            port.write(command.encode() + b"\r")
+            assert port.read(size)[:1] == b"0"
+    assert served.stop(signal.SIGTERM) == 0
+    real, twin = tmp_path / "real.mcap", tmp_path / "twin.mcap"
+    with RecordingWriter(real, {"kind": "tap", "controller": "imc-s8"}) as writer:
+        for entry in read(tmp_path / "all.mcap").of("/host/sent", "/host/received"):
+            data = bytes.fromhex(entry.content["hex"])
+            (writer.sent if entry.channel == "/host/sent" else writer.received)(entry.time_ns, data)
+    done = cli("replay", real, "--plant", "kinematic", "--record", twin)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("no difference in replies, ")
+    done = cli("compare", real, twin, "--time-tolerance", "0.02", "--json")
+    assert done.returncode == 0, done.stdout
+    summary = json.loads(done.stdout.splitlines()[-1])
+    assert (summary["commands"], summary["different"], summary["same"]) == (4, 0, True)
+    slower = cli("replay", real, "--plant", "kinematic", "--seed", "5", "--record", twin)  # it begins somewhere else
+    assert slower.returncode == 0
+    done = cli("compare", real, twin, "--time-tolerance", "0.02")
+    assert done.returncode == 1
+    assert "differs first: command 2, @0R7: duration" in done.stdout

@@ -82,11 +82,11 @@ def printed(capsys):
     ],
 )
 def test_every_way_to_wait_ten_minutes_takes_ten_virtual_ones(wait, host, twin):
-    began = time.perf_counter()
+    began = time.process_time()
     done = host(OPEN + "began = time.monotonic()\n" + wait + "\nassert 600 <= time.monotonic() - began < 600.001")
     assert (done.code, done.reason) == (0, "")
     assert 600e9 <= done.ended_ns < 600.001e9
-    assert time.perf_counter() - began < 5.0
+    assert time.process_time() - began < 5.0
 
 
 @pytest.mark.parametrize(
@@ -104,11 +104,20 @@ def test_every_way_to_wait_ten_minutes_takes_ten_virtual_ones(wait, host, twin):
     ],
 )
 def test_a_loop_that_spins_for_ten_minutes_ends(loop, host):
-    began = time.perf_counter()
+    began = time.process_time()
     done = host(OPEN + "end = time.time() + 600\n" + loop)
     assert (done.code, done.reason) == (0, "")
-    assert done.ended_ns == pytest.approx(600e9, rel=0.002)
-    assert time.perf_counter() - began < 10.0
+    assert done.ended_ns == pytest.approx(600e9, rel=1e-3)
+    assert time.process_time() - began < 10.0
+
+
+def test_time_stamps_of_a_computation_are_no_wait(host):
+    """Five thousand lines in a log, each with its time and its lock, are 5 ms of looks."""
+    done = host(
+        "import logging, io\nlogging.basicConfig(stream=io.StringIO())\nfor i in range(5000): logging.warning('%s', i)"
+    )
+    assert done.code == 0
+    assert done.ended_ns <= 50_000_000
 
 
 def test_all_clocks_are_the_twins(host, capsys, twin):
@@ -214,6 +223,9 @@ def test_an_exception_in_a_thread_is_printed_and_the_program_goes_on(host, capsy
     assert out == "on\n"
     assert "Exception in thread" in err
     assert "ZeroDivisionError" in err
+    (note,) = done.notes
+    assert note.startswith("the thread Thread-")
+    assert note.endswith("has ended with ZeroDivisionError: division by zero")
 
 
 def test_a_thread_without_an_object(host, capsys):
@@ -442,6 +454,51 @@ def test_a_host_in_the_twins_own_repository_is_no_library(twin):
 
 
 # Around it
+
+
+def test_the_page_says_how(tmp_path, monkeypatch):
+    """Both programs of docs/exec.md, as they stand there."""
+    page = (Path(__file__).parents[2] / "docs" / "exec.md").read_text()
+    blocks = [block for block in page.split("## From a test")[1].split("\n\n") if block.startswith("    ")]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["pytest"])
+    (tmp_path / "host.py").write_text("import sys\n" + OPEN + "assert sys.argv[1:] == ['--job', 'circle']")
+    names = {"serial": serial, "time": time}
+    for block in blocks:
+        exec("\n".join(line.removeprefix("    ") for line in block.splitlines()), names)
+    assert len(blocks) == 4
+    assert names["twin"].time_ns >= 600e9
+
+
+def test_what_a_test_runner_raises_goes_through_the_host(host, twin):
+    """A time limit of a test, raised by a signal handler wherever the main thread is."""
+
+    class Late(BaseException):
+        pass
+
+    def late(*_):
+        raise Late
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(Late):
+            host(
+                "import time, threading\nthreading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()\n"
+                "while True:\n    try: time.sleep(0.01)\n    except Exception: pass\n"
+            )
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert here() is None
+    assert threading.active_count() == 1
+    assert host("import time; time.sleep(1)").code == 0
+
+
+def test_ctrl_c_that_the_host_does_not_catch_stops_the_test_runner(host):
+    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        host("import time\nwhile True: time.sleep(0.01)")
+    assert here() is None
 
 
 def test_nothing_of_it_is_left(host, tmp_path):

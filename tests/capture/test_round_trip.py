@@ -11,6 +11,8 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.capture.load import load
+from isel_twin.capture.play import Strikes
+from isel_twin.capture.play import play as play_capture
 from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.cli import main
@@ -19,7 +21,7 @@ from isel_twin.machine import load_machine
 from isel_twin.trace.npz import write_npz
 from isel_twin.trace.recorder import Recorder
 from isel_twin.trace.vcd import write_vcd
-from isel_twin.verdict import SETTLE_S
+from isel_twin.verdict import SETTLE_S, judge
 
 REFERENCED = "@07\n@0R7\n@0M16000,8000,8000,4000,0,30,2000,800\n<0.4s>\n@0M8000,5000,9000,1000,0,30,0,30\n"
 STOPPED = "@07\n@0ID2\n@0R7\n@0A8000,5000,400,900,0,30,0,30<13> <0.6s> <253>\n@0S\n"
@@ -142,7 +144,7 @@ def test_the_table_tells_what_happened(call: Any, tmp_path: Path) -> None:
     code, out, err = call("drive", "job.vcd", "--plant", "kinematic", "--start", "50,50,20", "--interval", "1")
     assert (code, err) == (0, "")
     assert "X +8000" in out
-    assert "all well: 1 motions, 0 struck a switch" in out
+    assert "all well: 1 motion, 0 struck a switch" in out
     assert "X: 8000 steps, at most 5000 a second" in out
     assert "cycle time" in out
 
@@ -258,3 +260,15 @@ def test_a_player_comes_back_from_its_image() -> None:
     for image in (b"", b"PK", b"isel-twin"):
         with pytest.raises(ValueError, match="is no image of a player"):
             Player.restored(image)
+
+
+def test_an_interrupted_play_has_made_the_ticks_before() -> None:
+    ticks = Ticks(np.arange(1, 1001) * 1_000_000, np.ones((1000, 3), dtype=np.int8), 1_000_000_000)
+    player = Player(ticks)
+    twin = Twin(controller=player, plant="kinematic", start_mm=(50, 50, 20))
+    twin.observe(lambda _: None, 10_000_000)  # somebody looks, so that something happens on the way
+    (result,) = play_capture(twin, player, ticks.over_ns, Strikes(twin), bool, lambda: twin.time_ns >= 300_000_000)
+    assert (result.complete, result.ok) == (False, True)
+    assert result.counts == (result.end_ns // 1_000_000,) * 3
+    verdict = judge(twin, [result], 0, interrupted=True)
+    assert (verdict.ok, verdict.refused) == (False, 0)

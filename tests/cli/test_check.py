@@ -66,6 +66,8 @@ def test_nothing_is_wrong_with_a_job_that_is_well(tmp_path: Path, capsys: pytest
         (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "limit_x1"), []),
         (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "limit_y1"), [("switch", 3)]),
         (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n", ("--may-strike", "all"), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n! limit_x1 == struck\n", (), []),
+        (HOME + "@0A-3200,3000,0,30,0,30,0,30 => 2\n! limit_x2 == free\n", (), [("switch", 3)]),
         (WELL, ("--cycle-s", "30"), [("cycle", 3)]),
         (WELL, ("--cycle-s", "40"), []),
         (WELL, ("--deviation-mm", "0.001"), []),  # without physics the carriage follows the counter

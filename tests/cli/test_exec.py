@@ -23,9 +23,24 @@ with serial.Serial("COM4", 19200, timeout=90) as port:
 """
 
 
+STARTED: list[subprocess.Popen[str]] = []
+"""Of the present test."""
+
+
+@pytest.fixture(autouse=True)
+def none_left():
+    """A host that spins does not outlive a test that has failed."""
+    yield
+    for process in STARTED:
+        process.kill()
+    STARTED.clear()
+
+
 def start(*arguments: str | Path, **kwargs) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "isel_twin.cli", "exec", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **kwargs)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **kwargs)
+    STARTED.append(process)
+    return process
 
 
 def execute(*arguments: str | Path, plant: str = "kinematic", **kwargs) -> subprocess.CompletedProcess[str]:
@@ -80,6 +95,14 @@ def test_a_module_a_folder_and_a_text(tmp_path):
     (tmp_path / "app" / "__init__.py").write_text("import part\nprint(part.WORD)\n")
     assert execute("--", "python", "-m", "app", "x", cwd=tmp_path).stdout == "part\n__main__ ['x']\n"
     assert execute("--", "python", "app", "y", cwd=tmp_path).stdout == "__main__ ['y']\n"
+    (tmp_path / "tool").write_text(
+        "#!/usr/bin/env python3\nimport part, sys; print(sys.argv); assert __file__[0] == '/'\n"
+    )
+    assert execute("--", "./tool", "z", cwd=tmp_path).stdout == "['./tool', 'z']\n"
+    missing = execute("--", "python", "-m", "none.such", cwd=tmp_path)
+    assert missing.returncode == 1
+    assert "none.such" in missing.stderr
+    assert "Traceback" not in missing.stderr
     assert (
         execute("--", "python", "-c", "import sys, part; print(sys.argv)", "z", cwd=tmp_path).stdout == "['-c', 'z']\n"
     )
@@ -120,6 +143,15 @@ def test_a_parameter_of_the_machine(host):
     done = execute("--set", "axes.x.lead=10.0", "--json", "--", "python", file)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["position_mm"][0] == pytest.approx(20.0)
+
+
+def test_a_recording_replays(host, tmp_path):
+    record = tmp_path / "host.mcap"
+    done = execute("--record", record, "--", "python", host(MOVE.format(way=3200, speed=8000)))
+    assert done.returncode == 0, done.stderr
+    command = [sys.executable, "-m", "isel_twin.cli", "replay", str(record)]
+    again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert again.returncode == 0, again.stderr
 
 
 def test_a_host_that_never_ends_is_ended(host):

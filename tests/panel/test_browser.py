@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Callable, Iterator
@@ -21,6 +22,9 @@ pytestmark = [
 ]
 
 EMPTY = "<!doctype html><title>no scene</title>"
+PARTS = ("header", "#operate", "#stage", "#axes", "#plots", "#upper", "#lower")
+"""Of the page, beside or below each other."""
+
 OPEN_S = 3.0
 """In which the page is to be there."""
 
@@ -168,10 +172,11 @@ def test_a_fault_for_a_while_ends_by_itself(bench, open_panel):
 
 def test_the_token_of_the_link_is_enough(bench, open_panel):
     here = bench(token="sesame")
-    page = open_panel(here, scene=True)
-    expect(page.page.frame_locator("#scene").locator("canvas").first).to_be_visible()
+    page = open_panel(here)
     page['[data-element="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+    scene = page.page.request.get(f"http://{here.panel.address}/scene")
+    assert scene.ok  # asked with the cookies of the page
     assert page.said == []
 
 
@@ -250,18 +255,37 @@ def test_the_page_is_there_in_time(bench, open_panel):
     assert min(took_s) < OPEN_S
 
 
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080), (1000, 700)])
 @pytest.mark.parametrize("controller", ["imc-s8", "ismif"])
-def test_one_page_for_every_controller_and_nothing_overlaps(bench, open_panel, controller: str):
+def test_one_page_for_every_controller_and_nothing_overlaps(
+    bench, open_panel, controller: str, width: int, height: int
+):
     page = open_panel(bench(controller=controller))
+    page.page.set_viewport_size({"width": width, "height": height})
     expect(page["#ports .port"].first).to_be_visible()
     expect(page["#outputs .lamp"].first).to_be_visible()
     expect(page["#axes tbody tr"].first).to_be_visible()
-    sizes = page.page.evaluate(
-        "[document.documentElement, ...document.querySelectorAll('main > section, header, #ports, #operate, .card')]"
-        ".map(node => [node.id || node.className || node.tagName, node.scrollWidth - node.clientWidth])"
+    boxes = {name: page[name].bounding_box() for name in PARTS}
+    for name, box in boxes.items():
+        assert box is not None, name
+        assert box["width"] > 100, name
+        assert box["height"] > 30, name
+        assert box["x"] >= 0, name
+        assert box["x"] + box["width"] <= width, name
+    for one, other in itertools.combinations(PARTS, 2):
+        assert apart(boxes[one], boxes[other]), (one, other)
+    beyond = page.page.evaluate(
+        "[document.documentElement, ...document.querySelectorAll('#ports, #operate, #lower, #plots, #stage')]"
+        ".map(node => [node.id, node.scrollWidth - node.clientWidth])"
     )
-    assert [name for name, beyond in sizes if beyond > 0] == []
+    assert [name for name, pixels in beyond if pixels > 0] == []
     assert page.said == []
+
+
+def apart(one: dict[str, float], other: dict[str, float]) -> bool:
+    """Whether two boxes have no area in common."""
+    beside = any(a["x"] + a["width"] <= b["x"] + 0.5 for a, b in ((one, other), (other, one)))
+    return beside or any(a["y"] + a["height"] <= b["y"] + 0.5 for a, b in ((one, other), (other, one)))
 
 
 def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):

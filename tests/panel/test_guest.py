@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import socket
 import threading
@@ -9,11 +10,12 @@ import time
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed
 
 from isel_twin import Twin
 from isel_twin.bridge.pacing import Pacer
 from isel_twin.bridge.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
-from isel_twin.bridge.panel.site import BROWSERS
+from isel_twin.bridge.panel.site import BROWSERS, UNANSWERED
 from isel_twin.bridge.server import Server
 from isel_twin.bridge.tcp import TcpEndpoint, parse_address
 from tests.panel.conftest import LOOPBACK, WAIT_S
@@ -142,6 +144,20 @@ def test_more_browsers_than_there_is_room_for_are_told(bench, browser):
         browser(here)
     with pytest.raises(Exception, match="is open 16 times already"):
         browser(here)
+
+
+def test_who_asks_without_end_is_let_go_and_nobody_else(bench, browser):
+    here = bench()
+    page, other = browser(here), browser(here)
+
+    def without_end() -> None:
+        for number in range(2 * UNANSWERED):
+            page.socket.send(json.dumps({"id": number, "ask": {"wait": {"input": "hood", "is": "open"}}}))
+        page.until(lambda: False)
+
+    with pytest.raises(ConnectionClosed, match=f"more than {UNANSWERED} requests at once"):
+        without_end()
+    assert other.ask(set={"hood": "forced"})["inputs"] == {"hood": "open"}
 
 
 def test_a_browser_that_comes_later_gets_what_was_said_and_plotted(bench, browser):

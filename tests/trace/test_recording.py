@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from isel_twin.trace.mcap import RecordingWriter
 from isel_twin.trace.reading import Played, RecordingError, read
@@ -127,4 +128,38 @@ def test_what_is_no_recording_is_refused_in_one_line(content: bytes, tmp_path: P
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="is no recording of isel-twin") as caught:
         read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_tools_mcap_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/samples", "json", writer.register_schema("x", "jsonschema", b"{}"))
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="is no recording of isel-twin"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("channel", "content", "told"),
+    [
+        ("/runs", {"run": {"steps": {"line": [1]}, "law": [1], "start_ns": 0, "first": 0}}, "/runs at 5 ns: "),
+        ("/runs", {"run": {"ticks": {"dtype": "object"}, "axes": 1}}, "/runs at 5 ns: "),
+        ("/runs", {"run": None, "continues": True, "other": 1}, ""),
+    ],
+)
+def test_runs_that_are_none_are_refused_in_one_line(
+    tmp_path: Path, channel: str, content: dict[str, Any], told: str
+) -> None:
+    path = tmp_path / "odd.mcap"
+    with RecordingWriter(path, {"kind": "twin", "axes": "4", "motors": "3"}) as writer:
+        writer.message(channel, 5, content)
+    if not told:
+        assert len(read(path).steps()) == 0
+        return
+    with pytest.raises(RecordingError, match=told) as caught:
+        read(path).steps()
     assert "\n" not in str(caught.value)

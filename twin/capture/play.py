@@ -88,7 +88,7 @@ def play(
             number=line.number,
             command=line.command,
             reply=" ".join(struck),
-            ok=complete and all(map(allowed, struck)),
+            ok=all(map(allowed, struck)),
             time_ns=motion.start_ns,
             end_ns=ended_ns,
             counts=tuple(seen.counts.tolist()),

@@ -11,7 +11,8 @@ annotation in a review say the same.
     unfinished    a command is not over in time; the job ends there                       `timeout`
     lost          an axis has lost steps, told with the line after which it first had     always
     halfway       a rotor rests between two places that would hold                        always
-    switch        an end switch is struck in a line that sets no counter                  `may_strike`
+    switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
+                  condition of the job (`! limit_x1 == struck`) wants it so
     fault         the controller shows an error at the end, or its flash is damaged       always
     margin        the least pull-out margin of a motor in a line                          `margin`
     deviation     true position and counter differ by more, looked at every 5 ms          `deviation_mm`
@@ -228,7 +229,8 @@ class Inspection:
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
         """All of it, and what others have found, when the job is over."""
         run = Golden.of({}, self._moves, verdict)
-        findings = [*self._findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
+        findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         return Report(job, _few(findings), verdict, run, tuple(self._scribe.spans_ns))
 
 
@@ -252,6 +254,16 @@ def check_job(
     verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
     others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else []
     return inspection.report(str(job), verdict, others)
+
+
+def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
+    """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
+    name = finding.message.partition(" ")[0]
+    if finding.rule == "lost":
+        return not verdict.lost[AXIS_NAMES.index(name)]
+    wanted = (f"{name} == struck", f"input.{name} == struck")
+    said = [" ".join(result.command.strip("! \t").split()) for result in results if result.condition and result.ok]
+    return finding.rule == "switch" and any(text in wanted for text in said)
 
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, call_errors
-from isel_twin.cli.options import STANDARD_INPUT, STREAMS, ControllerName, is_standard_input
+from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
+from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.decode import Piece, Row
     from isel_twin.language import Language
+    from isel_twin.trace.reading import Recorded
 
 CHUNK_BYTES = 1 << 16
 """Read at once, so that a file of any size takes the same memory."""
@@ -24,6 +26,8 @@ CHUNK_BYTES = 1 << 16
 MARKED_BYTES = 1 << 26
 """Largest file of marked lines: 64 MiB."""
 
+_TIME = "time / s"
+"""Head of the column of times."""
 _FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
 """What looks like the name of a file rather than like a command."""
 
@@ -31,7 +35,9 @@ _FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
 def decode(
     source: Annotated[str, Parameter(help='File of bytes, or text as it is typed; "-" is standard input.')],
     *,
-    controller: ControllerName = "imc-s8",
+    controller: Annotated[
+        str, Parameter(help="Name of a controller (see `controllers`); imc-s8, or what a recording says.")
+    ] = "",
     sent: Annotated[bool, Parameter(help="The host has sent it. The default.")] = False,
     received: Annotated[bool, Parameter(help="The controller has sent it.")] = False,
     marked: Annotated[bool, Parameter(help="Lines of text: > sent by the host, < received; <13> is a byte.")] = False,
@@ -41,25 +47,62 @@ def decode(
     """Explain the bytes of a line: one row for each message, and nothing of them left out.
 
     A file is read as bytes of one direction. Text is taken as in a job file: a command is sent with its end, <253> is a
-    byte. What the bytes mean is known for every controller that has a language.
+    byte. A recording (.mcap) is explained with the times of its messages, both directions. What the bytes mean is known
+    for every controller that has a language.
     """
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
     from isel_twin.decode import explain
     from isel_twin.language import create_language
 
+    recorded = _recording(source) if not text else None
+    if recorded is not None and sent + received + marked:
+        raise CallError(f"{source}: a recording says itself who has sent what; leave --sent, --received, --marked out")
+    controller = controller or (recorded.controller if recorded is not None else "") or "imc-s8"
     with call_errors():
         language = create_language(controller)
     if language is None:
         raise CallError(f"controller {controller!r} has no language: nobody knows what its bytes mean")
     with call_errors(source):
-        pieces = _pieces(source, text, marked, not received, language, controller)
+        pieces = (
+            _pieces(source, text, marked, not received, language, controller)
+            if recorded is None
+            else _of_recording(recorded)
+        )
         first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
+    timed = recorded is not None
     if not json:
-        print(f"{'no':>6} {'offset':>8}  dir   {'text':<32}  explanation")
+        print(f"{'no':>6} {_TIME if timed else 'offset':>{_width(timed)}}  dir   {'text':<32}  explanation")
     for row in explain(chain([first] if first else [], pieces), language):
-        print(_json(row) if json else _line(row), flush=source == STANDARD_INPUT)
+        print(_json(row) if json else _line(row, timed), flush=source == STANDARD_INPUT)
     return 0
+
+
+def _width(timed: bool) -> int:
+    return 14 if timed else 8
+
+
+def _recording(source: str) -> Recorded | None:
+    """The recording that a file is; None if it is something else. Raises CallError."""
+    path = Path(source)
+    if is_standard_input(Path(source)) or not _exists(path) or not path.is_file():
+        return None
+    from isel_twin.trace.container import MAGIC
+    from isel_twin.trace.reading import read
+
+    with call_errors(source):
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                return None
+        return read(path)
+
+
+def _of_recording(recorded: Recorded) -> Iterator[Piece]:
+    """Bytes of both directions with their times. Raises CallError."""
+    from isel_twin.decode import Piece
+    from isel_twin.trace.compare import traffic
+
+    return (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
 
 
 def _pieces(
@@ -120,8 +163,11 @@ def _direction(row: Row) -> str:
     return "host" if row.sent else "twin"
 
 
-def _line(row: Row) -> str:
-    return f"{row.number:>6} {row.offset:>8}  {_direction(row)}  {row.text:<32}  {row.explanation}".rstrip()
+def _line(row: Row, timed: bool) -> str:
+    where: str | int = row.offset
+    if timed:
+        where = "" if row.time_ns is None else f"{row.time_ns / SECOND_NS:.6f}"
+    return f"{row.number:>6} {where:>{_width(timed)}}  {_direction(row)}  {row.text:<32}  {row.explanation}".rstrip()
 
 
 def _json(row: Row) -> str:
@@ -136,5 +182,6 @@ def _json(row: Row) -> str:
             "text": row.text,
             "explanation": row.explanation,
             "complete": row.complete,
+            **({} if row.time_ns is None else {"time_s": row.time_ns / SECOND_NS}),
         }
     )

@@ -13,6 +13,7 @@ from isel_twin.call import TwinCall, call_errors
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
+    Interval,
     MachineName,
     PlantName,
     ScenarioFile,
@@ -21,6 +22,7 @@ from isel_twin.cli.options import (
     check_writable,
     parse_override,
 )
+from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -46,6 +48,8 @@ def exec_(
         Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as axes.x.lead=10.", negative=()),
     ] = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
+    record: RecordPath = None,
+    interval: Interval = 0.01,
     log: Annotated[Literal["wire"] | None, Parameter(help="wire: print every message on the line, in words.")] = None,
     timeout: Annotated[
         float | None, Parameter(help="Virtual seconds after which a host that has not ended is ended, with 1.")
@@ -71,7 +75,9 @@ def exec_(
     if timeout is not None:
         check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
-    check_writable(steps, kept=(flash, scenario, program.path))
+    check_seconds("interval", interval, 1e-9)
+    check_record(record)
+    check_writable(steps, record, kept=(flash, scenario, None if program.path is None else Path(program.path)))
     settings = dict(parse_override(text) for text in overrides or ())
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
@@ -82,7 +88,12 @@ def exec_(
     with ExitStack() as stack:
         stack.enter_context(told_of_compiling())
         wire = _wire_log(controller, stack) if log is not None else None
-        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up)
+        recording = None if record is None else begin(record, twin, interval, {"host": " ".join(command)}, stack)
+        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up, raise_interrupt=False)
+        recorded = True
+        if record is not None and recording is not None:
+            with call_errors(record):
+                recorded = keep(recording, record)
     for note in done.notes:
         outputs.say(note)
     if done.reason:
@@ -96,7 +107,7 @@ def exec_(
         print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
     elif done.ending != "refused":
         outputs.say(told(done))
-    code = done.code or (1 if check and not done.verdict.ok else 0)
+    code = done.code or (1 if not recorded or (check and not done.verdict.ok) else 0)
     if done.left:
         outputs.say(f"threads of the host that go on after its end are left: {', '.join(done.left)}")
         _leave(code)

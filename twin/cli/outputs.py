@@ -253,7 +253,8 @@ class MotionsOutput(TableOutput):
 
     def counted(self, verdict: Verdict) -> str:
         """See TableOutput."""
-        return f"{verdict.commands} motions, {verdict.refused} struck a switch"
+        motions = "1 motion" if verdict.commands == 1 else f"{verdict.commands} motions"
+        return f"{motions}, {verdict.refused} struck a switch"
 
 
 def _percent(margins: Sequence[float | None]) -> str:

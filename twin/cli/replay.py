@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.options import Interval, MachineName, PlantName, Seed, check_seconds, check_writable
+from isel_twin.cli.options import MachineName, PlantName, Seed, check_seconds, check_writable
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
+from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.trace.reading import Recorded
@@ -23,7 +24,7 @@ def replay(
     *,
     speed: Annotated[str, Parameter(help="Times real time, or max: as fast as possible.")] = "max",
     record: RecordPath = None,
-    interval: Interval = 0.01,
+    interval: Annotated[float, Parameter(help="Of a real controller: time between two samples of --record.")] = 0.01,
     controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
     machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = TwinCall.machine,
     plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinCall.plant,
@@ -58,6 +59,8 @@ def replay(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
         twin = _twin(recorded, folder, controller, TwinCall(machine, plant=plant, seed=seed))
+        if recorded.of_twin:  # its samples are compared, so they are taken when they were
+            interval = recorded.interval_ns / SECOND_NS
         recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
         pacer = Pacer(factor, 0)
         pace: Pace | None = None if factor is None else lambda time_ns: time.sleep(pacer.until_s(time_ns))

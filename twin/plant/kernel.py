@@ -217,10 +217,9 @@ def _look(memory):
 
 
 @njit(nogil=True, error_model="numpy")
-def _take(memory, at):
+def _take(parts, at):
     """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
     each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply."""
-    parts = parts_of(memory)
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
@@ -301,7 +300,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             plant.now = max(plant.now, wakes)
             if plant.sample_every and plant.sample_at <= plant.now:
                 if plant.held == 0:
-                    _take(memory, plant.sample_at)
+                    _take(parts, plant.sample_at)
                     plant.held = 1
                 plant.sample_at = (plant.now // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
@@ -376,7 +375,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             if plant.lost_dof >= 0:
                 break
         if plant.now == plant.sample_at:
-            _take(memory, plant.now)
+            _take(parts, plant.now)
             plant.sample_at += plant.sample_every
         near = plant.watched != 0
         for i in range(AXES):

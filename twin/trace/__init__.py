@@ -10,6 +10,7 @@
     parquet.py    the samples as a table
     write.py      one of these three, as the name of the file says
     report.py     one HTML page: path, error, lost steps, commands
+    sketch.py     one picture of the same, for a test that has failed
 
 Everything is written in pieces: an hour of machining needs no more memory than a second. Files appear complete or not
 at all (files.py).

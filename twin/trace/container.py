@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Container", "Output"]
 
-MAGIC: Final = b"\x89MCAP0\r\n"
+MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 (
     _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX,
     _STATISTICS, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET, _DATA_END,

@@ -306,7 +306,7 @@ def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Diffe
         _run_until(twin, twin.time_ns + max(0, entry.time_ns - heard_ns), pace, never)
         heard_ns = entry.time_ns
         twin.write(data)
-    _await(twin, lambda: False, pace)
+    _await(twin, lambda: answered() and False, pace)
     answered()
     return None if now == then else _reply_difference(twin, then, now)
 

@@ -82,6 +82,13 @@ class Contacts:
         held = FAULTS[self._faults.get(name, "ok")]
         return self._closed[name] if held is None else held
 
+    @property
+    def faults(self) -> Mapping[str, str]:
+        """Faults by name of the contact, of those that have one, in the order of `names`."""
+        if not self._faults:
+            return {}
+        return {name: self._faults[name] for name in self.names if name in self._faults}
+
     def fault(self, name: str) -> str:
         """Name of the contact's fault, `ok` for none."""
         return self._faults.get(name, "ok")

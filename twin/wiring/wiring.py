@@ -243,17 +243,13 @@ class Wiring:
         states = dict(self._cabinet.states)
         for switch, struck in zip(self._switches, self._active, strict=False):
             states[switch.name] = "struck" if struck else "free"
-        for name in self._contacts.names:
-            if self._contacts.fault(name) != "ok":
-                states[name] = self._contacts.fault(name)
-        return states
+        return states | dict(self._contacts.faults)
 
     @property
     def faults(self) -> Mapping[str, str | float]:
         """What is wrong now: faults of contacts by name, all else by its key of an event (isel_twin.wiring.ACTS):
         `noise`, `phase_lost.x`, `swapped.limit_x1`."""
-        of_contacts = {name: self._contacts.fault(name) for name in self._contacts.names}
-        found: dict[str, str | float] = {name: fault for name, fault in of_contacts.items() if fault != "ok"}
+        found: dict[str, str | float] = dict(self._contacts.faults)
         found |= {f"swapped.{name}": other for name, other in self._contacts.swapped.items()}
         return found | self._faults
 

@@ -1,0 +1,49 @@
+"""Projects with twins, whose sessions run in this process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import isel_twin.bridge.control_port
+import isel_twin.bridge.protocol_twin
+import isel_twin.bridge.rfc2217
+import isel_twin.bridge.server
+import isel_twin.bridge.virtual_host
+import isel_twin.checks.asserts
+import isel_twin.trace.replay
+import isel_twin.trace.sketch  # noqa: F401
+from isel_twin.bridge import pytest_kept
+from isel_twin.twin import Twin
+
+INI = """
+    [pytest]
+    isel_twin_plant = kinematic
+    addopts = --strict-markers -p no:cacheprovider -p no:benchmark -p no:hypothesispytest
+"""
+
+
+@pytest.fixture(scope="session")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A session in this process forgets what it has imported, and numba does not bear to be imported twice.
+
+    So all that they import when first used is imported before.
+    """
+    kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinCall(plant="kinematic"))
+    kept.twin.listen(kept.note)
+    kept.twin.query("@07")
+    kept.twin.query("@0R7")
+    folder: Path = tmp_path_factory.mktemp("warm")
+    pytest_kept._record(kept, folder / "twin.mcap", folder / "twin.png")
+
+
+@pytest.fixture
+def project(warm: None, pytester: pytest.Pytester) -> pytest.Pytester:
+    """A project whose twins follow their counters."""
+    pytester.makeini(INI)
+    return pytester
+
+
+def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    return project.runpytest_inprocess("-q", *arguments)
