@@ -33,7 +33,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import isel_twin
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
@@ -180,7 +180,7 @@ class Turns:
         self._signals: list[tuple[Callable[[int, FrameType | None], Any], int, FrameType | None]] = []
         self._undo: Callable[[], None] | None = None
 
-    def __enter__(self) -> Turns:
+    def __enter__(self) -> Self:
         global _active
         if _active is not None:
             raise RuntimeError("there is a host in virtual time in this process already; one at a time")

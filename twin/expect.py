@@ -44,7 +44,7 @@ from isel_twin.verdict import whole_slips
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
-    from isel_twin.job import Result
+    from isel_twin.result import Result
     from isel_twin.twin import Twin
 
 __all__ = ["Condition", "ExpectError", "Expected", "Seen", "excerpt", "lost_steps", "parse_condition", "parse_expected"]

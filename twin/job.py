@@ -37,6 +37,7 @@ from isel_twin.expect import (
     parse_expected,
 )
 from isel_twin.language import Language, LanguageError, encoded, needed, readable
+from isel_twin.result import Result
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
 
@@ -91,42 +92,6 @@ class Line:
     def pauses_ns(self) -> int:
         """Time of all pauses together."""
         return sum(action for action in self.actions if isinstance(action, int))
-
-
-@dataclass(frozen=True)
-class Result:
-    """What became of a line: sent at time_ns, over at end_ns; counters [axes] and true positions [3] mm at its end.
-
-    complete: all of it was sent, and the controller has answered and stands still. If not, the job ends with it.
-    """
-
-    number: int
-    command: str
-    reply: str
-    ok: bool
-    time_ns: int
-    end_ns: int
-    counts: tuple[int, ...]
-    position_mm: tuple[float, ...]
-    margin: tuple[float | None, ...] = ()
-    """Least pull-out margin of each axis meanwhile, `Twin.margin`; None for an axis without a motor."""
-    complete: bool = True
-    expected: str | None = None
-    """What the line expects; None if it expects nothing. `ok` then says whether it was so, and `why` why not."""
-    why: str = ""
-    condition: bool = False
-    """It is no command: the reply is what was found."""
-    lost_known: tuple[float | None, ...] = ()
-    """Steps lost of each axis that a condition on them has found well."""
-    fault_known: bool = False
-    """The same of the controller's fault."""
-
-    @property
-    def shown_reply(self) -> str:
-        """The reply, and if it should have been another one, which."""
-        if self.ok or self.expected is None or self.condition:
-            return self.reply
-        return f"{self.reply or 'none'} (not {self.expected}: {self.why})"
 
 
 def decode_job(data: bytes) -> str:

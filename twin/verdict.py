@@ -27,7 +27,7 @@ from isel_twin.snapshot import snapshot
 from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
-    from isel_twin.job import Result
+    from isel_twin.result import Result
     from isel_twin.twin import Twin
 
 __all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost", "whole_slips"]

@@ -24,10 +24,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.bridge.control import ControlError, Operator, Pending
+from isel_twin.bridge.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.panel.menu import BESIDE, menu
 from isel_twin.bridge.panel.monitor import Monitor
 from isel_twin.bridge.server import Line, Server, Watch
@@ -57,19 +58,6 @@ MARGIN_NS = 5 * MILLISECOND_NS
 
 SAID_BYTES = 4096
 """Longest text typed at once, as bytes on the line."""
-
-Frame = dict[str, Any]
-
-
-COME: Mapping[str, Any] = {"come": True}
-"""In place of a request: a browser has come, and wants to be shown how things are."""
-
-
-class Asked(NamedTuple):
-    """What a browser wants; None: it has gone."""
-
-    client: int
-    request: Mapping[str, Any] | None
 
 
 class Site(Protocol):

@@ -44,7 +44,7 @@ from websockets.http11 import Request, Response
 
 from isel_twin.bridge.control import ControlError
 from isel_twin.bridge.control_port import parse_request
-from isel_twin.bridge.panel.guest import COME, Asked, Frame
+from isel_twin.bridge.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.panel.scene import Poses, Trail, body_meshes
 from isel_twin.bridge.tcp import parse_address
 from isel_twin.bridge.token import is_loopback, is_token

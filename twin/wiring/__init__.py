@@ -24,7 +24,8 @@ from isel_twin.wiring.scenario import (
     event_now,
     load_scenario,
 )
-from isel_twin.wiring.schedule import Condition, Schedule
+from isel_twin.wiring.schedule import Schedule
+from isel_twin.wiring.when import Condition
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
 __all__ = [

@@ -51,8 +51,7 @@ from isel_twin.parameters import FileError, Limits, Place, known, parse_toml, pl
 from isel_twin.plant import PLACES, Cut
 from isel_twin.units import SECOND_NS
 from isel_twin.wiring.acts import ACTS, BESIDE, ended, read_act
-from isel_twin.wiring.schedule import Condition
-from isel_twin.wiring.when import EXAMPLES, condition
+from isel_twin.wiring.when import EXAMPLES, Condition, condition
 
 EVENT_KEYS = (*ACTS, *BESIDE)
 """What an event says beside its time."""

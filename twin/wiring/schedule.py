@@ -24,37 +24,21 @@ import heapq
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from isel_twin.units import MILLISECOND_NS
+from isel_twin.wiring.when import Condition
 
 if TYPE_CHECKING:
     from isel_twin.wiring.scenario import ScenarioEvent
 
-__all__ = ["REARM_NS", "Condition", "Decoder", "Schedule"]
+__all__ = ["REARM_NS", "Decoder", "Schedule"]
 
 REARM_NS = 1 * MILLISECOND_NS
 """An event that has just been brought about is not again before this time is over."""
 
 _END = -1
 """Stands before all numbers of events."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What an event waits for.
-
-    sent, replied     a message of the host, of the controller: begins with `name`
-    position          carriage `name` is beyond `value` mm of machine coordinates, above (sense 1) or below it (-1)
-    output, input     `name` is `value`
-    after             the event called `name` has happened, `value` seconds ago
-    """
-
-    kind: Literal["sent", "replied", "position", "output", "input", "after"]
-    name: str
-    value: float | str = 0.0
-    sense: int = 0
 
 
 class Said(Protocol):

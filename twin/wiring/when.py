@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.parameters import Limits, Place, hint, plain
-from isel_twin.wiring.schedule import Condition
 
 __all__ = ["EXAMPLES", "SWITCH_STATES", "condition"]
 
@@ -37,6 +38,22 @@ _MM = Limits("mm", -1e5, 1e5)
 _LATER_S = Limits("s", 0.0, 1e9)
 _OUTPUT = Limits("", 0, 255)
 _SECONDS = {"s": 1.0, "ms": 1e-3}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What an event waits for.
+
+    sent, replied     a message of the host, of the controller: begins with `name`
+    position          carriage `name` is beyond `value` mm of machine coordinates, above (sense 1) or below it (-1)
+    output, input     `name` is `value`
+    after             the event called `name` has happened, `value` seconds ago
+    """
+
+    kind: Literal["sent", "replied", "position", "output", "input", "after"]
+    name: str
+    value: float | str = 0.0
+    sense: int = 0
 
 
 def condition(

@@ -31,7 +31,8 @@ from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent
-from isel_twin.wiring.schedule import Condition, Decoder, Schedule
+from isel_twin.wiring.schedule import Decoder, Schedule
+from isel_twin.wiring.when import Condition
 
 __all__ = ["Wiring", "outputs", "settable", "thresholds"]
 

@@ -1,0 +1,21 @@
+"""What the panel and its page say to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+__all__ = ["COME", "Asked", "Frame"]
+
+Frame = dict[str, Any]
+
+
+COME: Mapping[str, Any] = {"come": True}
+"""In place of a request: a browser has come, and wants to be shown how things are."""
+
+
+class Asked(NamedTuple):
+    """What a browser wants; None: it has gone."""
+
+    client: int
+    request: Mapping[str, Any] | None
