@@ -311,7 +311,7 @@ def _endpoint(kind: str) -> Any:
     if kind == "pty":
         from contextlib import ExitStack
 
-        from isel_twin.cli.endpoints import open_endpoints
+        from isel_twin.bridge.endpoints import open_endpoints
 
         return open_endpoints([""], None, None, ExitStack())[0]
     raise ValueError(f"endpoint={kind!r}; there are: tcp, rfc2217, pty")

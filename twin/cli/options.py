@@ -18,6 +18,15 @@ ScenarioFile = Annotated[Path | None, Parameter(help="Timed events (TOML): hood,
 FlashPath = Annotated[Path | None, Parameter(help="The controller's flash memory; created if missing.")]
 Interval = Annotated[float, Parameter(help="Time between two samples of a trace, in virtual seconds.")]
 
+Ptys = Annotated[
+    list[str] | None,
+    Parameter(help="A pseudo terminal, and a link to it if a name is given. The default. May be repeated."),
+]
+Tcps = Annotated[list[str] | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one. May be repeated.")]
+Rfc2217s = Annotated[
+    list[str] | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings). May be repeated.")
+]
+
 STANDARD_INPUT = "/dev/stdin"
 """What `-` stands for."""
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}

@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
+from isel_twin.bridge.endpoints import addresses, open_endpoints, ports
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
     Interval,
     MachineName,
     PlantName,
+    Ptys,
+    Rfc2217s,
     ScenarioFile,
     Seed,
+    Tcps,
     check_seconds,
     check_writable,
 )

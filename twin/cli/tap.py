@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import Parameter
 
+from isel_twin.bridge.endpoints import addresses, open_endpoints, ports
 from isel_twin.call import CallError, TwinCall, call_errors
-from isel_twin.cli.endpoints import Ptys, Rfc2217s, Tcps, addresses, open_endpoints, ports
-from isel_twin.cli.options import ControllerName, check_writable
+from isel_twin.cli.options import ControllerName, Ptys, Rfc2217s, Tcps, check_writable
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap import Scribe

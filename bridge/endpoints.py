@@ -1,29 +1,18 @@
-"""Where hosts connect: the options --pty, --tcp and --rfc2217 of a command, each as often as wanted."""
+"""Where hosts connect: pseudo terminals, TCP and RFC 2217, each as often as wanted; imported when it is wanted."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from isel_twin.call import CallError, call_errors
 
 if TYPE_CHECKING:
     from isel_twin.bridge.server import Endpoint
 
-__all__ = ["Ptys", "Rfc2217s", "Tcps", "addresses", "open_endpoints", "ports"]
-
-Ptys = Annotated[
-    list[str] | None,
-    Parameter(help="A pseudo terminal, and a link to it if a name is given. The default. May be repeated."),
-]
-Tcps = Annotated[list[str] | None, Parameter(help="HOST:PORT for raw TCP; port 0: a free one. May be repeated.")]
-Rfc2217s = Annotated[
-    list[str] | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings). May be repeated.")
-]
+__all__ = ["addresses", "open_endpoints", "ports"]
 
 
 def open_endpoints(
