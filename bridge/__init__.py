@@ -8,6 +8,21 @@ wire_log.py        and the traffic, message by message
 pty.py             endpoint: pseudo terminal
 tcp.py             endpoint: raw TCP
 rfc2217.py         what RFC 2217 adds to it
+endpoints.py       all of them, as a command names them
+registry.py        which of them are served on this computer now
+uart.py            what a port at the wrong speed hears
+
+control.py         operating the machine from outside: one set of functions
+control_port.py    for programs, over TCP
+panel/             and for people, in a browser
+recording.py       what is served, recorded as it goes
+
+tap.py             between a real host and a real controller
+real_port.py       the real controller's side of it
+
+virtual_host.py    a host program in this process, in virtual time
+virtual_time.py    what that is: turns.py, stand_in.py, stand_ins.py, virtual_serial.py
+
 protocol_twin.py   pySerial's twin://, in process, without any of the above but pacing
 pytest_plugin.py   twins as fixtures of pytest: what every start of pytest imports
 pytest_kept.py     and what it does once a test uses one

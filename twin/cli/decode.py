@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.call import CallError, TwinCall, call_errors
 from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
 from isel_twin.units import SECOND_NS
 
@@ -36,7 +36,7 @@ def decode(
     source: Annotated[str, Parameter(help='File of bytes, or text as it is typed; "-" is standard input.')],
     *,
     controller: Annotated[
-        str, Parameter(help="Name of a controller (see `controllers`); imc-s8, or what a recording says.")
+        str, Parameter(help=f"Name of a controller; what a recording says, or {TwinCall.controller}.")
     ] = "",
     sent: Annotated[bool, Parameter(help="The host has sent it. The default.")] = False,
     received: Annotated[bool, Parameter(help="The controller has sent it.")] = False,
@@ -58,7 +58,7 @@ def decode(
     recorded = _recording(source) if not text else None
     if recorded is not None and sent + received + marked:
         raise CallError(f"{source}: a recording says itself who has sent what; leave --sent, --received, --marked out")
-    controller = controller or (recorded.controller if recorded is not None else "") or "imc-s8"
+    controller = controller or (recorded.controller if recorded is not None else "") or TwinCall.controller
     with call_errors():
         language = create_language(controller)
     if language is None:
