@@ -187,6 +187,7 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
         (("none.txt",), "none.txt: there is no such file"),
         (("empty.txt",), "empty.txt: there is no command in it"),
         (("binary.txt",), "binary.txt: is UTF-16 or no text at all"),
+        (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several jobs"),
         (("-",), "bounds stand beside a job"),
         ((".",), "is a folder"),
         (("job.txt", "--margin", "2"), "--margin 2: must be from 0 to 1"),
@@ -215,11 +216,15 @@ def test_a_call_that_cannot_be_is_one_line_and_nothing_is_begun(
     write(tmp_path, "# nothing\n", "empty.txt")
     write(tmp_path, HOME + "! spindel == 1\n", "names.txt")
     (tmp_path / "binary.txt").write_bytes(bytes(range(256)))
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    with (tmp_path / "long.txt").open("wb") as file:
+        file.truncate(100_000_000)
+    before = {path: path.stat() for path in tmp_path.iterdir()}
     code, out, err = call(capsys, *arguments)
     assert (code, out) == (2, "")
     assert error in err.splitlines()[0]
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == {
+        path.name: stat.st_mtime_ns for path, stat in before.items()
+    }
 
 
 ODD = "@07\n@0R7\n@0Q<1><2><13>\n@0A-3200,3000,0,30,0,30,0,30\n"

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from isel_twin.job import Line
     from isel_twin.twin import Twin
 
-__all__ = ["check_names", "job_name", "read_job"]
+__all__ = ["JOB_BYTES", "check_names", "job_name", "read_job"]
+
+JOB_BYTES = 1 << 24
+"""Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
 
 
 def job_name(job: Path) -> str:
@@ -30,12 +33,22 @@ def read_job(job: Path, controller: str) -> list[Line]:
 
     with call_errors(job_name(job)):
         language = create_language(controller)
-        data = sys.stdin.buffer.read() if is_standard_input(job) else job.read_bytes()
+        data = _read(job)
+        if len(data) > JOB_BYTES:
+            raise CallError(f"{job_name(job)}: is longer than {JOB_BYTES >> 20} MiB; cut it into several jobs")
         with _told(job):
             lines = parse_job(decode_job(data), language, controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines
+
+
+def _read(job: Path) -> bytes:
+    """As much of it as a job may have, and a byte more."""
+    if is_standard_input(job):
+        return sys.stdin.buffer.read(JOB_BYTES + 1)
+    with job.open("rb") as file:
+        return file.read(JOB_BYTES + 1)
 
 
 def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
