@@ -53,6 +53,10 @@ def outputs(machine: Machine) -> tuple[str, ...]:
     return (*OUTPUTS, *CABINETS[machine.cabinet]().relays)
 
 
+KEPT = 0.9
+"""Part of its hysteresis by which the trip point of a switch moves inwards at most from one time to the next."""
+
+
 def thresholds(
     machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
 ) -> list[Threshold]:
@@ -100,6 +104,8 @@ class Wiring:
         self._switches: tuple[Contact, ...] = machine.switches
         self._drive_terminals = tuple(drive_input.terminal for drive_input in drive_inputs)
         self._trips = trips
+        self._trip_mm = [switch.position_mm for switch in machine.switches]
+        """Where each position switch trips the next time."""
         self._cabinet = CABINETS[machine.cabinet]()
         self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
@@ -345,10 +351,18 @@ class Wiring:
         return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
-        """A switch trips a little elsewhere each time: draw where it will the next time."""
+        """A switch trips a little elsewhere each time: draw where it will the next time.
+
+        It has just been released, so not where the carriage stands now: within its hysteresis of the last time.
+        """
         switch = self._switches[number]
-        scatter_mm = self._trips.normal(0.0, switch.repeatability_mm)
-        self._plant.set_trip_point(number, switch.position_mm + scatter_mm)
+        inwards = 1.0 if switch.end == "motor" else -1.0
+        nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm
+        trip_mm = switch.position_mm + self._trips.normal(0.0, switch.repeatability_mm)
+        if switch.hysteresis_mm > 0.0 and inwards * (trip_mm - nearest_mm) > 0.0:
+            trip_mm = nearest_mm
+        self._trip_mm[number] = trip_mm
+        self._plant.set_trip_point(number, trip_mm)
 
     def _operate_all(self, changes: Mapping[str, str]) -> None:
         """Elements and contacts change together; all of it has been checked."""
