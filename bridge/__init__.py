@@ -23,6 +23,7 @@ real_port.py       the real controller's side of it
 virtual_host.py    a host program in this process, in virtual time
 virtual_time.py    what that is: turns.py, stand_in.py, stand_ins.py, virtual_serial.py
 
+no_modem_lines.py  what ports in process have in common
 protocol_twin.py   pySerial's twin://, in process, without any of the above but pacing
 pytest_plugin.py   twins as fixtures of pytest: what every start of pytest imports
 pytest_kept.py     and what it does once a test uses one

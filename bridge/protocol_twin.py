@@ -40,8 +40,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from serial.serialutil import PortNotOpenError, SerialBase, SerialException, to_bytes
+from serial.serialutil import SerialException, to_bytes
 
+from isel_twin.bridge.no_modem_lines import NoModemLines
 from isel_twin.bridge.pacing import Pacer, parse_speed
 from isel_twin.call import TwinCall
 from isel_twin.files import flash_file
@@ -89,7 +90,7 @@ def parse_url(url: str) -> dict[str, str]:
     return options
 
 
-class Serial(SerialBase):
+class Serial(NoModemLines):
     """A serial port with a twin at its other end. See the module."""
 
     is_open: bool
@@ -286,40 +287,3 @@ class Serial(SerialBase):
     def _byte_ns(self) -> int:
         """Time of a byte on the line."""
         return self.twin.serial_format.byte_ns
-
-    def _check_open(self) -> None:
-        if not self.is_open:
-            raise PortNotOpenError()
-
-    def _update_break_state(self) -> None:
-        """The controller does not look at a break."""
-
-    def _update_rts_state(self) -> None:
-        """The controller does not look at RTS."""
-
-    def _update_dtr_state(self) -> None:
-        """The controller does not look at DTR."""
-
-    @property
-    def cts(self) -> bool:
-        """Always ready."""
-        self._check_open()
-        return True
-
-    @property
-    def dsr(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True
-
-    @property
-    def ri(self) -> bool:
-        """Never rings."""
-        self._check_open()
-        return False
-
-    @property
-    def cd(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True

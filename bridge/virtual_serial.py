@@ -17,8 +17,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from serial.serialutil import PortNotOpenError, SerialBase, SerialException, SerialTimeoutException, to_bytes
+from serial.serialutil import SerialException, SerialTimeoutException, to_bytes
 
+from isel_twin.bridge.no_modem_lines import NoModemLines
 from isel_twin.bridge.stand_in import StandIn
 from isel_twin.bridge.turns import Turns, here
 
@@ -91,7 +92,7 @@ def _plain(name: str) -> str:
     return plain.upper() if plain.upper().startswith("COM") else plain
 
 
-class VirtualSerial(SerialBase):
+class VirtualSerial(NoModemLines):
     """pySerial's `Serial` on virtual time. Made by a thread that is not a host's, it is the real one."""
 
     ports: Ports
@@ -137,10 +138,6 @@ class VirtualSerial(SerialBase):
 
     def _reconfigure_port(self) -> None:
         """Settings are looked at when something is written: many hosts make them after opening."""
-
-    def _check_open(self) -> None:
-        if not self.is_open:
-            raise PortNotOpenError()
 
     @contextmanager
     def _waiting(self) -> Iterator[Turns]:
@@ -267,39 +264,6 @@ class VirtualSerial(SerialBase):
         if self._fd is None:
             self._fd = os.open(os.devnull, os.O_RDWR)
         return self._fd
-
-    def _update_break_state(self) -> None:
-        """The controller does not look at a break."""
-
-    def _update_rts_state(self) -> None:
-        """The controller does not look at RTS."""
-
-    def _update_dtr_state(self) -> None:
-        """The controller does not look at DTR."""
-
-    @property
-    def cts(self) -> bool:
-        """Always ready."""
-        self._check_open()
-        return True
-
-    @property
-    def dsr(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True
-
-    @property
-    def ri(self) -> bool:
-        """Never rings."""
-        self._check_open()
-        return False
-
-    @property
-    def cd(self) -> bool:
-        """Always there."""
-        self._check_open()
-        return True
 
 
 def stand_ins(ports: Ports) -> list[tuple[Any, Any]]:
