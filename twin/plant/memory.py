@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
-from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE
+from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.plant import MOST_SAMPLES
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
@@ -40,6 +40,7 @@ PLANT = np.dtype(
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
+        ("frozen_at", "i8"),  # sub-step since which it is so
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
