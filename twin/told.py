@@ -27,7 +27,7 @@ from isel_twin.controller import Controller, Drives, UsesDrives
 __all__ = ["Life", "StateError", "Told"]
 
 OFTEN = 256
-"""Calls after which it is tried to begin with a pickle, if the controller is idle then; that takes 50 us."""
+"""Calls after which it is tried to begin with a pickle, as soon as the controller is idle; that takes 50 us."""
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
 
@@ -136,9 +136,8 @@ class Told:
 
     def _note(self, call: tuple[str, Any, Any]) -> None:
         if len(self._calls) >= self._try_at:
-            self._try_at += OFTEN
-            if self.controller.idle and call[0] == "advance":
-                self._shorten()
+            if call[0] == "advance" and self.controller.idle and self._shorten():
+                self._try_at = len(self._calls) + OFTEN
             if len(self._calls) >= MOST:
                 self._calls.clear()
                 self._try_at, self._whole = OFTEN, False
