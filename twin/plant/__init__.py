@@ -267,5 +267,5 @@ class Sampled(Protocol):
         """Those that wait."""
 
 
-MOST_SAMPLES = 1024
+MOST_SAMPLES = 2048
 """Samples that a plant keeps."""

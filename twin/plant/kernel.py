@@ -40,6 +40,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+import isel_twin.plant
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, trigonometry
 from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
@@ -396,6 +397,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
 
 dynamics.drop_stale_code(
     advance,
+    isel_twin.plant.__file__,
     dynamics.__file__,
     trigonometry.__file__,
     feeding.__file__,

@@ -15,9 +15,11 @@ from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+import isel_twin.plant
 from isel_twin.compiling import njit
-from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE
-from isel_twin.plant import MOST_SAMPLES
+from isel_twin.drives import dynamics
+from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE, drop_stale_code
+from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
@@ -231,3 +233,15 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["speeds"] = parts.available.shape[1]
     memory["fields"] = parts.samples.shape[1]
     return memory
+
+
+drop_stale_code(  # what a record holds, and how many there are, is in the compiled code
+    parts_of,
+    isel_twin.plant.__file__,
+    dynamics.__file__,
+    cutting.__file__,
+    feed.__file__,
+    glide.__file__,
+    lead.__file__,
+    thread.__file__,
+)

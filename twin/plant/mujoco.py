@@ -9,6 +9,7 @@ Nut and carriage start in balance: an axis that gravity pulls hangs on the flank
 from __future__ import annotations
 
 import ctypes
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -521,8 +522,10 @@ class MujocoPlant:
         rows = self._samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = self.model.nv, len(self._commanded)
-        ends = np.cumsum([1, joints, joints, commands, commands, memory.AXES, memory.AXES])
-        now, place, rates, commanded, rotor, current, margin, supply_v = np.split(rows.copy(), ends, axis=1)
+        widths = (1, joints, joints, commands, commands, memory.AXES, memory.AXES, 1)
+        ends = itertools.accumulate(widths)
+        columns = (rows[:, end - width : end].copy() for width, end in zip(widths, ends, strict=True))
+        now, place, rates, commanded, rotor, current, margin, supply_v = columns
         count = self._count
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
