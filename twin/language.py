@@ -23,7 +23,7 @@ import importlib.metadata
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from isel_twin.controller import UnknownNameError, controller_names, plugin_errors
 
@@ -186,6 +186,14 @@ def integers(values: Sequence[int], count: int) -> list[int]:
     if len(numbers) != count:
         raise LanguageError(f"the target is {values!r}; give {count} whole numbers, the counters to move to")
     return numbers
+
+
+@runtime_checkable
+class LoadsPlc(Protocol):
+    """What a language offers beside `Language` if its controller has a PLC."""
+
+    def plc_lines(self, image: bytes) -> Sequence[str]:
+        """Lines of a job that load this program and start it."""
 
 
 class Pieces:

@@ -13,6 +13,7 @@
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
+    plc          programs of a controller's PLC
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -47,6 +48,7 @@ from isel_twin.cli import (
     golden,
     machines,
     motor,
+    plc,
     ports,
     replay,
     run,
@@ -86,6 +88,7 @@ for command in (
 ):
     app.command(command)
 app.command(golden.golden)
+app.command(plc.plc)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
