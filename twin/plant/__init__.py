@@ -220,6 +220,13 @@ class Plant(Protocol):
     def at_rest(self) -> bool:
         """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
 
+    def save(self) -> Mapping[str, Any]:
+        """All that the past has left in the plant, as copies that can be pickled; without samples that wait."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be as another plant of the same machine, thresholds and axes was when it was saved, to the bit. Samples that
+        wait are dropped; how often they are taken stays as it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:

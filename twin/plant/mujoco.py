@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -51,6 +51,16 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
+
+
+_STAYS = ("mj_step", "model", "data", "sample_every")
+"""Of memory.PLANT: addresses, and what is no business of a state."""
+_SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
+"""Parts that a state holds: all but the samples, which have been read."""
+_OWN = ("_pushes", "_inertia", "_weight", "_mobility")
+"""Arrays beside the kernel's that change."""
+_DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
+"""What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
 
 
 class PlantError(RuntimeError):
@@ -196,11 +206,62 @@ class MujocoPlant:
         )  # fmt: skip
         """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
         self._memory = memory.memory_of(self._parts)
+        self._as_built: dict[str, NDArray[Any]] | None = None
+        """The model before it was first changed; None: it has not been."""
         kernel.begin_window(self._memory)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
-        raise TypeError("a plant cannot be copied or pickled; build another one: the same calls give the same bits")
+        raise TypeError("a plant cannot be copied or pickled; take `save`, and `restore` into another one")
+
+    def save(self) -> Mapping[str, Any]:
+        """See Plant.save."""
+        return {
+            "parts": {name: getattr(self._parts, name).copy() for name in _SAVED},
+            "own": {name: getattr(self, name).copy() for name in _OWN},
+            "values": (self.time_ns, self.edge, self._power, tuple(self._lost), tuple(a.copy() for a in self._late)),
+            "mujoco": {name: getattr(self.data, name).copy() for name in _DATA} | {"time": self.data.time},
+            "model": None if self._as_built is None else _arrays(self.model),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See Plant.restore. Every array stays where it is: the kernel knows their addresses."""
+        own = {name: self._plant[name].copy() for name in _STAYS}
+        for name, saved in state["parts"].items():
+            getattr(self._parts, name)[...] = saved
+        for name, saved in state["own"].items():
+            getattr(self, name)[...] = saved
+        self.time_ns, self.edge, self._power, lost, late = state["values"]
+        self._lost = list(lost)
+        self._late = (late[0].copy(), late[1].copy(), late[2].copy())
+        for name, saved in state["mujoco"].items():
+            if name == "time":
+                self.data.time = saved
+            else:
+                getattr(self.data, name)[...] = saved
+        self._set_model(state["model"])
+        same = own["sample_every"][0] == self._plant["sample_every"][0]
+        for name, value in own.items():
+            self._plant[name] = value
+        self._plant["sampled"] = 0
+        if not same:
+            self._plant["held"] = 0
+            every = int(own["sample_every"][0])
+            self._plant["sample_at"] = (self._plant["now"] // every + 1) * every if every else kernel.NEVER
+
+    def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
+        """Let the model be as saved; None: as it was built."""
+        if arrays is not None:
+            self._keep_as_built()
+        for name, saved in (arrays or self._as_built or {}).items():
+            owner, _, field = name.rpartition(".")
+            array = getattr(getattr(self.model, owner) if owner else self.model, field)
+            array[...] = saved
+
+    def _keep_as_built(self) -> None:
+        """The model is about to be changed."""
+        if self._as_built is None:
+            self._as_built = _arrays(self.model)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """See Plant.advance. Raises PlantError if a joint runs away."""
@@ -264,6 +325,7 @@ class MujocoPlant:
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """See Plant.set_friction."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         dof = self._dof[axis]
         self._axes["friction_n"][axis] = self._friction_n[axis] + extra_n
@@ -272,6 +334,7 @@ class MujocoPlant:
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
         """See Plant.set_obstacle: the joint gets another stop, unless its own comes before."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         joint = self.model.dof_jntid[self._dof[axis]]
         low_m, high_m = self._stops_m[joint]
@@ -284,6 +347,7 @@ class MujocoPlant:
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         """See Plant.set_payload. What is pushed now is pushed on."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         body = self.model.site(PLACES[place]).bodyid[0]
         self.model.body_mass[body] = self._mass_kg[body] + mass_kg
@@ -320,8 +384,8 @@ class MujocoPlant:
         scratch.qpos[:] = self.data.qpos
         mujoco.mj_forward(self.model, scratch)
         mujoco.mj_fullM(self.model, scratch, self._inertia)
-        self._weight = scratch.qfrc_bias.copy()
-        self._mobility = np.linalg.inv(self._inertia)
+        self._weight[:] = scratch.qfrc_bias
+        self._mobility[:] = np.linalg.inv(self._inertia)
         self._axes["mobility_per_kg"] = np.diagonal(self._mobility)[self._dof]
         model = self.model
         stiffness = model.jnt_stiffness[model.dof_jntid]
@@ -629,6 +693,13 @@ class MujocoPlant:
             f"{1.0 / self._mobility[dof, dof]:.3g} kg; "
             f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
         )
+
+
+def _arrays(model: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+    """Every number of a model that mj_setConst may change, by name."""
+    names = (name for name in dir(model) if not name.startswith("_"))
+    arrays = {name: array for name in names if isinstance(array := getattr(model, name), np.ndarray)}
+    return {name: array.copy() for name, array in arrays.items() if array.dtype == np.float64 and array.size}
 
 
 def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
