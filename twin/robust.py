@@ -76,7 +76,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
 
     for name in CARRIAGES:
         factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
-        times(factors["supply"], "axes", name, "stage", "supply")
+        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
         for key in _FRICTION_KEYS:
             times(factors[f"friction_{name}"], "axes", name, key)
     for name in tree["masses"]:
