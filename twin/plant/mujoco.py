@@ -54,6 +54,11 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
+_CHANGING = (
+    "plant", "axes", "drives", "states", "thresholds", "commanded", "leads", "push", "cut", "supply", "before", "rates",
+    "place", "qpos", "qvel", "qacc", "qacc_smooth", "qfrc",
+)  # fmt: skip
+"""Parts that the loop changes."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
@@ -96,16 +101,22 @@ class MujocoPlant:
     physics = True
 
     def __init__(
-        self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
+        self,
+        machine: Machine,
+        thresholds: Sequence[Threshold],
+        start_mm: NDArray[np.float64],
+        axes: int = 4,
+        model: mujoco.MjModel | None = None,
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
+        model: the machine's, if somebody has it (`isel_twin.plant.model.dressed`); it belongs to the plant then.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
         self.machine = machine
-        self.model = load_model(machine, visual=False)
+        self.model = load_model(machine, visual=False) if model is None else model
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
@@ -684,6 +695,32 @@ class MujocoPlant:
         axes = self._axes
         full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
         return bool(self._plant["frozen"][0]) and not full.any() and not len(self._late[0])
+
+    # For loops of others, compiled together with the kernel
+
+    @property
+    def memory(self) -> NDArray[np.void]:
+        """MEMORY [1], for compiled code that calls `kernel.advance` itself, of a plant that it keeps alive. `time_ns`,
+        `edge` and all that is made of them stay behind: such a plant is advanced in that way alone."""
+        return self._memory
+
+    @property
+    def shape_mm(self) -> NDArray[np.float64]:
+        """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
+        return self._shape_mm.copy()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that the loop changes."""
+        kept = {name: getattr(self._parts, name).copy() for name in _CHANGING}
+        return {**kept, "warmstart": self.data.qacc_warmstart.copy()}
+
+    def go_on(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a `state` of this plant, or of one built alike; to the bit."""
+        addresses = self._plant[["mj_step", "model", "data"]].copy()
+        for name in _CHANGING:
+            getattr(self._parts, name)[:] = state[name]
+        self._plant[["mj_step", "model", "data"]] = addresses
+        self.data.qacc_warmstart[:] = state["warmstart"]
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
