@@ -33,7 +33,7 @@ from isel_twin.tuning.space import Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["BATCH", "Study", "StudyError"]
+__all__ = ["BATCH", "Study", "StudyError", "need_optuna"]
 
 BATCH = 8
 """Trials that are chosen together."""
@@ -223,11 +223,9 @@ def _tried(trial: optuna.trial.FrozenTrial) -> Tried:
 
 def _opened(storage: str | None, name: str) -> optuna.Study:
     """A study, new or gone on with. Raises StudyError."""
-    try:
-        import optuna
-        from sqlalchemy.exc import SQLAlchemyError
-    except ImportError:
-        raise StudyError("needs optuna: pip install 'isel-twin[tune]'") from None
+    need_optuna()
+    import optuna
+    from sqlalchemy.exc import SQLAlchemyError
 
     with _quiet():
         try:
@@ -237,6 +235,14 @@ def _opened(storage: str | None, name: str) -> optuna.Study:
         except (SQLAlchemyError, ImportError, RuntimeError, ValueError, KeyError) as error:
             reason = " ".join(str(getattr(error, "orig", None) or error).split())
             raise StudyError(f"{storage or _NOT_KEPT}: cannot be used as a storage: {reason}") from error
+
+
+def need_optuna() -> None:
+    """Raise StudyError unless Optuna is installed."""
+    try:
+        import optuna  # noqa: F401
+    except ImportError:
+        raise StudyError("a study needs optuna: pip install 'isel-twin[tune]'") from None
 
 
 @contextmanager
