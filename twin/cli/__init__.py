@@ -10,6 +10,7 @@
     compare      two recordings laid over each other, command by command
     export       a recording as a file for other tools
     check        jobs against their bounds
+    tune         the fastest settings of a job that lose no step
     golden       jobs that have to do what they did
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
@@ -54,6 +55,7 @@ from isel_twin.cli import (
     run,
     serve,
     tap,
+    tune,
 )
 from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
@@ -75,6 +77,7 @@ for command in (
     drive.drive,
     exec_,
     check.check,
+    tune.tune,
     decode.decode,
     export.export,
     replay.replay,
