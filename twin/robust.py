@@ -32,7 +32,20 @@ from isel_twin.verdict import Verdict, judge
 if TYPE_CHECKING:
     from isel_twin.job import Line
 
-__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "processes", "trials"]
+__all__ = [
+    "FRICTION",
+    "LOAD",
+    "SUPPLY",
+    "Trial",
+    "agree",
+    "called_machine",
+    "check",
+    "given_up",
+    "giving_up",
+    "perturbation",
+    "processes",
+    "trials",
+]
 
 SUPPLY = 0.05
 """Largest part by which the supply of the stages differs."""
@@ -96,7 +109,7 @@ def check(call: TwinCall, number: int) -> None:
     if call.plant == "kinematic":
         raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
     with call_errors():
-        machine = _machine(call)
+        machine = called_machine(call)
         for n in range(1, number + 1):
             with_overrides(machine, perturbation(machine, call.seed, n)[2])
 
@@ -149,6 +162,22 @@ def _serve(given_up: Any) -> None:
     _given_up = given_up.is_set
 
 
+def given_up() -> bool:
+    """Whether whoever asked for what is computed in this process waits for it no longer."""
+    return _given_up is not None and _given_up()
+
+
+@contextmanager
+def giving_up(stop: Callable[[], bool] | None) -> Iterator[None]:
+    """What is computed here meanwhile is given up once `stop` returns True."""
+    global _given_up
+    before, _given_up = _given_up, stop
+    try:
+        yield
+    finally:
+        _given_up = before
+
+
 def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
     """A repetition in another process, None if it is to be waited for no longer."""
     while stop is None or not stop():
@@ -173,7 +202,7 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return ends[0] == ends[1]
 
 
-def _machine(call: TwinCall) -> Machine:
+def called_machine(call: TwinCall) -> Machine:
     """The machine of a call as its twin has it."""
     machine = load_machine(call.machine)
     controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
@@ -193,7 +222,7 @@ def _trial(
     from isel_twin.twin import Twin
 
     stop = stop or _given_up
-    seed, factors, overrides = perturbation(_machine(call), call.seed, number)
+    seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
     twin = Twin(
         call.machine,
         call.controller,

@@ -11,6 +11,7 @@
     export       a recording as a file for other tools
     check        jobs against their bounds
     golden       jobs that have to do what they did
+    sweep        a job under many conditions, as a table
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
     machines, describe, controllers, motor      what there is, and its numbers
@@ -51,6 +52,7 @@ from isel_twin.cli import (
     replay,
     run,
     serve,
+    sweep,
     tap,
 )
 from isel_twin.cli.exec import exec_
@@ -77,6 +79,7 @@ for command in (
     export.export,
     replay.replay,
     compare.compare,
+    sweep.sweep,
     tap.tap,
     ports.ports,
     machines.machines,
