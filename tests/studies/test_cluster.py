@@ -14,7 +14,7 @@ import pytest
 from isel_twin.cli import main
 from tests.studies.conftest import COMMAND
 
-ROWS = 48
+ROWS = 32
 PLAN = """
 [sweep]
 job = "job.txt"
@@ -23,7 +23,7 @@ start_mm = [2, 2, 2]
 seeds = 4
 
 [job]
-speed = { low = 1000, high = 9000, steps = 12 }
+speed = { low = 1000, high = 9000, steps = 8 }
 ramp = [100]
 """
 
@@ -60,6 +60,7 @@ def rows_while(process: subprocess.Popen[str], after: int, kill: list[int]) -> l
     return rows
 
 
+@pytest.mark.slow
 def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], plans: Path) -> None:
     address, pids = dask
     plan = plans / "many.toml"
@@ -71,3 +72,22 @@ def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], pl
     assert len(pids) == 1, "one was killed, half-way"
     assert sorted(rows) == list(range(1, ROWS + 1)), "every row exactly once"
     assert (plans / "many.parquet").read_bytes() == expected(plan, plans / "here.parquet")
+
+
+def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:
+    plan = plans / "many.toml"
+    plan.write_text(PLAN.replace("seeds = 4", "seeds = 2"), encoding="utf-8")
+    command = [*COMMAND, str(plan), "--workers", "2", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        rows = [json.loads(process.stdout.readline())["row"]]
+        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+        rows += rows_while(process, 0, [])
+        assert process.wait(60) == 0
+    assert sorted(rows) == list(range(1, ROWS // 2 + 1)), "every row exactly once"
+
+
+def workers_of(pid: int) -> list[int]:
+    """Process ids of the children of a process that are workers of a pool."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
