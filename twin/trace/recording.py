@@ -131,10 +131,12 @@ class Recording:
         """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
         if self._looks:
             looks, self._looks = self._looks, []
-            times_ns = np.concatenate((times_ns, np.array([time_ns for time_ns, _ in looks], dtype=np.int64)))
-            order = np.argsort(times_ns, kind="stable")
-            times_ns = times_ns[order]
-            rows = np.concatenate((rows, *(row for _, row in looks)))[order]
+            look_ns = np.array([time_ns for time_ns, _ in looks], dtype=np.int64)
+            at = np.searchsorted(times_ns, look_ns, side="right")
+            times_ns = np.insert(times_ns, at, look_ns)
+            whole = np.dtype((np.void, self._dtype.itemsize))  # moved as one piece each, not field by field
+            seen = np.concatenate([row.view(whole) for _, row in looks])
+            rows = np.insert(rows.view(whole), at, seen).view(self._dtype)
         self._sink.samples(times_ns, rows, self._schema)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
