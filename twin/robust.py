@@ -31,8 +31,21 @@ from isel_twin.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from isel_twin.job import Line
+    from isel_twin.twin import Twin
 
-__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "processes", "trials"]
+__all__ = [
+    "FRICTION",
+    "LOAD",
+    "SUPPLY",
+    "Trial",
+    "agree",
+    "check",
+    "given_up",
+    "perturbation",
+    "perturbed_twin",
+    "processes",
+    "trials",
+]
 
 SUPPLY = 0.05
 """Largest part by which the supply of the stages differs."""
@@ -76,7 +89,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
 
     for name in CARRIAGES:
         factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
-        times(factors["supply"], "axes", name, "stage", "supply")
+        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
         for key in _FRICTION_KEYS:
             times(factors[f"friction_{name}"], "axes", name, key)
     for name in tree["masses"]:
@@ -180,19 +193,10 @@ def _machine(call: TwinCall) -> Machine:
     return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
 
 
-def _trial(
-    call: TwinCall,
-    lines: Sequence[Line],
-    number: int,
-    timeout_s: float,
-    flash: bytes | None,
-    stop: Callable[[], bool] | None = None,
-) -> Trial | None:
-    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
-    from isel_twin.job import play
+def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+    """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
     from isel_twin.twin import Twin
 
-    stop = stop or _given_up
     seed, factors, overrides = perturbation(_machine(call), call.seed, number)
     twin = Twin(
         call.machine,
@@ -204,6 +208,27 @@ def _trial(
         line_speed=call.line_speed,
         overrides={**call.overrides, **overrides},
     )
+    return twin, seed, factors
+
+
+def given_up() -> bool:
+    """In a process of `processes`: whether what it is at is wanted no longer."""
+    return _given_up is not None and _given_up()
+
+
+def _trial(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    timeout_s: float,
+    flash: bytes | None,
+    stop: Callable[[], bool] | None = None,
+) -> Trial | None:
+    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
+    from isel_twin.job import play
+
+    stop = stop or _given_up
+    twin, seed, factors = perturbed_twin(call, number, flash)
     results = list(play(twin, lines, timeout_s, stop))
     if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
         return None
