@@ -64,7 +64,7 @@ class Scaled(gymnasium.ObservationWrapper[NDArray[np.float64], NDArray[np.float3
             [
                 [axis.travel_mm for axis in axes],
                 [setup.tolerance_mm] * 3,
-                [0.5 * axis.steps_per_rev / axis.motor.pole_pairs for axis in axes],
+                [0.5 * axis.slip_steps for axis in axes],
                 [setup.tolerance_mm] * 3,
                 [1.0, setup.settle_s, 1.0],
             ]
