@@ -419,8 +419,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-dynamics.drop_stale_code(
-    advance,
+CONTAINED = (
     isel_twin.plant.__file__,
     dynamics.__file__,
     servo.__file__,
@@ -434,3 +433,5 @@ dynamics.drop_stale_code(
     teeth.__file__,
     thread.__file__,
 )
+"""Files whose code the compiled loop contains."""
+dynamics.drop_stale_code(advance, *CONTAINED)
