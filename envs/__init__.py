@@ -20,3 +20,4 @@ from isel_twin.envs.sweep import Fastest, Row, fastest, grid, run_job, sweep
 __all__ = ["JOB", "Fastest", "Row", "Settings", "Setup", "fastest", "grid", "run_job", "sweep"]
 
 gymnasium.register(id="isel_twin/JobTuning-v0", entry_point="isel_twin.envs.tuning:JobTuning")
+gymnasium.register(id="isel_twin/TrackPath-v0", entry_point="isel_twin.envs.track:TrackPath")

@@ -230,6 +230,14 @@ def integers(values: Sequence[int], count: int) -> list[int]:
     return numbers
 
 
+@runtime_checkable
+class LoadsPlc(Protocol):
+    """What a language offers beside `Language` if its controller has a PLC."""
+
+    def plc_lines(self, image: bytes) -> Sequence[str]:
+        """Lines of a job that load this program and start it."""
+
+
 class Pieces:
     """Cuts the bytes of one direction into pieces as they come.
 

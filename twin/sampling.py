@@ -96,6 +96,10 @@ class Sampler:
         for take in self._takers:
             take(samples)
 
+    def begin_anew(self) -> None:
+        """The twin is at another time: nothing waits, and what samples are related to is another."""
+        self._offset = None
+
     def _changes(self) -> None:
         """What the samples are related to is about to change."""
         self.hand_on()

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 import isel_twin.plant
 from isel_twin.compiling import njit
-from isel_twin.drives import dynamics
-from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE, drop_stale_code
+from isel_twin.drives import shaft
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
@@ -42,6 +43,7 @@ PLANT = np.dtype(
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
+        ("frozen_at", "i8"),  # sub-step since which it is so
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
@@ -238,7 +240,7 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
 drop_stale_code(  # what a record holds, and how many there are, is in the compiled code
     parts_of,
     isel_twin.plant.__file__,
-    dynamics.__file__,
+    shaft.__file__,
     cutting.__file__,
     feed.__file__,
     glide.__file__,

@@ -1,0 +1,1 @@
+"""The GMI99 interpolation card."""
