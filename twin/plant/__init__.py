@@ -250,6 +250,13 @@ class Plant(Protocol):
     def at_rest(self) -> bool:
         """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
 
+    def save(self) -> Mapping[str, Any]:
+        """All that the past has left in the plant, as copies that can be pickled; without samples that wait."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be as another plant of the same machine, thresholds and axes was when it was saved, to the bit. Samples that
+        wait are dropped; how often they are taken stays as it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -275,7 +282,7 @@ class Samples:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A plant that takes samples by itself while it advances, on a grid of time from power-on.
+    """A plant that takes samples by itself while it advances, on a grid of time.
 
     While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
     """
@@ -283,8 +290,10 @@ class Sampled(Protocol):
     def fits(self, interval_ns: int) -> bool:
         """Whether the plant can take samples so often: its own grid has these times."""
 
-    def sample_every(self, interval_ns: int) -> None:
-        """Take samples from now on. ValueError if the interval does not fit."""
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
+        """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
+        dropped. Between sub-steps positions are as `Plant.position_mm` has them; all else is as after the last whole
+        one. ValueError if the interval does not fit."""
 
     def sample_again(self) -> None:
         """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""
@@ -297,5 +306,5 @@ class Sampled(Protocol):
         """Those that wait."""
 
 
-MOST_SAMPLES = 1024
+MOST_SAMPLES = 2048
 """Samples that a plant keeps."""

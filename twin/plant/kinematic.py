@@ -13,7 +13,7 @@ nanosecond at which the carriage is beyond its trip point:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -372,6 +372,24 @@ class KinematicPlant:
     def at_rest(self) -> bool:
         """Nothing moves by itself, but what is led."""
         return self._led_until_ns <= self.time_ns
+
+    def save(self) -> Mapping[str, Any]:
+        """See Plant.save."""
+        return {
+            "arrays": [array.copy() for array in self._kept],
+            "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See Plant.restore."""
+        for array, saved in zip(self._kept, state["arrays"], strict=True):
+            array[...] = saved
+        self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]
+
+    @property
+    def _kept(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that change; the compiled functions hold them, so none may be replaced."""
+        return (self._start_mm, self._passed, self._commanded, self._leads, self._strike, self._release, self._struck)
 
     def _command(self) -> NDArray[np.float64]:
         if self.at_rest:

@@ -9,8 +9,9 @@ Nut and carriage start in balance: an axis that gravity pulls hangs on the flank
 from __future__ import annotations
 
 import ctypes
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -56,6 +57,17 @@ _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now",
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
+_GRID = ("sample_every", "sample_ahead_ns")
+_STAYS = ("mj_step", "model", "data", "sample_at", *_GRID)
+"""Of memory.PLANT: addresses, and what is no business of a state."""
+_SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
+"""Parts that a state holds: all but the samples, which have been read."""
+_OWN = ("_pushes", "_inertia", "_weight", "_mobility")
+"""Arrays beside the kernel's that change."""
+_DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
+"""What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
+
+
 class PlantError(RuntimeError):
     """A joint has run away: the numbers mean nothing any more."""
 
@@ -85,16 +97,22 @@ class MujocoPlant:
     physics = True
 
     def __init__(
-        self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
+        self,
+        machine: Machine,
+        thresholds: Sequence[Threshold],
+        start_mm: NDArray[np.float64],
+        axes: int = 4,
+        model: mujoco.MjModel | None = None,
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
+        model: the machine's, if somebody has it (`isel_twin.plant.model.dressed`); it belongs to the plant then.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
         self.machine = machine
-        self.model = load_model(machine, visual=False)
+        self.model = load_model(machine, visual=False) if model is None else model
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
@@ -204,11 +222,63 @@ class MujocoPlant:
         )  # fmt: skip
         """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
         self._memory = memory.memory_of(self._parts)
+        self._as_built: dict[str, NDArray[Any]] | None = None
+        """The model before it was first changed; None: it has not been."""
         kernel.begin_window(self._memory)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
-        raise TypeError("a plant cannot be copied or pickled; build another one: the same calls give the same bits")
+        raise TypeError("a plant cannot be copied or pickled; take `save`, and `restore` into another one")
+
+    def save(self) -> Mapping[str, Any]:
+        """See Plant.save."""
+        return {
+            "parts": {name: getattr(self._parts, name).copy() for name in _SAVED},
+            "own": {name: getattr(self, name).copy() for name in _OWN},
+            "values": (self.time_ns, self.edge, self._power, tuple(self._lost), tuple(a.copy() for a in self._late)),
+            "mujoco": {name: getattr(self.data, name).copy() for name in _DATA} | {"time": self.data.time},
+            "model": None if self._as_built is None else _arrays(self.model),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See Plant.restore. Every array stays where it is: the kernel knows their addresses."""
+        own = {name: self._plant[name].copy() for name in _STAYS}
+        for name, saved in state["parts"].items():
+            getattr(self._parts, name)[...] = saved
+        for name, saved in state["own"].items():
+            getattr(self, name)[...] = saved
+        self.time_ns, self.edge, self._power, lost, late = state["values"]
+        self._lost = list(lost)
+        self._late = (late[0].copy(), late[1].copy(), late[2].copy())
+        for name, saved in state["mujoco"].items():
+            if name == "time":
+                self.data.time = saved
+            else:
+                getattr(self.data, name)[...] = saved
+        self._set_model(state["model"])
+        same = all(own[name][0] == self._plant[name][0] for name in _GRID)
+        phase = int(own["sample_at"][0])
+        for name, value in own.items():
+            if name != "sample_at" or not same:
+                self._plant[name] = value
+        self._plant["sampled"] = 0
+        if not same:
+            self._plant["held"] = 0
+            self._aim_samples(phase)
+
+    def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
+        """Let the model be as saved; None: as it was built."""
+        if arrays is not None:
+            self._keep_as_built()
+        for name, saved in (arrays or self._as_built or {}).items():
+            owner, _, field = name.rpartition(".")
+            array = getattr(getattr(self.model, owner) if owner else self.model, field)
+            array[...] = saved
+
+    def _keep_as_built(self) -> None:
+        """The model is about to be changed."""
+        if self._as_built is None:
+            self._as_built = _arrays(self.model)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """See Plant.advance. Raises PlantError if a joint runs away."""
@@ -282,6 +352,7 @@ class MujocoPlant:
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """See Plant.set_friction."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         dof = self._dof[axis]
         self._axes["friction_n"][axis] = self._friction_n[axis] + extra_n
@@ -290,6 +361,7 @@ class MujocoPlant:
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
         """See Plant.set_obstacle: the joint gets another stop, unless its own comes before."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         joint = self.model.dof_jntid[self._dof[axis]]
         low_m, high_m = self._stops_m[joint]
@@ -302,6 +374,7 @@ class MujocoPlant:
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         """See Plant.set_payload. What is pushed now is pushed on."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         body = self.model.site(PLACES[place]).bodyid[0]
         self.model.body_mass[body] = self._mass_kg[body] + mass_kg
@@ -345,8 +418,8 @@ class MujocoPlant:
         scratch.qpos[:] = self.data.qpos
         mujoco.mj_forward(self.model, scratch)
         mujoco.mj_fullM(self.model, scratch, self._inertia)
-        self._weight = scratch.qfrc_bias.copy()
-        self._mobility = np.linalg.inv(self._inertia)
+        self._weight[:] = scratch.qfrc_bias
+        self._mobility[:] = np.linalg.inv(self._inertia)
         self._axes["mobility_per_kg"] = np.diagonal(self._mobility)[self._dof]
         model = self.model
         stiffness = model.jnt_stiffness[model.dof_jntid]
@@ -561,13 +634,23 @@ class MujocoPlant:
         """See Sampled.fits."""
         return interval_ns > 0 and interval_ns % self._substep_ns == 0
 
-    def sample_every(self, interval_ns: int) -> None:
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         """See Sampled.sample_every."""
+        if interval_ns == 0:
+            self._plant["sample_every"] = self._plant["sample_ahead_ns"] = self._plant["sampled"] = 0
+            self._plant["sample_at"] = kernel.NEVER
+            return
         if not self.fits(interval_ns):
             raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
-        every = interval_ns // self._substep_ns
-        self._plant["sample_every"] = every
-        self._plant["sample_at"] = (self._plant["now"] // every + 1) * every
+        self._plant["sample_every"] = interval_ns // self._substep_ns
+        self._plant["sample_ahead_ns"] = from_ns % self._substep_ns
+        self._plant["held"] = 0
+        self._aim_samples(from_ns // self._substep_ns)
+
+    def _aim_samples(self, phase: int) -> None:
+        """The next sample is the first of the grid after now; phase: a sub-step of the grid."""
+        now, every = self._words.item(_NOW), int(self._plant["sample_every"][0])
+        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
 
     def sample_again(self) -> None:
         """See Sampled.sample_again."""
@@ -583,13 +666,15 @@ class MujocoPlant:
         rows = self._samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = self.model.nv, len(self._commanded)
-        ends = np.cumsum([1, joints, joints, commands, commands, memory.AXES, memory.AXES])
-        now, place, rates, commanded, rotor, current, margin, supply_v = np.split(rows.copy(), ends, axis=1)
+        widths = (1, joints, joints, commands, commands, memory.AXES, memory.AXES, 1)
+        ends = itertools.accumulate(widths)
+        columns = (rows[:, end - width : end].copy() for width, end in zip(widths, ends, strict=True))
+        now, place, rates, commanded, rotor, current, margin, supply_v = columns
         count = self._count
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
-            time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
+            time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
             position_mm=_each(self._shape_mm, place),
             velocity_mm_s=_each(self._shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
@@ -617,6 +702,19 @@ class MujocoPlant:
         axes = self._axes
         full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
         return bool(self._plant["frozen"][0]) and not full.any() and not len(self._late[0])
+
+    # For loops of others, compiled together with the kernel
+
+    @property
+    def memory(self) -> NDArray[np.void]:
+        """MEMORY [1], for compiled code that calls `kernel.advance` itself, of a plant that it keeps alive. `time_ns`,
+        `edge` and all that is made of them stay behind: such a plant is advanced in that way alone."""
+        return self._memory
+
+    @property
+    def shape_mm(self) -> NDArray[np.float64]:
+        """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
+        return self._shape_mm.copy()
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
@@ -696,6 +794,13 @@ class MujocoPlant:
             f"{1.0 / self._mobility[dof, dof]:.3g} kg; "
             f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
         )
+
+
+def _arrays(model: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+    """Every number of a model that mj_setConst may change, by name."""
+    names = (name for name in dir(model) if not name.startswith("_"))
+    arrays = {name: array for name in names if isinstance(array := getattr(model, name), np.ndarray)}
+    return {name: array.copy() for name, array in arrays.items() if array.dtype == np.float64 and array.size}
 
 
 def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
