@@ -1,4 +1,4 @@
-"""The GMI99 interpolation card for servo drives: six axes, set points every 4 ms, frames of DIN 19244, after its manual.
+"""The GMI99 interpolation card for servo drives: six axes, set points every 4 ms, DIN 19244, after its manual.
 
     controller.py   host, inputs and clock: implements isel_twin.controller.Controller
     link.py         frames both ways, DIL switches

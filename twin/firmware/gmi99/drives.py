@@ -254,7 +254,7 @@ class DriveBank:
     # ---- becoming ready ---------------------------------------------------------------------------------------------
 
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
-        """Q: ask the cabinet for power, switch the stages on, zero or reference the axes, look whether all are ready."""
+        """Q: ask for power, switch the stages on, zero or reference the axes; the indexer is ready if all drives are."""
         card = self._card
         if self._estop:
             card.refuse("Q: E-stop")
