@@ -31,6 +31,7 @@ from isel_twin.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from isel_twin.job import Line
+    from isel_twin.twin import Twin
 
 __all__ = [
     "FRICTION",
@@ -43,6 +44,7 @@ __all__ = [
     "given_up",
     "giving_up",
     "perturbation",
+    "perturbed_twin",
     "processes",
     "trials",
 ]
@@ -89,7 +91,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
 
     for name in CARRIAGES:
         factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
-        times(factors["supply"], "axes", name, "stage", "supply")
+        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
         for key in _FRICTION_KEYS:
             times(factors[f"friction_{name}"], "axes", name, key)
     for name in tree["masses"]:
@@ -209,19 +211,10 @@ def called_machine(call: TwinCall) -> Machine:
     return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
 
 
-def _trial(
-    call: TwinCall,
-    lines: Sequence[Line],
-    number: int,
-    timeout_s: float,
-    flash: bytes | None,
-    stop: Callable[[], bool] | None = None,
-) -> Trial | None:
-    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
-    from isel_twin.job import play
+def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+    """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
     from isel_twin.twin import Twin
 
-    stop = stop or _given_up
     seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
     twin = Twin(
         call.machine,
@@ -233,6 +226,22 @@ def _trial(
         line_speed=call.line_speed,
         overrides={**call.overrides, **overrides},
     )
+    return twin, seed, factors
+
+
+def _trial(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    timeout_s: float,
+    flash: bytes | None,
+    stop: Callable[[], bool] | None = None,
+) -> Trial | None:
+    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
+    from isel_twin.job import play
+
+    stop = stop or _given_up
+    twin, seed, factors = perturbed_twin(call, number, flash)
     results = list(play(twin, lines, timeout_s, stop))
     if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
         return None
