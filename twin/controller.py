@@ -94,6 +94,7 @@ OUTPUTS: Mapping[str, int] = {
     "software_ok": 0,
     "user": 0,
     "flash_fault": 0,
+    "drive_reset": 0,
 }
 """Outputs that every controller may use, and what each is until the controller says otherwise; see `Output`."""
 
@@ -107,7 +108,8 @@ class Output:
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
     opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
-    outputs), `flash_fault` (1: the flash image handed in cannot be read). Other names are recorded and shown, no more.
+    outputs), `flash_fault` (1: the flash image handed in cannot be read), `drive_reset` (rising edge: drives that have
+    switched themselves off forget why). Other names are recorded and shown, no more.
     """
 
     name: str
@@ -215,7 +217,25 @@ class Drives(Protocol):
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """Whether the drive of each axis has switched itself off."""
+        """Whether the drive of each axis has switched itself off; a servo drive stays so until the output `drive_reset`
+        rises, or the stages come on anew."""
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        """Whether the following error of each axis has been within the drive's window for its time."""
+
+    @property
+    def overloaded(self) -> tuple[bool, ...]:
+        """Whether the drive of each axis holds the current down to the rated one (I2t)."""
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        """Measured speed of each axis in increments/s, in the sense of the counters."""
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        """Increments of each encoder past its last zero pulse, which comes once a revolution at the same place of the
+        machine: 0 to one less than a revolution has, rising in the sense of the counters; 0 for axes without."""
 
 
 @dataclass(frozen=True)
