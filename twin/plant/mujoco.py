@@ -55,11 +55,6 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
-_CHANGING = (
-    "plant", "axes", "drives", "states", "thresholds", "commanded", "leads", "push", "cut", "supply", "before", "rates",
-    "place", "qpos", "qvel", "qacc", "qacc_smooth", "qfrc",
-)  # fmt: skip
-"""Parts that the loop changes."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
@@ -726,19 +721,6 @@ class MujocoPlant:
     def shape_mm(self) -> NDArray[np.float64]:
         """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
         return self._shape_mm.copy()
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of all that the loop changes."""
-        kept = {name: getattr(self._parts, name).copy() for name in _CHANGING}
-        return {**kept, "warmstart": self.data.qacc_warmstart.copy()}
-
-    def go_on(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state` of this plant, or of one built alike; to the bit."""
-        addresses = self._plant[["mj_step", "model", "data"]].copy()
-        for name in _CHANGING:
-            getattr(self._parts, name)[:] = state[name]
-        self._plant[["mj_step", "model", "data"]] = addresses
-        self.data.qacc_warmstart[:] = state["warmstart"]
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
