@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections import OrderedDict
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,13 +33,13 @@ from isel_twin.envs.moves import (
 )
 from isel_twin.language import SETTINGS_RANGES, Ranges
 from isel_twin.machine import Machine
+from isel_twin.state import TwinState
 from isel_twin.twin import Twin
 
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
-    from isel_twin.state import TwinState
 
-__all__ = ["JobTuning", "to_action", "to_settings"]
+__all__ = ["Episode", "JobTuning", "to_action", "to_settings"]
 
 _SIZE = 15
 _MOST_KEPT = 16
@@ -83,6 +84,18 @@ def _linear(value: int, low: int, high: int) -> float:
 
 def _logarithmic(value: int, low: int, high: int) -> float:
     return math.log(value / low) / math.log(high / low) if high > low else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """An episode between two moves: `JobTuning.save`. It can be pickled."""
+
+    twin: TwinState
+    setup: Setup
+    made: int
+    """Moves."""
+    time_s: float
+    over: bool
 
 
 class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
@@ -294,6 +307,30 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if self._picture is not None:
             self._picture.close()
             self._picture = None
+
+    def save(self) -> Episode:
+        """The episode as it is between two moves, for `restore`: a search goes on from here as often as it likes.
+
+        Raises ResetNeeded before the first reset, StateError for a controller that cannot be saved.
+        """
+        if self.twin is None:
+            raise gymnasium.error.ResetNeeded("there is no episode yet; call reset() before save()")
+        return Episode(self.twin.save(), self._setup, self._made, self._time_s, self._over)
+
+    def restore(self, episode: Episode) -> None:
+        """Go on where the episode was when it was saved, here or in another environment made with the same arguments.
+
+        Raises ValueError with one line if those differ.
+        """
+        if dataclasses.replace(self._setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
+            raise ValueError("the episode is of another setup; restore it into an environment with the same arguments")
+        if self.twin is None:
+            self.twin = new_twin(episode.setup)
+        elif self.twin.followed:
+            self.twin = self.twin.another(episode.setup.seed)
+        self.twin.restore(episode.twin)
+        self._setup, self._made, self._time_s = episode.setup, episode.made, episode.time_s
+        self._over = episode.over
 
     def __getstate__(self) -> dict[str, Any]:
         """The environment in mid-episode, without what draws it."""

@@ -156,3 +156,20 @@ def test_same_seed_same_bits_whatever_came_before() -> None:
     assert episode(env, 7) == expected
     assert env.twin is before
     assert episode(env, None) == episode(fresh, None)
+
+
+def test_a_search_branches_between_moves() -> None:
+    env, other = JobTuning(job=JOB), JobTuning(job=JOB)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.save()
+    env.reset(seed=3)
+    env.step(FAST)
+    here = env.save()
+    seen = [env.step(SLOW)]
+    for again in (env, env, other):
+        again.restore(pickle.loads(pickle.dumps(here)))
+        seen.append(again.step(SLOW))
+    assert len({(step[0].tobytes(), step[1], step[2], repr(step[4])) for step in seen}) == 1
+    assert env.save().over
+    with pytest.raises(ValueError, match="^the episode is of another setup; restore it"):
+        JobTuning(job=JOB, plant="kinematic").restore(here)
