@@ -1,4 +1,4 @@
-"""The programs in docs/examples that learn: at small size; of the one that needs PyTorch its wiring, with a stand-in."""
+"""Programs in docs/examples that learn, at small size; of the one that needs PyTorch the wiring, with a stand-in."""
 
 from __future__ import annotations
 
