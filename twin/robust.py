@@ -39,8 +39,10 @@ __all__ = [
     "SUPPLY",
     "Trial",
     "agree",
+    "called_machine",
     "check",
     "given_up",
+    "giving_up",
     "perturbation",
     "perturbed_twin",
     "processes",
@@ -109,7 +111,7 @@ def check(call: TwinCall, number: int) -> None:
     if call.plant == "kinematic":
         raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
     with call_errors():
-        machine = _machine(call)
+        machine = called_machine(call)
         for n in range(1, number + 1):
             with_overrides(machine, perturbation(machine, call.seed, n)[2])
 
@@ -162,6 +164,22 @@ def _serve(given_up: Any) -> None:
     _given_up = given_up.is_set
 
 
+def given_up() -> bool:
+    """Whether whoever asked for what is computed in this process waits for it no longer."""
+    return _given_up is not None and _given_up()
+
+
+@contextmanager
+def giving_up(stop: Callable[[], bool] | None) -> Iterator[None]:
+    """What is computed here meanwhile is given up once `stop` returns True."""
+    global _given_up
+    before, _given_up = _given_up, stop
+    try:
+        yield
+    finally:
+        _given_up = before
+
+
 def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
     """A repetition in another process, None if it is to be waited for no longer."""
     while stop is None or not stop():
@@ -186,7 +204,7 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return ends[0] == ends[1]
 
 
-def _machine(call: TwinCall) -> Machine:
+def called_machine(call: TwinCall) -> Machine:
     """The machine of a call as its twin has it."""
     machine = load_machine(call.machine)
     controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
@@ -197,7 +215,7 @@ def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> t
     """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
     from isel_twin.twin import Twin
 
-    seed, factors, overrides = perturbation(_machine(call), call.seed, number)
+    seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
     twin = Twin(
         call.machine,
         call.controller,
@@ -209,11 +227,6 @@ def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> t
         overrides={**call.overrides, **overrides},
     )
     return twin, seed, factors
-
-
-def given_up() -> bool:
-    """In a process of `processes`: whether what it is at is wanted no longer."""
-    return _given_up is not None and _given_up()
 
 
 def _trial(

@@ -12,6 +12,7 @@
     check        jobs against their bounds
     tune         the fastest settings of a job that lose no step
     golden       jobs that have to do what they did
+    sweep        a job under many conditions, as a table
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
     plc          programs of a controller's PLC
@@ -54,6 +55,7 @@ from isel_twin.cli import (
     replay,
     run,
     serve,
+    sweep,
     tap,
     tune,
 )
@@ -82,6 +84,7 @@ for command in (
     export.export,
     replay.replay,
     compare.compare,
+    sweep.sweep,
     tap.tap,
     ports.ports,
     machines.machines,

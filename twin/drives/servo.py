@@ -99,6 +99,13 @@ def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velo
     Arguments as in `step_axis`; command in increments, phases OPEN or anything else; current_fraction means nothing.
     Finite arguments give finite results. With phases OPEN, or a fault, it never adds energy.
     """
+    torque, drag, steady = servo_torque(p, s, command, phases)
+    return turn(p, s, torque - load_torque_nm, drag, nut_position_m, nut_velocity_m_s, steady)
+
+
+@njit(error_model="numpy", forceinline=True)
+def servo_torque(p, s, command, phases):
+    """The motor's part of `step_servo`, as `turn` takes it: torque, drag, steady."""
     omega = s.omega_rad_s
     encoder = math.floor(s.theta_rad * p.increments_per_rad)
     steady = True
@@ -159,9 +166,7 @@ def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velo
         s.overloaded = 0
     steady = steady and s.overloaded == 0
     s.torque_nm = p.torque_constant_nm_per_a * mean_a
-    theta = s.theta_rad + 0.5 * p.dt_s * omega
-    torque = s.torque_nm - load_torque_nm
-    return turn(p, s, theta, omega, torque, p.drag_nm_s_per_rad, nut_position_m, nut_velocity_m_s, steady)
+    return s.torque_nm, p.drag_nm_s_per_rad, steady
 
 
 @njit(error_model="numpy")

@@ -330,7 +330,7 @@ class Joined:
         if same and not drop and not self.held and append is not None:
             tail = self._blocks[-1]
             row = int(tail.piece.searchsorted(tail.settled))
-            if row and (number < len(self._blocks) - 1 or state.row < row):
+            if row < len(tail.phases) and (number < len(self._blocks) - 1 or state.row < row):
                 grown, at = tail.with_pieces(append), tail.phases[row]
                 law = new._lay(grown, tail.settled, float(at[T]), float(at[S0]), float(at[V0]))
                 return new._with(self._blocks[:-1], grown.with_phases(row, tail.settled, law), k)
@@ -350,8 +350,9 @@ class Joined:
             tail = tail.with_phases(row, piece, law)
         return new._with(before, tail, k)
 
-    def remainder(self, identity: object = 0) -> Joined:
-        """What is left of a plan that is held, from where it stands (its last tick), as a motion of its own, not held.
+    def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
+        """What is left of a plan that is held, from where it stands (its last tick), as a motion of its own that is not
+        told to hold; with another scale if one is given.
 
         For a controller that ends the motion when it stands and begins another one when it goes on. Set points fall on
         the same whole numbers: they are rounded from where the pieces began.
@@ -372,7 +373,7 @@ class Joined:
             settled=0,
         )
         standing = replace(self, identity=identity, hold=True, dropped=False, ticks=0, _blocks=(rest,))
-        return standing.replanned(0, hold=False)
+        return standing.replanned(0, hold=False, scale=scale)
 
     # ---- places ----------------------------------------------------------------------------------------------------
 
@@ -530,7 +531,7 @@ class Joined:
     def _now(self, block: _Block, state: _State) -> tuple[int, int, float]:
         """Number of phases that have begun before the present, and where a new one begins."""
         row = int(block.phases[:, T].searchsorted(state.t_s))
-        if 0 <= state.row < len(block.phases) and state.s >= block.table[state.piece, LENGTH]:
+        if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
             return row, state.piece + 1, 0.0
         return row, state.piece, state.s
 

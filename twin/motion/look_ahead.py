@@ -217,12 +217,14 @@ def positions(k, period_s, phases, piece, sine, length, corner, out):
         while row < last and phases[row + 1, T] <= t:
             row += 1
         if row < 0:
-            j, part = 0, 0.0
+            j, place = 0, 0.0
         else:
             j = piece[row]
-            part = _place(t - phases[row, T], phases, row, sine) / length[j]
+            place = _place(t - phases[row, T], phases, row, sine)
         for axis in range(out.shape[1]):
             begin = corner[j, axis]
             whole = np.rint(begin)
             way = corner[j + 1, axis] - begin if row >= 0 else 0.0
-            out[i, axis] = np.int64(whole) + np.int64(np.rint(begin - whole + way * part))
+            out[i, axis] = np.int64(whole) + np.int64(
+                np.rint(begin - whole + (way * place / length[j] if row >= 0 else 0.0))
+            )
