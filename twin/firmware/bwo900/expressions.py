@@ -2,8 +2,9 @@
 
     P30:(P20+35)*3        P500:P500 or $100;        P1:sinP2        X:_wegx[1]
 
-Lowest first: or | and | + - | * / % mod | not, sign, functions. Angles are in degrees. Functions need no brackets in the
-standard syntax. An expression is read once and evaluated as often as its block is executed, against an `Environment`.
+Lowest first: or | and | + - | * / % mod | not, sign, functions. Angles are in degrees. Functions need no brackets in
+the standard syntax. An expression is read once and evaluated as often as its block is executed, against an
+`Environment`.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Environment(Protocol):
 
 
 def evaluate(expression: Expression, environment: Environment) -> float:
-    """The value. Raises ProgramError: M1203 division by zero, M1212 root, M1213 no value, and those of the environment."""
+    """The value. Raises ProgramError: M1203 division by zero, M1212 root, M1213 no value; those of the environment."""
     match expression:
         case Number(value):
             return value

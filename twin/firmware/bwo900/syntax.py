@@ -4,8 +4,8 @@
 
     line --- parse_block ---> Block: words, G and M functions, assignments, jumps, in the order programmed
 
-A block is read once and executed as often as the program comes by. What depends on the control (axes, groups, targets) is
-the interpreter's business; what a line can say is decided here, with the column of what it cannot.
+A block is read once and executed as often as the program comes by. What depends on the control (axes, groups, targets)
+is the interpreter's business; what a line can say is decided here, with the column of what it cannot.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class GWord:
 
 @dataclass(frozen=True, slots=True)
 class MWord:
-    """An M function. extensions: what stands behind its points, None where nothing does: `M28..20`; last: behind `_`."""
+    """An M function. extensions: what stands behind its points, None for nothing (`M28..20`); last: behind `_`."""
 
     number: int
     extensions: tuple[Expression | None, ...] = ()
@@ -123,8 +123,8 @@ class Wait:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """`!text`: a message for the operator; text None clears. colour: 0 black on grey, 1 white on blue, from 80h back and
-    fore."""
+    """`!text`: a message for the operator; text None clears. colour: 0 black on grey, 1 white on blue, from 80h the
+    back and the fore."""
 
     text: str | None
     colour: int = 1
