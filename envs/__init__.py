@@ -2,12 +2,14 @@
 
     moves.py    one move on a real twin, and what is measured of it
     tuning.py   the Gymnasium environment `isel_twin/JobTuning-v0`: one step is one move
+    track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
+    wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
     sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
-    import gymnasium, isel_twin.envs
-    env = gymnasium.make("isel_twin/JobTuning-v0")
+    import gymnasium
+    env = gymnasium.make("isel_twin.envs:isel_twin/JobTuning-v0")
 
-docs/tuning.md shows how they are used.
+docs/tuning.md and docs/learning.md show how they are used.
 """
 
 from __future__ import annotations

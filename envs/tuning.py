@@ -278,6 +278,11 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             self._picture = None
 
     @property
+    def setup(self) -> Setup:
+        """Job, machine and tolerances of this episode."""
+        return self._setup
+
+    @property
     def _steps_per_mm(self) -> NDArray[np.float64]:
         assert self.twin is not None
         return np.array([axis.steps_per_mm for axis in self.twin.machine.axes])

@@ -195,6 +195,7 @@ class Twin:
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
         self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
+        self._sampled = self._plant if isinstance(self._plant, Sampled) else None
         self._notes: list[Note] = []
         self._least_margin = np.ones(axes)
         """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
@@ -507,25 +508,33 @@ class Twin:
         self._observers.look(self, False, self._wiring.changes)
         self._due_ns = self._next_due_ns()
 
-    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int) -> Sampler | None:
-        """Have the plant take samples every interval_ns from power-on, handed on by `take` some time later.
+    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
+        """Have the plant take samples every interval_ns, at from_ns among other times (0: power-on), handed on by
+        `take` some time later.
 
         While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
         what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
         Whoever asks second shares those of the first, or gets None if they come at other times.
         """
-        if not self.can_sample(interval_ns) or not isinstance(self._plant, Sampled):
+        if self._sampled is None or not self.can_sample(interval_ns, from_ns):
             return None
+        self._tell()  # what counters have to do with the plant is looked at now
         if self._sampler is None:
-            self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+            self._sampler = Sampler(self._sampled, self._position, interval_ns, take, from_ns)
         else:
             self._sampler.share(take)
         return self._sampler
 
-    def can_sample(self, interval_ns: int) -> bool:
+    def can_sample(self, interval_ns: int, from_ns: int = 0) -> bool:
         """Whether `sample` would do it."""
-        same = self._sampler is None or self._sampler.interval_ns == interval_ns
-        return same and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
+        one = self._sampler
+        same = one is None or (one.interval_ns == interval_ns and (one.from_ns - from_ns) % interval_ns == 0)
+        return same and self._sampled is not None and self._sampled.fits(interval_ns)
+
+    def sample_no_more(self, take: Callable[[TwinSamples], None]) -> None:
+        """Hand on what waits for `take`, and no more after that. `sample` has taken it on."""
+        if self._sampler is not None and self._sampler.leave(take):
+            self._sampler = None
 
     def listen(self, note: Note) -> None:
         """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""

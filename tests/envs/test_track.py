@@ -267,6 +267,7 @@ def test_a_wrong_option_is_one_clear_line(options: dict[str, Any], message: str)
         ({"tolerance_mm": 0.0}, "tolerance_mm is 0.0; allowed: 0.001 to 10"),
         ({"reference_mm": 0.1}, "reference_mm is 0.1; allowed: 0 to 0.0519615"),
         ({"overrides": {"axes.x.backlsh": 0.0}}, "did you mean 'axes.x.backlash'"),
+        ({"machine": "4030-servo"}, "axes.x has a servo drive; TrackPath-v0 is for stepper motors"),
         ({"render_mode": "ansi"}, "unknown render_mode 'ansi'"),
     ],
 )

@@ -282,7 +282,7 @@ class Samples:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A plant that takes samples by itself while it advances, on a grid of time from power-on.
+    """A plant that takes samples by itself while it advances, on a grid of time.
 
     While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
     """
@@ -290,8 +290,10 @@ class Sampled(Protocol):
     def fits(self, interval_ns: int) -> bool:
         """Whether the plant can take samples so often: its own grid has these times."""
 
-    def sample_every(self, interval_ns: int) -> None:
-        """Take samples from now on. ValueError if the interval does not fit."""
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
+        """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
+        dropped. Between sub-steps positions are as `Plant.position_mm` has them; all else is as after the last whole
+        one. ValueError if the interval does not fit."""
 
     def sample_again(self) -> None:
         """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""

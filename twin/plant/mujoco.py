@@ -54,15 +54,11 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
-_CHANGING = (
-    "plant", "axes", "drives", "states", "thresholds", "commanded", "leads", "push", "cut", "supply", "before", "rates",
-    "place", "qpos", "qvel", "qacc", "qacc_smooth", "qfrc",
-)  # fmt: skip
-"""Parts that the loop changes."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
-_STAYS = ("mj_step", "model", "data", "sample_every")
+_GRID = ("sample_every", "sample_ahead_ns")
+_STAYS = ("mj_step", "model", "data", "sample_at", *_GRID)
 """Of memory.PLANT: addresses, and what is no business of a state."""
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
 """Parts that a state holds: all but the samples, which have been read."""
@@ -260,14 +256,15 @@ class MujocoPlant:
             else:
                 getattr(self.data, name)[...] = saved
         self._set_model(state["model"])
-        same = own["sample_every"][0] == self._plant["sample_every"][0]
+        same = all(own[name][0] == self._plant[name][0] for name in _GRID)
+        phase = int(own["sample_at"][0])
         for name, value in own.items():
-            self._plant[name] = value
+            if name != "sample_at" or not same:
+                self._plant[name] = value
         self._plant["sampled"] = 0
         if not same:
             self._plant["held"] = 0
-            every = int(own["sample_every"][0])
-            self._plant["sample_at"] = (self._plant["now"] // every + 1) * every if every else kernel.NEVER
+            self._aim_samples(phase)
 
     def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
         """Let the model be as saved; None: as it was built."""
@@ -637,13 +634,23 @@ class MujocoPlant:
         """See Sampled.fits."""
         return interval_ns > 0 and interval_ns % self._substep_ns == 0
 
-    def sample_every(self, interval_ns: int) -> None:
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         """See Sampled.sample_every."""
+        if interval_ns == 0:
+            self._plant["sample_every"] = self._plant["sample_ahead_ns"] = self._plant["sampled"] = 0
+            self._plant["sample_at"] = kernel.NEVER
+            return
         if not self.fits(interval_ns):
             raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
-        every = interval_ns // self._substep_ns
-        self._plant["sample_every"] = every
-        self._plant["sample_at"] = (self._plant["now"] // every + 1) * every
+        self._plant["sample_every"] = interval_ns // self._substep_ns
+        self._plant["sample_ahead_ns"] = from_ns % self._substep_ns
+        self._plant["held"] = 0
+        self._aim_samples(from_ns // self._substep_ns)
+
+    def _aim_samples(self, phase: int) -> None:
+        """The next sample is the first of the grid after now; phase: a sub-step of the grid."""
+        now, every = self._words.item(_NOW), int(self._plant["sample_every"][0])
+        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
 
     def sample_again(self) -> None:
         """See Sampled.sample_again."""
@@ -667,7 +674,7 @@ class MujocoPlant:
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
-            time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
+            time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
             position_mm=_each(self._shape_mm, place),
             velocity_mm_s=_each(self._shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
@@ -708,19 +715,6 @@ class MujocoPlant:
     def shape_mm(self) -> NDArray[np.float64]:
         """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
         return self._shape_mm.copy()
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of all that the loop changes."""
-        kept = {name: getattr(self._parts, name).copy() for name in _CHANGING}
-        return {**kept, "warmstart": self.data.qacc_warmstart.copy()}
-
-    def go_on(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state` of this plant, or of one built alike; to the bit."""
-        addresses = self._plant[["mj_step", "model", "data"]].copy()
-        for name in _CHANGING:
-            getattr(self._parts, name)[:] = state[name]
-        self._plant[["mj_step", "model", "data"]] = addresses
-        self.data.qacc_warmstart[:] = state["warmstart"]
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""

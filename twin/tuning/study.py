@@ -39,7 +39,6 @@ BATCH = 8
 """Trials that are chosen together."""
 RANDOM = 12
 """Trials at the beginning that are drawn at random, and at most a third of all."""
-_NOT_KEPT = "in memory"
 
 
 class StudyError(ValueError):
@@ -63,16 +62,19 @@ class Study:
         self.batch = batch
         self._weather = Weather.of(problem)
         self._study = _opened(storage, name)
-        self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch}, storage or _NOT_KEPT)
+        self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch}, _place(storage))
 
     def _check(self, about: Mapping[str, Any], where: str) -> None:
         had = self._study.user_attrs.get("about")
         if had is None:
-            if self._study.get_trials(deepcopy=False):
+            ways = [direction.name for direction in self._study.directions]
+            if ways != ["MINIMIZE", "MAXIMIZE"] or self._study.get_trials(deepcopy=False):
                 raise StudyError(f"{where}: study {self._study.study_name!r} is not one of jobs; choose another name")
             self._study.set_user_attr("about", dict(about))
             return
         other = [key for key, value in about.items() if had.get(key) != value]
+        if "job" in other:
+            other = ["job"]  # much follows from that
         if other:
             raise StudyError(
                 f"{where}: study {self._study.study_name!r} is of another {', another '.join(other)}; choose another "
@@ -234,7 +236,12 @@ def _opened(storage: str | None, name: str) -> optuna.Study:
             )
         except (SQLAlchemyError, ImportError, RuntimeError, ValueError, KeyError) as error:
             reason = " ".join(str(getattr(error, "orig", None) or error).split())
-            raise StudyError(f"{storage or _NOT_KEPT}: cannot be used as a storage: {reason}") from error
+            raise StudyError(f"{_place(storage)}: cannot be used as a storage: {reason}") from error
+
+
+def _place(storage: str | None) -> str:
+    """A storage for people."""
+    return "in memory" if storage is None else storage.removeprefix("sqlite:///")
 
 
 def need_optuna() -> None:
