@@ -2,8 +2,8 @@
 
     CR LF  P123456 CR LF  N10 ... CR LF  ...  # CR LF  EOT
 
-`P` programs and `Z` cycles. Blocks are kept as text and read when they are executed, the last ones from a cache, so that
-a long program costs its bytes and a number for each line.
+`P` programs and `Z` cycles. Blocks are kept as text and read when they are executed, the last ones from a cache, so
+that a long program costs its bytes and a number for each line.
 """
 
 from __future__ import annotations
