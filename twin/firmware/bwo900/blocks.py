@@ -46,7 +46,7 @@ class Correction:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """An M function on its way to the PLC. code: number; extensions: values behind its points; halt: until acknowledged."""
+    """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
 
     code: int
     extensions: tuple[float, ...] = ()

@@ -26,9 +26,9 @@ class Kind(Enum):
 class Move:
     """One step of a cycle. Everything in program coordinates, absolute, mm.
 
-    target: by axis number; axes that are not named stay. centre: of an arc, (first, second) axis of the plane. feed: mm/min,
-    None: that of the program. dwell_s after the path, exact stop before it; m: M functions after that, in order; reverse:
-    the spindle turns the other way from the end of the path on.
+    target: by axis number; axes that are not named stay. centre: of an arc, (first, second) axis of the plane. feed:
+    mm/min, None: that of the program. dwell_s: after the path, exact stop before it. m: M functions after that, in
+    order. reverse: the spindle turns the other way from the end of the path on.
     """
 
     kind: Kind
@@ -47,10 +47,10 @@ class Move:
 class Call:
     """What a cycle is told.
 
-    parameters: P numbers that have a value (a deleted one is missing). position: in program coordinates, before the block.
-    words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force, mm/min,
-    None: none. speed: S in force in 1/min. turning: +1 M03, -1 M04, 0 the spindle stands. motion: 0, 1, 2, 3, of the G00
-    group. inner: number of the machining cycle that stands in the block of a pattern cycle.
+    parameters: P numbers that have a value (a deleted one is missing). position: in program coordinates, before the
+    block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
+    mm/min, None: none. speed: S in force in 1/min. turning: +1 M03, -1 M04, 0 the spindle stands. motion: 0, 1, 2, 3,
+    of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
     """
 
     parameters: Mapping[int, float]
