@@ -603,7 +603,7 @@ class Interpreter:
         return () if element is None else (element,)
 
     def _machine(self, frame: Frame, goal: Point, targets: Mapping[int, float]) -> Point:
-        """The machine's place of a target; axes without a word stay where they are, unless the plane turns with them."""
+        """The machine's place of a target; axes without a word stay, unless the plane turns with them."""
         place = frame.machine(goal)
         plane = frame.plane
         turned = frame.rotation is not None and (plane.first in targets or plane.second in targets)
