@@ -84,7 +84,7 @@ def test_values_of_a_grid_by_groups(tmp_path: Path) -> None:
 
 
 def test_the_command_draws_it(plans: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (plans / "job.txt").write_text("@07\n@0J{ramp}\n@0A{way},{speed},0,30,0,30,0,30\n", encoding="utf-8")
+    (plans / "job.txt").write_text("@07\n@0R7\n@0J{ramp}\n@0A{way},{speed},0,30,0,30,0,30\n", encoding="utf-8")
     text = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nstart_mm = [2, 2, 2]\nsamples = 64\n[job]\n'
     text += "speed = { low = 300, high = 600 }\nway = { low = 1000, high = 1040, whole = true }\nramp = [100]\n"
     path, picture = plan(plans, text), plans / "what.png"

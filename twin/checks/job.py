@@ -206,6 +206,8 @@ class Inspection:
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
         self._faults = [number for number, _ in twin.drive_faults]
         self._expected = np.array(twin.counts)
+        self.setting: set[int] = set()
+        """Numbers of the lines that set a counter: reference runs, above all."""
 
     def take(self, result: Result) -> None:
         """A line has just ended."""
@@ -218,6 +220,8 @@ class Inspection:
         self._expected = self._expected + self._scribe.way
         counter_set = bool((np.array(result.counts) != self._expected).any())
         self._expected = np.array(result.counts)
+        if counter_set:
+            self.setting.add(result.number)
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
         self._findings += _of_margin(result, bounds)

@@ -3,8 +3,8 @@
     first order    S_i  = V[E(Y | x_i)] / V[Y]         part of the variance that goes away if x_i were known
     total          ST_i = E[V(Y | all but x_i)] / V[Y] part that stays as long as x_i is not known, all else being so
 
-Y is the least margin, the duration, and whether the job fails (1) or not (0). What the S_i lack to 1 is due to
-parameters together, and to what only the seed changes.
+Y is the least margin outside reference runs, the duration, and whether the job fails (1) or not (0). What the S_i lack
+to 1 is due to parameters together, and to what only the seed changes.
 
     sampling      sampled parameters                        parameters with values
     sobol         S_i by RBD-FAST (E. Plischke 2010,        S_i by groups of equal values, less what chance alone
@@ -32,7 +32,7 @@ from isel_twin.studies.points import all_points
 
 __all__ = ["Index", "check_picture", "draw", "indices"]
 
-OUTCOME_TITLES: Mapping[str, str] = {"margin": "least torque margin", "cycle_s": "duration", "ok": "failure"}
+OUTCOME_TITLES: Mapping[str, str] = {"margin_moves": "least torque margin", "cycle_s": "duration", "ok": "failure"}
 """Outcomes that are looked at, and what they are called."""
 LEAST_ROWS = 64
 """Fewer tell nothing."""
@@ -204,7 +204,8 @@ def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Seque
         words = {"alone (first order)": _FIRST, "with all others (total)": _TOTAL}
         handles = [Patch(color=colour, label=label) for label, colour in words.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
-    figure.suptitle(f"What {plan.work.job_name} depends on: {len(rows)} rows".replace("$", r"\$"), color=_INK)
+    subject = f"{plan.work.job_name} depends" if plan.work.job else "the moves depend"
+    figure.suptitle(f"What {subject} on, by {len(rows)} rows".replace("$", r"\$"), color=_INK)
     with replacing(path) as temporary:
         kind = path.suffix.lower().removeprefix(".")
         figure.savefig(temporary, format=kind, metadata={"Software": None} if kind == "png" else {"Date": None})
@@ -214,6 +215,6 @@ def _range(outcome: str, values: Sequence[float]) -> str:
     """Where the outcome lies, in words."""
     if outcome == "ok":
         return f"{100.0 * sum(values) / len(values):.0f} % of the rows"
-    if outcome == "margin":
+    if outcome == "margin_moves":
         return f"{100.0 * min(values):.0f} to {100.0 * max(values):.0f} %"
     return f"{min(values):.3g} to {max(values):.3g} s"
