@@ -47,7 +47,7 @@ def is_frame(data: bytes) -> bool:
 
 @pytest.mark.parametrize("line", LINES)
 def test_what_the_language_sends_is_a_record(line: str) -> None:
-    assert is_frame(create_language("gmi99").frame(line))  # type: ignore[union-attr]
+    assert is_frame(create_language("gmi99").frame(line))
 
 
 @pytest.mark.parametrize("switches_", ["11111111", "11111101"], ids=["E", "S"])
