@@ -59,7 +59,7 @@ TIMES = "times"
 """Unit of a value that multiplies what the file has."""
 EVENTS = "events"
 """The parameter of [scenario] that says which of the named events happen, with blanks between them."""
-MOST_POINTS = 10_000_000
+MOST_POINTS = 1_000_000
 """Rows of a table at most."""
 
 _WORDS = ("machine", "controller", "plant", "scenario", "job")
