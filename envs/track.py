@@ -108,10 +108,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     start), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
     ## Starting State
-    The machine stands at the start of the path, in the middle of its travel, stages on, at rest. Its counters are off
-    the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate, as after a reference run. The seed
-    decides that, and the path if it is a random one; everything else is the same in every episode. Same seed, same
-    options and same actions: same bits, whatever came before.
+    The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
+    the path has room. Its counters are off the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate,
+    as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same
+    in every episode. Same seed, same options and same actions: same bits, whatever came before.
 
     Options of `reset` hold for one episode; a wrong one is refused with one line:
 
@@ -406,9 +406,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         )  # fmt: skip
 
     def _start_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [3], where the path begins in machine coordinates: with its middle in that of the travel."""
+        """float64 [3], where the path begins in machine coordinates: in the middle of the travel, if it fits there."""
         travel_mm = np.array([axis.travel_mm for axis in self.machine.axes])
-        start_mm: NDArray[np.float64] = 0.5 * (travel_mm - points.min(axis=0) - points.max(axis=0))
+        low_mm, high_mm = _CLEAR_MM - points.min(axis=0), travel_mm - _CLEAR_MM - points.max(axis=0)
+        start_mm: NDArray[np.float64] = np.clip(0.5 * travel_mm, low_mm, high_mm)
         return start_mm
 
     def _check_fits(self, points: NDArray[np.float64]) -> None:

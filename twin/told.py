@@ -31,7 +31,7 @@ OFTEN = 256
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
 
-_ANSWERS = ("encoder", "lag", "on", "fault")
+_ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 """Properties of `Drives`."""
 
 

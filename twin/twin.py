@@ -342,6 +342,23 @@ class Twin:
         return self._position.lost_steps
 
     @property
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """bool [axes], which axes have servo drives: they lose no steps, but lag."""
+        return self._plant.closed_loop
+
+    @property
+    def following_error(self) -> NDArray[np.float64]:
+        """float64 [axes], command minus encoder of servo drives in increments, in the sense of the counters; 0 for axes
+        without one."""
+        return np.where(self._plant.closed_loop, self._position.lag, 0.0)
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never):
+        `following error exceeded`, for example."""
+        return self._plant.drive_faults
+
+    @property
     def slip_steps(self) -> NDArray[np.float64]:
         """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
         return self._position.slip_steps

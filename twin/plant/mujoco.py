@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, stored_energy_j
 from isel_twin.drives.motor import Motor
-from isel_twin.drives.servo import cool, forget, servo_parameters
+from isel_twin.drives.servo import CAUSES, cool, forget, servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import AnyStage, Stage
@@ -541,6 +541,12 @@ class MujocoPlant:
     def closed_loop(self) -> NDArray[np.bool_]:
         """See Plant.closed_loop."""
         return np.append(self._closed, [False] * self._count)[: self._count]
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """See Plant.drive_faults."""
+        faults = zip(self._states["faults"].tolist(), self._states["cause"].tolist(), strict=True)
+        return (*((number, CAUSES[cause]) for number, cause in faults), *[(0, "")] * self._count)[: self._count]
 
     @property
     def overloaded(self) -> NDArray[np.bool_]:
