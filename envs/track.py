@@ -110,8 +110,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     ## Starting State
     The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
     the path has room. Its counters are off the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate,
-    as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same in
-    every episode. Same seed, same options and same actions: same bits, whatever came before.
+    as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same
+    in every episode. Same seed, same options and same actions: same bits, whatever came before.
 
     Options of `reset` hold for one episode; a wrong one is refused with one line:
 

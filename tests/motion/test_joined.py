@@ -460,7 +460,8 @@ def within_limits(motion: Joined, parts: Sequence[Part], free: Sequence[tuple[in
         change = np.abs(np.diff(inside, 2, axis=0))
         assert np.all(change <= part.acceleration * PERIOD_S**2 * share + 2 * ROUNDING), j
         if j and passed[j] < motion.ticks:
-            slope = max(part.acceleration, parts[j - 1].acceleration)
+            around = parts[motion.finished(passed[j] - 1) : motion.finished(passed[j]) + 1]
+            slope = max(other.acceleration for other in around)
             most = part.entry if free else min(part.entry, part.speed, parts[j - 1].speed)
             for k in (passed[j] - 1, passed[j]):
                 assert motion.speed(k) <= most * (1 + 1e-9) + slope * PERIOD_S, j
@@ -552,4 +553,62 @@ def test_replanned_motions_keep_what_was_made_and_every_limit(
     stopped = motion.stopped(k)
     same_until(k, motion, stopped)
     assert stopped.speed(stopped.ticks) == 0
-    assert stopped.ticks <= motion.ticks
+    assert stopped.finished(stopped.ticks) <= stopped.pieces <= motion.pieces
+
+
+# ---- long chains ---------------------------------------------------------------------------------------------------
+
+SHORT = Part((1000.0, 0.0), 1000, 2_000_000, 6_700_000)
+"""0.1 mm at 10 000 increments a mm, 12 m/min, 0.67 m/s^2: it takes 299 of them to reach the speed, or to stop."""
+
+
+def test_short_pieces_run_at_full_speed_if_enough_of_them_are_known() -> None:
+    """10 000 pieces at 1 ms, handed over 20 at a time: as one straight move, as long as 300 are known ahead."""
+    some = pieces([SHORT] * 20)
+    plan = joined(chain([some] * 20), 1_000_000)
+    k = 0
+    while plan.pieces < 10_000:
+        while plan.finished(k) + 380 < plan.pieces:
+            k += 1
+        plan = plan.replanned(k, append=some)
+    assert plan.duration_s == pytest.approx(10_000_000 / 2e6 + 2e6 / 6.7e6, abs=1e-9)
+    assert plan.displacement(plan.ticks) == (10_000_000, 0)
+    assert set(plan.deltas(400, 4600)[:, 0]) == {2000}
+
+
+def test_a_piece_more_leaves_what_is_settled_as_it_is() -> None:
+    """What is shared is neither planned nor copied again: all but a block and the braking distance."""
+    plan = joined(pieces([SHORT] * 5000), 1_000_000)
+    later = plan.replanned(0, append=pieces([SHORT]))
+    assert later._blocks[0] is plan._blocks[0]
+    assert len(plan._blocks[-1].table) <= 300
+    for _ in range(1000):
+        later = later.replanned(0, append=pieces([SHORT]))
+        assert len(later._blocks[-1].table) <= 300 + 512 + 1
+    at_once = joined(pieces([SHORT] * 6001), 1_000_000)
+    assert np.array_equal(later.deltas(0, later.ticks), at_once.deltas(0, at_once.ticks))
+
+
+def test_a_long_chain_is_replanned_from_the_middle() -> None:
+    """Ends of blocks, what was appended, and another speed, all at once: still one path, limits kept."""
+    parts = [replace(SHORT, way=(1000.0, float(j % 5)), speed=2e6 if j % 900 else 3e5) for j in range(4000)]
+    plan = joined(pieces(parts[:2500]), PERIOD_NS)
+    plan = plan.replanned(3, append=pieces(parts[2500:]))
+    slow = plan.replanned(plan.passed(1700), scale=0.25)
+    same_until(plan.passed(1700), plan, slow)
+    fast = slow.replanned(slow.passed(3000), scale=1.0)
+    same_until(slow.passed(3000), slow, fast)
+    assert fast.displacement(fast.ticks) == plan.displacement(plan.ticks) == (4_000_000, 4000 * 2)
+    assert fast.speed(fast.passed(2900)) == pytest.approx(0.25 * 2e6)
+    passed = [fast.passed(j) for j in range(0, 4001, 50)]
+    assert passed == sorted(passed)
+    assert np.abs(np.diff(fast.deltas(0, fast.ticks)[:, 0])).max() <= 6.7e6 * PERIOD_S**2 + 2 * ROUNDING
+
+
+def test_a_day_is_described_and_not_stored() -> None:
+    """2 x 10^7 set points in a few kilobytes, each found without those before it."""
+    plan = joined(piece((25_000_000.0, 7.0), 25_000_000, 25_000_000 / 86_400, 50_000), PERIOD_NS)
+    assert plan.ticks > 21_600_000
+    assert len(pickle.dumps(plan)) < 4000
+    assert plan.displacement(10_800_001)[0] == pytest.approx(12_500_000, abs=2)
+    assert len(plan.deltas(20_000_000, 20_000_100)) == 100

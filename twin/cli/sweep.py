@@ -124,6 +124,8 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
                     row = table.add(missing[index], outcome)
                     shown.row(row)
         except (MismatchError, OSError, CallError) as error:
+            if isinstance(error, CallError) and error.option:
+                raise
             raise CallError(f"{error}; {_resume(table, missing)}") from error
     if stopped:
         outputs.say(f"{table.file}: interrupted; {_resume(table, missing)}")

@@ -27,6 +27,7 @@ At rest with e = 0 nothing changes any more, and time may be skipped; `cool` the
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ LAG_FAULT = 1
 """`fault`: the following error has passed its limit."""
 VOLTAGE_FAULT = 2
 """`fault`: the common supply had too little voltage while the drive was on."""
+CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
+"""The same for people."""
 
 
 def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: float) -> NDArray[np.void]:
@@ -93,6 +96,15 @@ def _off(s):
 
 
 @njit(error_model="numpy")
+def fail(s, cause):
+    """Switch the drive off until the fault is forgotten."""
+    s.fault = cause
+    s.cause = cause
+    s.faults += 1
+    _off(s)
+
+
+@njit(error_model="numpy")
 def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
     """Advance one servo drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
@@ -126,8 +138,7 @@ def servo_torque(p, s, command, phases):
         error = command - s.shift - encoder
         s.error = error
         if abs(error) > p.lag_limit:
-            s.fault = LAG_FAULT
-            _off(s)
+            fail(s, LAG_FAULT)
         else:
             s.arrived = min(s.arrived + 1, p.window_substeps) if abs(error) <= p.window else 0
             if sample:

@@ -107,6 +107,8 @@ AXIS_STATE = np.dtype(
         # of servo drives; the current of the motor is current_a_a
         ("on", "i8"),  # 1: the loops are closed
         ("fault", "i8"),  # 0, LAG_FAULT, VOLTAGE_FAULT: latched, the motor is without current
+        ("cause", "i8"),  # the last fault there was, forgotten or not
+        ("faults", "i8"),  # how often it has had one
         ("due", "i8"),  # sub-steps to the next sample of the loops
         ("shift", "f8"),  # command less encoder as the drive was switched on: it stays where it stands
         ("error", "f8"),  # following error at the start of the last sub-step, increments

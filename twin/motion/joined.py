@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.motion.look_ahead import (
     DT,
+    FAULTS,
     LENGTH,
     LIMIT,
     S0,
@@ -52,6 +53,7 @@ from isel_twin.motion.look_ahead import (
     V1,
     T,
     brake,
+    faults,
     lay,
     places,
     positions,
@@ -65,11 +67,6 @@ __all__ = ["Curve", "Joined", "Pieces", "chain", "joined", "piece"]
 
 BLOCK = 512
 """Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
-
-FRACTIONS = 65536.0
-"""Displacements are whole multiples of one part in so many of an increment, so that sums of them are exact."""
-
-LARGEST = 2.0**31
 
 GRID_NOISE = 1e-6
 """Periods by which an end may miss a tick and fall on it: some nanoseconds, in which nothing moves at an end."""
@@ -110,17 +107,9 @@ class Pieces:
         columns = self.length, self.speed, self.limit, self.acceleration, self.entry
         if any(column.shape != (len(self.displacement),) for column in columns):
             raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
-        parts = self.displacement * FRACTIONS
-        if not (np.all(np.abs(self.displacement) < LARGEST) and np.all(parts == np.rint(parts))):
-            raise ValueError("displacements must be whole multiples of 2^-16 increments below 2^31")
-        if not (np.all(self.length > 0) and np.all(self.length < math.inf)):
-            raise ValueError("lengths of pieces must be positive")
-        if not (np.all(self.speed > 0) and np.all(self.limit > 0) and np.all(self.entry >= 0)):
-            raise ValueError("speeds and limits of pieces must be positive, entry speeds at least 0")
-        if not np.all(np.minimum(self.speed, self.limit) < math.inf):
-            raise ValueError("a piece needs a speed or a limit")
-        if not (np.all(self.acceleration > 0) and np.all(self.acceleration < math.inf)):
-            raise ValueError("accelerations of pieces must be positive")
+        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in (self.displacement, *columns)))
+        if fault:
+            raise ValueError(FAULTS[fault])
 
     @property
     def axes(self) -> int:

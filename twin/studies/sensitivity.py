@@ -3,8 +3,8 @@
     first order    S_i  = V[E(Y | x_i)] / V[Y]         part of the variance that goes away if x_i were known
     total          ST_i = E[V(Y | all but x_i)] / V[Y] part that stays as long as x_i is not known, all else being so
 
-Y is the least margin outside reference runs, the duration, and whether the job fails (1) or not (0). What the S_i lack to 1 is due to
-parameters together, and to what only the seed changes.
+Y is the least margin outside reference runs, the duration, and whether the job fails (1) or not (0). What the S_i lack
+to 1 is due to parameters together, and to what only the seed changes.
 
     sampling      sampled parameters                        parameters with values
     sobol         S_i by RBD-FAST (E. Plischke 2010,        S_i by groups of equal values, less what chance alone
