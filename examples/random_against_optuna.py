@@ -1,4 +1,4 @@
-"""Random search against Optuna's sampler: the same job, the same ranges, as many trials; which finds the faster setting?
+"""Random search against Optuna's sampler: the same job, the same ranges, as many trials; which is the faster setting?
 
     python examples/random_against_optuna.py --trials 40 --seeds 3
 

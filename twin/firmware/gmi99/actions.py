@@ -261,5 +261,3 @@ def reference(card: Card, instruction: Instruction) -> Generator[Wait, None, Non
     mask = instruction.p1 & 0x3F
     within("P2", instruction.p2, 0, 1)
     yield from card.drives.make_ready(mask, run=instruction.p2 == 1)
-
-
