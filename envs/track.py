@@ -108,10 +108,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     start), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
     ## Starting State
-    The machine stands at the start of the path, in the middle of its travel, stages on, at rest. Its counters are off
-    the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate, as after a reference run. The seed
-    decides that, and the path if it is a random one; everything else is the same in every episode. Same seed, same
-    options and same actions: same bits, whatever came before.
+    The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
+    the path has room. Its counters are off the path by $\\mathcal{U}[-1, 1]$ times `reference_mm` in each coordinate,
+    as after a reference run. The seed decides that, and the path if it is a random one; everything else is the same
+    in every episode. Same seed, same options and same actions: same bits, whatever came before.
 
     Options of `reset` hold for one episode; a wrong one is refused with one line:
 
@@ -190,6 +190,11 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
         self.machine = with_overrides(loaded, overrides or {})
         """The machine without what options of `reset` change."""
+        servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
+        if servo:
+            raise ValueError(
+                f"{self.machine.file}: axes.{servo[0]} has a servo drive; TrackPath-v0 is for stepper motors"
+            )
         grid_ns = self.machine.timing.mujoco_step_ns
         step_ns = round(step_s * 1e9) if math.isfinite(step_s) else 0
         if step_ns % grid_ns or not 0 < step_ns <= 100_000_000:
@@ -221,7 +226,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._plant: MujocoPlant | None = None
         self._stands: tuple[Any, ...] = ()
         """What `_plant` is: variation and place."""
-        self._settled: dict[str, NDArray[Any]] = {}
+        self._settled: Mapping[str, Any] = {}
         """Its state when it has settled there."""
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
@@ -236,7 +241,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._lanes = np.zeros(len(CARRIAGES), LANE)
         self._lanes["highest_hz"] = highest_hz
         self._lanes["steps_per_mm"] = [axis.steps_per_mm for axis in self.machine.axes]
-        self._lanes["half_slip"] = [0.5 * axis.steps_per_rev / axis.motor.pole_pairs for axis in self.machine.axes]
+        self._lanes["half_slip"] = [0.5 * axis.slip_steps for axis in self.machine.axes]
         self._track["reach_mm"] = math.sqrt(3.0) * self.step_s * float((highest_hz / self._lanes["steps_per_mm"]).max())
         most = 3 * (math.ceil(highest_hz * self.step_s) + 2)
         self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
@@ -341,7 +346,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         state = self.__dict__.copy()
         for name in ("_plant", "_stands", "_settled", "_fixed", "_now", "_picture", "_window", "_model"):
             state.pop(name, None)
-        state["at_work"] = self._plant.state() if self._plant is not None else None
+        state["at_work"] = self._plant.save() if self._plant is not None else None
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -354,7 +359,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             self._stand()
             self._bind()
             assert self._plant is not None
-            self._plant.go_on(at_work)
+            self._plant.restore(at_work)
 
     def _begin(self, options: dict[str, Any]) -> NDArray[np.float64]:
         """Start an episode with these options; the first observation."""
@@ -389,10 +394,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             plant.set_power(stages=True, brake_released=True, lowering=False)
             plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
             plant.watch_margin()
-            self._plant, self._stands, self._settled = plant, stands, plant.state()
+            self._plant, self._stands, self._settled = plant, stands, plant.save()
             self._shape_mm = np.ascontiguousarray(plant.shape_mm)
         assert self._plant is not None
-        self._plant.go_on(self._settled)
+        self._plant.restore(self._settled)
 
     def _bind(self) -> None:
         assert self._plant is not None
@@ -401,9 +406,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         )  # fmt: skip
 
     def _start_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [3], where the path begins in machine coordinates: with its middle in that of the travel."""
+        """float64 [3], where the path begins in machine coordinates: in the middle of the travel, if it fits there."""
         travel_mm = np.array([axis.travel_mm for axis in self.machine.axes])
-        start_mm: NDArray[np.float64] = 0.5 * (travel_mm - points.min(axis=0) - points.max(axis=0))
+        low_mm, high_mm = _CLEAR_MM - points.min(axis=0), travel_mm - _CLEAR_MM - points.max(axis=0)
+        start_mm: NDArray[np.float64] = np.clip(0.5 * travel_mm, low_mm, high_mm)
         return start_mm
 
     def _check_fits(self, points: NDArray[np.float64]) -> None:

@@ -20,8 +20,8 @@ import math
 import numpy as np
 
 from isel_twin.compiling import njit
-from isel_twin.drives import dynamics, trigonometry
-from isel_twin.plant import cutting, feed, glide, kernel, lead, margin, memory, teeth, thread
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
 
@@ -238,5 +238,4 @@ def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, acti
     return over
 
 
-_CONTAINED = (cutting, dynamics, feed, glide, kernel, lead, margin, memory, teeth, thread, trigonometry)
-dynamics.drop_stale_code(take_step, *(module.__file__ or "" for module in _CONTAINED))
+drop_stale_code(take_step, kernel.__file__, *kernel.CONTAINED)

@@ -18,10 +18,12 @@
     time, clock                 duration of the last command, virtual time since power-on: s, ms, min
     steps                       ticks of the stream since power-on
     fault                       1: the controller shows an error that no reply has told
+    lag, lag.x                  following error of servo drives now, the largest or of one axis, in increments
+    drive_faults, .x            how often servo drives have switched themselves off since power-on
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
-A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost steps or the
+A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost steps or a
 fault that is so answers for what it speaks of: the verdict then asks for what comes later only.
 """
 
@@ -97,6 +99,8 @@ _QUANTITIES: Mapping[str, _Quantity] = {
     "clock": _Quantity(_S),
     "steps": _Quantity(_STEPS, whole=True),
     "fault": _Quantity({"": 1.0}, whole=True),
+    "lag": _Quantity({"": 1.0}, AXIS_NAMES),
+    "drive_faults": _Quantity({"": 1.0}, AXIS_NAMES, whole=True),
 }
 _PLAIN = _Quantity({"": 1.0}, whole=True)
 _KINDS = ("output", "input", "level")
@@ -323,6 +327,12 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
         return float(len(twin.steps))
     if name == "fault":
         return float(twin.fault)
+    if name == "lag":
+        lag = twin.following_error
+        return float(np.abs(lag).max() if number is None else lag[number])
+    if name == "drive_faults":
+        faults = [times for times, _ in twin.drive_faults]
+        return float(sum(faults) if number is None else faults[number])
     if last is None:
         return None
     if name == "time":

@@ -239,9 +239,13 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
     seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")
     known: tuple[float | None, ...] = ()
+    faults: tuple[int | None, ...] = ()
     if found.met and quantity == "lost":
         each = zip(AXIS_NAMES, lost_steps(twin).tolist(), strict=False)
         known = tuple(steps if axis in ("", name) else None for name, steps in each)
+    if found.met and quantity == "drive_faults":
+        drives = zip(AXIS_NAMES, twin.drive_faults, strict=False)
+        faults = tuple(number if axis in ("", name) else None for name, (number, _) in drives)
     return Result(
         number=line.number,
         command=line.command,
@@ -256,6 +260,7 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
         condition=True,
         lost_known=known,
         fault_known=found.met and quantity == "fault",
+        drive_faults_known=faults,
     )
 
 

@@ -31,7 +31,7 @@ OFTEN = 256
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
 
-_ANSWERS = ("encoder", "lag", "on", "fault")
+_ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 """Properties of `Drives`."""
 
 
@@ -100,7 +100,7 @@ class Told:
                 )
         return Life(self._life.pickled, self._life.flash, tuple(self._calls))
 
-    def restore(self, life: Life, build: Callable[[bytes | None], Controller], drives: Drives) -> None:
+    def restore(self, life: Life, build: Callable[[bytes | None], Controller] | None, drives: Drives) -> None:
         """Be where the controller was when `save` gave this life: `controller` is another one afterwards.
 
         build: its factory, given a flash image. drives: what it can ask from then on.
@@ -109,6 +109,8 @@ class Told:
         asked = _Asked(None, replies)
         if life.pickled is not None:
             controller = _unpickled(life.pickled, asked)
+        elif build is None:
+            raise StateError("a controller that was handed in cannot be built again")
         else:
             controller = build(life.flash)
             if isinstance(controller, UsesDrives):

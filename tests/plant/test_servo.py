@@ -104,3 +104,151 @@ def test_a_push_that_the_motor_holds_is_none(bench):
         most = max(most, abs(line.plant.lag[0]))
     assert 500.0 + 50.0 < most < 800.0
     assert not line.plant.fault.any()
+
+
+def path(bench: Callable[..., Bench], overrides) -> NDArray[np.float64]:
+    """float64 [n, 3]: where the carriages are every 4 ms of a move there and back, um."""
+    line = Line(bench, overrides)
+    seen = []
+    up = way(0.5, 50_000)
+    for change in [*up, *up[::-1], *-up, *-up[::-1], *[0] * 125]:
+        line.go(np.array([change]))
+        seen.append(1e3 * line.plant.position_mm)
+    return np.array(seen)
+
+
+def test_half_the_time_steps_move_it_less_than_a_micrometre_elsewhere(bench):
+    whole = path(bench, {})
+    half = path(bench, {"timing.motor_substep": 12.5, "timing.mujoco_step": 0.25})
+    assert np.ptp(whole[:, 0]) > 20_000.0
+    assert np.abs(whole - half).max() < 1.0
+
+
+def test_how_time_is_cut_does_not_matter(bench):
+    """To the bit: through a move, a rest in which time is skipped, and a fault."""
+    ends = []
+    for cuts in (1, 7):
+        line = Line(bench)
+        plant = line.plant
+        for change in way(0.2, 20_000):
+            line.go(np.array([change]))
+        for _ in range(cuts):
+            line.rest(3003 / cuts)
+        assert plant.at_rest
+        plant.apply_force(0, -3000.0)
+        for _ in range(cuts):
+            line.rest(210 / cuts)
+        ends.append((plant._states.tobytes(), plant._axes["x_m"].tobytes(), plant.current_fraction.tolist()))
+    assert ends[0] == ends[1]
+    assert plant.fault[0]
+
+
+def test_a_fault_stays_until_it_is_forgotten_and_the_axis_then_stays_where_it_stands(bench):
+    line = Line(bench)
+    plant = line.plant
+    plant.apply_force(0, 3000.0)
+    line.rest(200)
+    assert plant.fault[0]
+    plant.apply_force(0, 0.0)
+    line.rest(500)
+    assert plant.fault[0]
+    at = plant.position_mm[0]
+    plant.reset_drives()
+    line.rest(500)
+    assert plant.powered.all()
+    assert not plant.fault.any()
+    assert plant.position_mm[0] == pytest.approx(at, abs=0.022), "but for its backlash"
+    assert abs(plant.lag[0]) <= 1.0
+    assert plant.commanded[0] == 0
+    assert plant.rotor[0] > LIMIT
+
+
+def test_stages_that_come_on_anew_forget_the_fault_too(bench):
+    line = Line(bench)
+    line.plant.apply_force(0, 3000.0)
+    line.rest(200)
+    line.plant.apply_force(0, 0.0)
+    line.plant.set_power(stages=False, brake_released=True, lowering=False)
+    line.rest(500)
+    assert line.plant.fault[0]
+    line.plant.set_power(stages=True, brake_released=True, lowering=False)
+    line.rest(100)
+    assert not line.plant.fault.any()
+
+
+def test_switched_off_and_on_at_once_nothing_moves(bench):
+    """No sub-step in between: drives that run go on as if nothing had been."""
+    line, other = Line(bench), Line(bench)
+    for one in (line, other):
+        one.go(way(0.2, 20_000))
+    line.plant.set_power(stages=False, brake_released=True, lowering=True)
+    line.plant.set_power(stages=True, brake_released=True, lowering=True)
+    for one in (line, other):
+        one.go(way(0.2, 20_000))
+    assert line.plant.position_mm.tolist() == other.plant.position_mm.tolist()
+
+
+# Faults that there are for stepper motors, too
+
+
+def test_a_lost_phase_is_a_motor_without_current(bench):
+    line = Line(bench)
+    line.plant.set_phase_lost(0, "a")
+    line.go(way(0.5, 20_000))
+    assert line.plant.fault[0]
+    line.plant.set_phase_lost(0, "")
+    line.plant.reset_drives()
+    line.go(way(0.2, 20_000))
+    assert not line.plant.fault[0]
+    assert line.plant.rotor_speed[0] > 10_000
+
+
+def test_with_too_little_voltage_it_does_not_reach_its_speed(bench):
+    """5 % of 60 V is 3 V; 1.2 A against friction in 0.8 ohm take one, the rest is 20 rad/s, 16 mm/s."""
+    line = Line(bench)
+    line.plant.set_undervoltage(0.95)
+    line.go(way(0.4, 50_000))
+    assert line.plant.fault[0]
+    line = Line(bench)
+    line.plant.set_undervoltage(0.5)
+    line.go(way(0.4, 50_000))
+    assert not line.plant.fault[0]
+
+
+def test_a_common_supply_with_too_little_voltage_is_a_fault_that_stays(bench):
+    line = Line(bench, {"supply.enabled": True, "supply.chopper_voltage": 70.0})
+    line.go(way(0.2, 20_000))
+    assert line.plant.supply_v == pytest.approx(60.0, rel=0.05)
+    line.plant.set_undervoltage(0.9)
+    line.rest(2000)
+    assert line.plant.fault[:3].all()
+    line.plant.set_undervoltage(0.0)
+    line.rest(1000)
+    assert line.plant.fault[:3].all()
+    assert line.plant.supply_v == pytest.approx(60.0, rel=0.01)
+    line.plant.reset_drives()
+    line.rest(1)
+    assert not line.plant.fault.any()
+
+
+def test_an_obstacle_is_a_fault(bench):
+    line = Line(bench, thresholds=[Threshold(0, "fault")])
+    line.plant.set_obstacle(0, 102.0)
+    line.go(way(1.0, 20_000))
+    assert line.plant.fault[0]
+    assert line.plant.position_mm[0] < 102.2
+
+
+def test_friction_takes_current(bench):
+    """300 N more at the nut: 300 N x 0.796 mm/rad / 0.9 / 0.1 N m/A = 2.65 A more, on average."""
+    currents = []
+    for extra_n in (0.0, 300.0):
+        line = Line(bench)
+        line.plant.set_friction(0, extra_n)
+        line.go(way(0.4, 20_000))
+        some = []
+        for change in way(0.5, 20_000)[100:]:
+            line.go(np.array([change]))
+            some.append(line.plant._states["current_a_a"][0])
+        currents.append(np.mean(some))
+    assert currents[1] - currents[0] == pytest.approx(300 * 0.005 / (2 * np.pi) / 0.9 / 0.1, rel=0.03)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from isel_twin.studies.plan import Plan
     from isel_twin.studies.row import Point
     from isel_twin.studies.run import Crew
+    from isel_twin.studies.sensitivity import Index
     from isel_twin.studies.table import Table
 
 
@@ -71,9 +72,8 @@ def sweep(
 
         found = indices(read, rows)
         with call_errors(sensitivity):
-            draw(sensitivity, read, found)
-        if not json:
-            print(f"{sensitivity}: what the outcome depends on")
+            draw(sensitivity, read, rows, found)
+        _tell_indices(found, sensitivity, json)
     return 1 if len(rows) < len(wanted) or any(row["error"] is not None for row in rows) else 0
 
 
@@ -124,6 +124,8 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
                     row = table.add(missing[index], outcome)
                     shown.row(row)
         except (MismatchError, OSError, CallError) as error:
+            if isinstance(error, CallError) and error.option:
+                raise
             raise CallError(f"{error}; {_resume(table, missing)}") from error
     if stopped:
         outputs.say(f"{table.file}: interrupted; {_resume(table, missing)}")
@@ -192,6 +194,23 @@ def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, j
             bad = [row for row in some if row["ok"] is False]
             rules = _counted([rule for row in bad for rule in row["failure"].split()])
             print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} not well{rules}")
+
+
+def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:
+    """What each outcome depends on, the most first."""
+    import dataclasses
+
+    if json:
+        told = [dataclasses.asdict(index) for index in found]
+        print(json_module.dumps({"sensitivity": told, "picture": str(picture)}), flush=True)
+        return
+    print(f"{picture}: what the outcome depends on (part of the variance)")
+    for outcome in dict.fromkeys(index.outcome for index in found):
+        some = sorted((i for i in found if i.outcome == outcome), key=lambda i: -max(i.first, i.total or 0.0))
+        each = [
+            f"{i.parameter} {i.first:.2f}" + ("" if i.total is None else f" (with others {i.total:.2f})") for i in some
+        ]
+        print(f"  {outcome}: {', '.join(each)}")
 
 
 MOST_GROUPS = 12

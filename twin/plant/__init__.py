@@ -200,6 +200,11 @@ class Plant(Protocol):
         """bool [axes], which axes have servo drives: they lose no steps."""
 
     @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never);
+        what has been forgotten counts, too."""
+
+    @property
     def overloaded(self) -> NDArray[np.bool_]:
         """bool [axes], which servo drives let no more than the rated current flow, by their I2t."""
 
@@ -282,7 +287,7 @@ class Samples:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A plant that takes samples by itself while it advances, on a grid of time from power-on.
+    """A plant that takes samples by itself while it advances, on a grid of time.
 
     While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
     """
@@ -290,8 +295,10 @@ class Sampled(Protocol):
     def fits(self, interval_ns: int) -> bool:
         """Whether the plant can take samples so often: its own grid has these times."""
 
-    def sample_every(self, interval_ns: int) -> None:
-        """Take samples from now on. ValueError if the interval does not fit."""
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
+        """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
+        dropped. Between sub-steps positions are as `Plant.position_mm` has them; all else is as after the last whole
+        one. ValueError if the interval does not fit."""
 
     def sample_again(self) -> None:
         """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""

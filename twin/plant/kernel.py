@@ -43,9 +43,9 @@ from numba.extending import intrinsic
 import isel_twin.plant
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, servo, shaft, trigonometry
-from isel_twin.drives.dynamics import OPEN, step_axis
-from isel_twin.drives.servo import cool, step_servo
-from isel_twin.drives.shaft import SERVO, at_rest
+from isel_twin.drives.dynamics import OPEN, stepper_torque
+from isel_twin.drives.servo import cool, servo_torque
+from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead, teeth, thread
@@ -233,27 +233,30 @@ def _look(memory):
 @njit(nogil=True, error_model="numpy")
 def _take(parts, at):
     """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
-    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply."""
+    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply.
+
+    Places are those `sample_ahead_ns` after it, as `advance` has them at the end of a call."""
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
     row = parts.samples[plant.sampled]
     plant.sampled += 1
     n, m = parts.qpos.shape[0], parts.commanded.shape[0]
-    share = plant.now % plant.window / plant.window
+    ahead_ns = plant.sample_ahead_ns
+    share = (plant.now % plant.window + ahead_ns / plant.substep_ns) / plant.window
     row[0] = at
     for j in range(n):
         row[1 + j] = parts.before[j] + share * (parts.qpos[j] - parts.before[j])
         row[1 + n + j] = parts.qvel[j]
     at_commands = 1 + 2 * n
-    at_ns = at * plant.substep_ns
+    at_ns = at * plant.substep_ns + ahead_ns
     for i in range(m):
         row[at_commands + i] = parts.commanded[i]
         row[at_commands + m + i] = parts.commanded[i] - behind(parts.leads[i], at_ns)
     at_axes = at_commands + 2 * m
     for i in range(AXES):
         axis = axes[i]
-        row[1 + axis.dof] = axis.x_m
+        row[1 + axis.dof] = axis.x_m + 1e-9 * ahead_ns * axis.v_m_s
         row[1 + n + axis.dof] = axis.v_m_s
         row[at_commands + m + i] = parts.states[i].theta_rad * axis.steps_per_rad
         if parts.drives[i].kind == SERVO:
@@ -321,7 +324,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 if plant.held == 0:
                     _take(parts, plant.sample_at)
                     plant.held = 1
-                plant.sample_at = (plant.now // plant.sample_every + 1) * plant.sample_every
+                plant.sample_at += ((plant.now - plant.sample_at) // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
                 break
             _wake(plant, axes, drives, states, supply)
@@ -365,12 +368,13 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
             before_rad_s = states[i].omega_rad_s
             phases = axis.phases & supply.gate
-            nut_m = x_mid_m - axis.zero_m
             if drives[i].kind == SERVO:
-                force_n = step_servo(drives[i], states[i], axis.command, phases, axis.fraction, nut_m, axis.v_m_s, 0.0)
+                torque_nm, drag, steady = servo_torque(drives[i], states[i], axis.command, phases)
             else:
-                force_n = step_axis(drives[i], states[i], axis.command, phases, axis.fraction, nut_m, axis.v_m_s, 0.0)
-            force_n = axis.push_n + force_n
+                torque_nm, drag, steady = stepper_torque(drives[i], states[i], axis.command, phases, axis.fraction, 0.0)
+            force_n = axis.push_n + turn(
+                drives[i], states[i], torque_nm, drag, x_mid_m - axis.zero_m, axis.v_m_s, steady
+            )
             if supply.on:
                 work_w = 0.5 * (before_rad_s + states[i].omega_rad_s) * states[i].torque_nm
                 a_a, b_a = states[i].current_a_a, states[i].current_b_a
@@ -416,8 +420,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-dynamics.drop_stale_code(
-    advance,
+CONTAINED = (
     isel_twin.plant.__file__,
     dynamics.__file__,
     servo.__file__,
@@ -431,3 +434,5 @@ dynamics.drop_stale_code(
     teeth.__file__,
     thread.__file__,
 )
+"""Files whose code the compiled loop contains."""
+dynamics.drop_stale_code(advance, *CONTAINED)

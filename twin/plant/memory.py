@@ -51,6 +51,7 @@ PLANT = np.dtype(
         ("uneven", "i8"),  # 1: a screw is not everywhere the same
         ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
         ("sample_at", "i8"),  # sub-step of the next one
+        ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
         ("sampled", "i8"),  # samples that wait to be read
         ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
     ],

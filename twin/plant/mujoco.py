@@ -8,6 +8,7 @@ Nut and carriage start in balance: an axis that gravity pulls hangs on the flank
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import itertools
 import math
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, stored_energy_j
 from isel_twin.drives.motor import Motor
-from isel_twin.drives.servo import cool, forget, servo_parameters
+from isel_twin.drives.servo import CAUSES, cool, forget, servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import AnyStage, Stage
@@ -54,15 +55,11 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
-_CHANGING = (
-    "plant", "axes", "drives", "states", "thresholds", "commanded", "leads", "push", "cut", "supply", "before", "rates",
-    "place", "qpos", "qvel", "qacc", "qacc_smooth", "qfrc",
-)  # fmt: skip
-"""Parts that the loop changes."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
 
 
-_STAYS = ("mj_step", "model", "data", "sample_every")
+_GRID = ("sample_every", "sample_ahead_ns")
+_STAYS = ("mj_step", "model", "data", "sample_at", *_GRID)
 """Of memory.PLANT: addresses, and what is no business of a state."""
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
 """Parts that a state holds: all but the samples, which have been read."""
@@ -260,23 +257,29 @@ class MujocoPlant:
             else:
                 getattr(self.data, name)[...] = saved
         self._set_model(state["model"])
-        same = own["sample_every"][0] == self._plant["sample_every"][0]
+        same = all(own[name][0] == self._plant[name][0] for name in _GRID)
+        phase = int(own["sample_at"][0])
         for name, value in own.items():
-            self._plant[name] = value
+            if name != "sample_at" or not same:
+                self._plant[name] = value
         self._plant["sampled"] = 0
         if not same:
             self._plant["held"] = 0
-            every = int(own["sample_every"][0])
-            self._plant["sample_at"] = (self._plant["now"] // every + 1) * every if every else kernel.NEVER
+            self._aim_samples(phase)
+
+    def model_as_built(self) -> mujoco.MjModel:
+        """A copy of the model as it was before anything was changed in it: for another plant of this machine."""
+        model = copy.copy(self.model)
+        for name, array in (self._as_built or {}).items():
+            getattr(model, name)[...] = array
+        return model
 
     def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
         """Let the model be as saved; None: as it was built."""
         if arrays is not None:
             self._keep_as_built()
         for name, saved in (arrays or self._as_built or {}).items():
-            owner, _, field = name.rpartition(".")
-            array = getattr(getattr(self.model, owner) if owner else self.model, field)
-            array[...] = saved
+            getattr(self.model, name)[...] = saved
 
     def _keep_as_built(self) -> None:
         """The model is about to be changed."""
@@ -540,6 +543,12 @@ class MujocoPlant:
         return np.append(self._closed, [False] * self._count)[: self._count]
 
     @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """See Plant.drive_faults."""
+        faults = zip(self._states["faults"].tolist(), self._states["cause"].tolist(), strict=True)
+        return (*((number, CAUSES[cause]) for number, cause in faults), *[(0, "")] * self._count)[: self._count]
+
+    @property
     def overloaded(self) -> NDArray[np.bool_]:
         """See Plant.overloaded."""
         return np.append(self._states["overloaded"] != 0, [False] * self._count)[: self._count]
@@ -637,13 +646,23 @@ class MujocoPlant:
         """See Sampled.fits."""
         return interval_ns > 0 and interval_ns % self._substep_ns == 0
 
-    def sample_every(self, interval_ns: int) -> None:
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         """See Sampled.sample_every."""
+        if interval_ns == 0:
+            self._plant["sample_every"] = self._plant["sample_ahead_ns"] = self._plant["sampled"] = 0
+            self._plant["sample_at"] = kernel.NEVER
+            return
         if not self.fits(interval_ns):
             raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
-        every = interval_ns // self._substep_ns
-        self._plant["sample_every"] = every
-        self._plant["sample_at"] = (self._plant["now"] // every + 1) * every
+        self._plant["sample_every"] = interval_ns // self._substep_ns
+        self._plant["sample_ahead_ns"] = from_ns % self._substep_ns
+        self._plant["held"] = 0
+        self._aim_samples(from_ns // self._substep_ns)
+
+    def _aim_samples(self, phase: int) -> None:
+        """The next sample is the first of the grid after now; phase: a sub-step of the grid."""
+        now, every = self._words.item(_NOW), int(self._plant["sample_every"][0])
+        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
 
     def sample_again(self) -> None:
         """See Sampled.sample_again."""
@@ -667,7 +686,7 @@ class MujocoPlant:
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
-            time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
+            time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
             position_mm=_each(self._shape_mm, place),
             velocity_mm_s=_each(self._shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
@@ -708,19 +727,6 @@ class MujocoPlant:
     def shape_mm(self) -> NDArray[np.float64]:
         """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
         return self._shape_mm.copy()
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of all that the loop changes."""
-        kept = {name: getattr(self._parts, name).copy() for name in _CHANGING}
-        return {**kept, "warmstart": self.data.qacc_warmstart.copy()}
-
-    def go_on(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a `state` of this plant, or of one built alike; to the bit."""
-        addresses = self._plant[["mj_step", "model", "data"]].copy()
-        for name in _CHANGING:
-            getattr(self._parts, name)[:] = state[name]
-        self._plant[["mj_step", "model", "data"]] = addresses
-        self.data.qacc_warmstart[:] = state["warmstart"]
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""

@@ -46,7 +46,9 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "lost_y": ("int64", "steps", "whole slips of axis y since power-on"),
     "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
     "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
-    "limiting": ("string", "", "the axis that has it"),
+    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),
+    "limiting": ("string", "", "the axis that has the least margin in those"),
+    "limiting_line": ("int64", "1", "and the line of the job in which it has it"),
     "error_mm": ("float64", "mm", "largest difference of true position and counter of any axis at the end, at rest"),
     "cycle_s": ("float64", "s", "from the first command to the end of the last one"),
     "events_late": ("int64", "1", "events of the scenario that were still to come at the end"),
@@ -171,8 +173,14 @@ def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
     report = inspection.report(work.job_name, verdict)
     wrong = [finding for finding in report.findings if not finding.warning]
     slips = whole_slips(verdict.lost_steps, verdict.slip_steps) + verdict.forgotten_steps
-    margins = {name: each for name, each in zip(CARRIAGES, verdict.margin, strict=False) if each is not None}
-    limiting = min(margins, key=lambda name: margins[name]) if margins else None
+    margins = [
+        (each, result.number, name)
+        for result in results
+        for name, each in zip(CARRIAGES, result.margin, strict=False)
+        if each is not None and not result.condition
+    ]
+    nothing = (None, None, None)
+    least, line, axis = min((m for m in margins if m[1] not in inspection.setting), default=nothing)
     first = wrong[0] if wrong else None
     replies = [result.shown_reply for result in results if not result.condition]
     return {
@@ -182,8 +190,10 @@ def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
         "commands": verdict.commands,
         "refused": verdict.refused,
         **{f"lost_{name}": int(steps) for name, steps in zip(CARRIAGES, slips, strict=False)},
-        "margin": None if limiting is None else margins[limiting],
-        "limiting": limiting,
+        "margin": min(margins, default=nothing)[0],
+        "margin_moves": least,
+        "limiting": axis,
+        "limiting_line": line,
         "error_mm": max(abs(error) for error in verdict.position_error_mm),
         "cycle_s": report.cycle_s,
         "events_late": verdict.events_after_end,

@@ -10,6 +10,8 @@ has come is never asked for again, and what was on its way when a worker died is
 
 from __future__ import annotations
 
+import logging
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +27,10 @@ __all__ = ["Crew", "Lost", "cluster", "finished", "here", "local"]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+log = logging.getLogger("isel_twin")
+
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+")
 
 POLL_S = 0.1
 """How often one that waits asks whether it should."""
@@ -60,7 +66,16 @@ def local(count: int) -> Crew:
 
 
 def cluster(address: str) -> Crew:
-    """The workers of a dask scheduler, as many as there are. Raises CallError if it is not there."""
+    """The workers of a dask scheduler, as many as there are. Raises CallError for no address, or without distributed.
+
+    Whoever opens it is told by a CallError if the scheduler is not there.
+    """
+    if not _ADDRESS.fullmatch(address):
+        raise CallError(f"cluster {address!r}: must be the address of a dask scheduler, tcp://HOST:PORT", option=True)
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
     return Crew(lambda: _dask(address), 256)
 
 
@@ -87,16 +102,16 @@ def _without_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _dask(address: str) -> Iterator[Executor]:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
+    from distributed import Client
+
     try:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise CallError(f"cluster {address}: {why}", option=True) from None
     try:
+        if not client.ncores():
+            log.warning("%s: the cluster has no workers yet", address)
         executor = client.get_executor(pure=False)
         yield executor
         executor.shutdown(wait=False)

@@ -90,7 +90,7 @@ class Table:
         return row
 
     def close(self) -> None:
-        """Write what is waiting, and let others have the file. May be called again."""
+        """Write what is waiting, and let others have the file; one without rows is removed. May be called again."""
         if self._journal.closed:
             return
         try:
@@ -98,6 +98,8 @@ class Table:
                 self._write()
             self._journal.close()
             journal_of(self.file).unlink(missing_ok=True)
+            if not self.rows:
+                self.file.unlink(missing_ok=True)
         finally:
             self._journal.close()
             self._claim.release()

@@ -116,7 +116,8 @@ def decode(image: bytes) -> Stored | None:
             f.name for f in fields(Settings)
         }:
             return None
-        settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in tree["settings"].items()})
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in tree["settings"].items()}
+        settings = Settings(**values)
         stored = Stored(
             settings,
             tuple(map(tuple, tree["zero_points"])),

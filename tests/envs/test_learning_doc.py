@@ -1,0 +1,19 @@
+"""The programs of docs/learning.md run as they stand there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TEXT = (Path(__file__).parents[2] / "docs" / "learning.md").read_text(encoding="utf-8")
+PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=["a circle", "along random paths"])
+def test_a_program_ends_at_the_end_of_its_path(program: str) -> None:
+    names: dict[str, Any] = {}
+    exec(compile(program, "docs/learning.md", "exec"), names)
+    assert names["info"]["ended"] == "done"
