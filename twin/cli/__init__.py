@@ -11,6 +11,8 @@
     export       a recording as a file for other tools
     check        jobs against their bounds
     golden       jobs that have to do what they did
+    identify     a machine's numbers from recordings and measurements
+    experiment   the moves that would tell most about a machine
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
     machines, describe, controllers, motor      what there is, and its numbers
@@ -43,8 +45,10 @@ from isel_twin.cli import (
     decode,
     describe,
     drive,
+    experiment,
     export,
     golden,
+    identify,
     machines,
     motor,
     ports,
@@ -67,6 +71,8 @@ app = App(
     default_parameter=Parameter(negative=()),
 )
 for command in (
+    identify.identify,
+    experiment.experiment,
     serve.serve,
     ctl.ctl,
     run.run,
