@@ -171,5 +171,5 @@ def test_a_search_branches_between_moves() -> None:
         seen.append(again.step(SLOW))
     assert len({(step[0].tobytes(), step[1], step[2], repr(step[4])) for step in seen}) == 1
     assert env.save().over
-    with pytest.raises(ValueError, match="^the episode is of another setup; restore it"):
+    with pytest.raises(ValueError, match=r"^the episode is of another setup; restore it"):
         JobTuning(job=JOB, plant="kinematic").restore(here)
