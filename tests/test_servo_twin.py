@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from isel_twin import Twin
 from isel_twin.checks.asserts import MotionError, assert_no_step_lost
 from isel_twin.checks.watched import Watched
 from isel_twin.controller import Drives, Output, UsesDrives
+from isel_twin.expect import parse_condition
 from isel_twin.machine import MachineError
 from isel_twin.result import Result
 from isel_twin.verdict import judge
@@ -107,6 +109,12 @@ def test_pushed_too_hard_it_is_off_and_the_verdict_says_why_also_after_a_reset()
     assert card.drives.encoder[0] < 30_000
     assert twin.lost_steps.tolist() == [0.0] * 6
     assert twin.forgotten_steps.tolist() == [0.0] * 6
+    assert parse_condition("drive_faults.x == 1").look(twin, None).met
+    assert parse_condition("drive_faults == 1").look(twin, None).met
+    assert parse_condition("lag.x > 1000").look(twin, None).met
+    assert parse_condition("lag.y < 5").look(twin, None).met
+    verdict = judge(twin, [replace(result(twin), drive_faults_known=(1, None, None))])
+    assert verdict.ok, "the job has said so"
     verdict = judge(twin, [result(twin)])
     assert not verdict.ok
     assert verdict.switched_off == ("following error exceeded", "", "", "", "", "")
