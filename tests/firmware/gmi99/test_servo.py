@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from conformance.gmi99_desk import command, long
 
@@ -103,3 +105,35 @@ def test_an_emergency_stop_takes_the_current() -> None:
     assert twin.query("Q7;1") == "E5"
     assert twin.query("#1") == "#00"
     assert twin.outputs["stages"] == 1
+
+
+def test_it_is_saved_and_restored_in_mid_motion() -> None:
+    def life(saved_at: int | None) -> tuple[int, list[int], list[float]]:
+        twin = referenced(20_000, 100)
+        for line in ("p3;100;0", "84h 2000", "p10;14;1", "84h 0", "p3;101"):
+            twin.query(line)
+        twin.write(twin.language.frame("81h 20000 | 83h 0 9000 | p3;1;0 | 81h 5"))
+        for number in range(20):
+            twin.run(0.1)
+            if number == saved_at:
+                state = twin.save()
+                twin = Twin(controller="gmi99", machine="4030-servo", start_mm=(40.0, 40.0, 30.0))
+                twin.restore(state)
+        twin.run_until(twin.time_ns + 10**11, lambda: twin.idle)
+        return twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()
+
+    undisturbed = life(None)
+    assert undisturbed[1] == [5, 9000, 0, 0, 0, 0]
+    assert [life(number) for number in (2, 15)] == [undisturbed] * 2
+
+
+def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.toml"
+    file.write_text('[[event]]\nwhen = "a0.4 == 1"\nset.user_0 = "high"\n[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n')
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic", start_mm=(40.0, 40.0, 30.0), scenario=file)
+    twin.query("Q7;0")
+    twin.query("p10;16;4")
+    assert (twin.inputs["user_0"], twin.inputs["user_1"]) == ("high", "low")
+    twin.query("T5;12")
+    assert twin.inputs["user_1"] == "high"
+    assert twin.query("T1;1;1").startswith("I C3"), "E1.0 and E1.1, and both limit switches of X free"

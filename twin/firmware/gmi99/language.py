@@ -6,6 +6,7 @@
     a 0 53 35 01  data of a PLC program: offset, bytes in hexadecimal
     #1, #9 50     short records, with their bytes         10 E0 01 E1 16
     5: #1         to the device with address 5: a drive
+    f5000 | 81h 9 | 81h 0       several at once: only so do moves in a job file join, whose lines wait for each other
 
 Replies read the same way: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are those of a
 card as it comes: address 224, variant E.
@@ -98,7 +99,10 @@ class Gmi99Language:
     # ---- what a host says -------------------------------------------------------------------------------------------
 
     def frame(self, text: str) -> bytes:
-        """One line, one frame."""
+        """One frame, or several between which | stands."""
+        return b"".join(map(self._frame, text.split("|")))
+
+    def _frame(self, text: str) -> bytes:
         line = text.strip()
         address = ADDRESS
         if (match := _ADDRESSED.fullmatch(line)) is not None:
