@@ -129,7 +129,7 @@ def test_it_is_saved_and_restored_in_mid_motion() -> None:
 
 def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
     file = tmp_path / "scenario.toml"
-    file.write_text('[[event]]\nwhen = "a0.4 == 1"\nset.user_0 = "high"\n[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n')
+    file.write_text('[[event]]\nwhen = "output a0.4 == 1"\nset.user_0 = "high"\n[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n')
     twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic", start_mm=(40.0, 40.0, 30.0), scenario=file)
     twin.query("Q7;0")
     twin.query("p10;16;4")
