@@ -8,6 +8,7 @@ import pytest
 from conformance.gmi99_desk import command, long
 
 from isel_twin import Twin
+from isel_twin.envs import Settings, Setup, run_job
 
 STATUS = bytes.fromhex("10 E0 01 E1 16")
 
@@ -129,7 +130,9 @@ def test_it_is_saved_and_restored_in_mid_motion() -> None:
 
 def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
     file = tmp_path / "scenario.toml"
-    file.write_text('[[event]]\nwhen = "output a0.4 == 1"\nset.user_0 = "high"\n[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n')
+    output = '[[event]]\nwhen = "output a0.4 == 1"\nset.user_0 = "high"\n'
+    telegram = '[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n'
+    file.write_text(output + telegram)
     twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic", start_mm=(40.0, 40.0, 30.0), scenario=file)
     twin.query("Q7;0")
     twin.query("p10;16;4")
@@ -137,3 +140,12 @@ def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
     twin.query("T5;12")
     assert twin.inputs["user_1"] == "high"
     assert twin.query("T1;1;1").startswith("I C3"), "E1.0 and E1.1, and both limit switches of X free"
+
+
+def test_a_job_is_tuned_on_it() -> None:
+    """5 mm at 20000 Hz and 500 Hz/ms, 1 um an increment, and as long again for Y: 0.25 s and 0.04 s each."""
+    setup = Setup(job=[(5.0, 0.0, 0.0), (5.0, 5.0, 0.0)], machine="4030-servo", controller="gmi99", tolerance_mm=0.05)
+    row = run_job(setup, Settings(20_000, 500, 300))
+    assert row.good
+    assert row.moves == 2
+    assert row.time_s == pytest.approx(0.58, abs=0.02)

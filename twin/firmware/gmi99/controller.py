@@ -57,7 +57,7 @@ class Gmi99:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        return self._card.counts_now
+        return self._card.counts
 
     @property
     def run(self) -> SetPointRun | None:

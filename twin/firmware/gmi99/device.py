@@ -44,11 +44,12 @@ class Card:
         self.now_ns = 0
         self.power_on_ns = 0
         self.events: list[Event] = []
+        self._moving = False
         self.fault = False
-        self.counts = (0,) * SLOTS
-        """Counters when the motion in execution began; see `position`."""
+        self._made = (0,) * SLOTS
+        """Counters when the motion in execution began."""
         self._apart = (0,) * SLOTS
-        """How far T0 is from them: motions that left no set point (N17)."""
+        """How far T0 is from the counters: motions that left no set point (N17)."""
         self.override_given: int | None = None
         """Percent of `o2`."""
         self.override_external: int | None = None
@@ -157,28 +158,28 @@ class Card:
     @property
     def position(self) -> tuple[int, ...]:
         """Set positions, as T0 gives them."""
-        made = self.counts_now
+        made = self.counts
         ghost = self.path.run
         if ghost is not None and self.path.ghost:
             made = _sum(made, ghost.displacement(self.now_ns))
         return _sum(made, self._apart)
 
     @property
-    def counts_now(self) -> tuple[int, ...]:
+    def counts(self) -> tuple[int, ...]:
         """Counters: the sum of the set points that have left the card."""
         run = self.drives.run or (None if self.path.ghost else self.path.run)
-        return self.counts if run is None else _sum(self.counts, run.displacement(self.now_ns))
+        return self._made if run is None else _sum(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
         """A motion has ended that went so far."""
         if ghost:
             self._apart = _sum(self._apart, displacement)
         else:
-            self.counts = _sum(self.counts, displacement)
+            self._made = _sum(self._made, displacement)
 
     def set_counter(self, axis: int, value: int) -> None:
         """The counter of an axis becomes a value; nothing moves."""
-        self.counts = (*self.counts[:axis], value, *self.counts[axis + 1 :])
+        self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))
 
@@ -257,7 +258,10 @@ class Card:
         return self.reduced | (not self.drives.enabled) << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
-        """Flags of the firmware show what is."""
+        """Flags of the firmware, and the output that tells of motion, show what is."""
+        if self.moving != self._moving:
+            self._moving = self.moving
+            self.output("moving", int(self._moving))
         set_flag = self.images.set_flag
         set_flag(places.INDEXER_RUNS, self.path.run is not None)
         set_flag(places.NO_ESTOP, not self.drives.estop)
