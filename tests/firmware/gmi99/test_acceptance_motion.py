@@ -12,6 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motion.joined_forms import Law, Part, displacement, law
+from mpmath import mpf
 from numpy.typing import NDArray
 
 from isel_twin import Twin
@@ -431,3 +435,71 @@ def test_g_44_and_45_zero_points() -> None:
     host.accept("68 05 05 68 E0 47 35 00 00 5C 16", TO_0)
     host.settle()
     assert host.position() == 0
+
+
+# ---- moves that arrive at any time ----------------------------------------------------------------------------------
+
+
+def frame(code: int, value: int) -> str:
+    """A long record with one parameter."""
+    body = bytes([0xE0, code]) + (value & 0xFFFFFF).to_bytes(3, "little")
+    return (b"\x68\x05\x05\x68" + body + bytes([sum(body) % 256, 0x16])).hex(" ")
+
+
+def along(axis: int, way: int, feed: int, before: tuple[int, int] | None) -> Part:
+    """A move of one axis, 12 ms at least; FS90 = 600 Hz at a right angle, 300 Hz back, where the change is twice the
+    velocity; straight on without limit."""
+    entry = math.inf
+    if before is not None and before[0] != axis:
+        entry = 600.0
+    elif before is not None and before[1] * way < 0:
+        entry = 300.0
+    n = (float(way), 0.0) if axis == 0 else (0.0, float(way))
+    return Part(n, abs(way), min(feed, abs(way) / 0.012), 50_000, entry)
+
+
+arrivals = st.lists(
+    st.tuples(
+        st.integers(0, 600),
+        st.sampled_from([0, 1]),
+        st.integers(-6000, 6000).filter(bool),
+        st.integers(2000, 20_000),
+    ),
+    min_size=1,
+    max_size=7,
+)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(arrivals)
+def test_moves_that_arrive_in_motion_equal_the_closed_form(moves: list[tuple[int, int, int, int]]) -> None:
+    """Relative moves, each so many ms after the one before, in force at the next time of the grid: from the momentary
+    speed, or from standstill if all before have been made."""
+    host = Host(G91, FS0_1000, "68 08 08 68 E0 4E 58 02 00 10 00 00 98 16")
+    parts: list[Part] = []
+    form: Law | None = None
+    ms, before = 0, None
+    for delay, axis, way, feed in moves:
+        ms += delay
+        host.at(ms)
+        host.accept(frame(0x66, feed), frame(0x81 if axis == 0 else 0x82, way))
+        t = mpf(math.ceil(ms / 4)) * 4 / 1000
+        standing = form is None or t >= form.end - mpf(10) ** -9
+        parts.append(along(axis, way, feed, None if standing else before))
+        before = axis, way
+        if form is None or standing:
+            new = law(parts[-1:], t=t, first=len(parts) - 1)
+            form = new if form is None else form.until(t, new)
+        else:
+            number, place, speed = form.at(t)
+            form = form.until(t, law(parts[number:], t=t, v=speed, s=place, first=number))
+    t0_ns = host.t0_ns
+    host.settle()
+    assert form is not None
+    steps = host.twin.steps
+    at = np.cumsum(steps.delta[:, :2].astype(np.int64), axis=0)
+    assert steps.t_ns[-1] - t0_ns == pytest.approx(float(form.end) * 1e9, abs=TICK_NS)
+    for k in {*range(0, len(at), max(len(at) // 40, 1)), len(at) - 1}:
+        exact = displacement(parts, form, mpf(int(steps.t_ns[k]) - t0_ns) / 10**9)
+        assert np.abs(at[k] - np.array(exact, dtype=float)).max() <= 0.51
+    assert tuple(at[-1]) == tuple(int(sum(n)) for n in zip(*(part.way for part in parts), strict=True))
