@@ -149,3 +149,34 @@ def test_a_job_is_tuned_on_it() -> None:
     assert row.good
     assert row.moves == 2
     assert row.time_s == pytest.approx(0.58, abs=0.02)
+
+
+def test_the_safety_program_is_there() -> None:
+    """An open hood in motion: the relay takes the power, the PLC sets the stop flag and tells the host, once."""
+    twin = referenced(10_000, 50)
+    assert ask(twin, command("T", 3, 4)) == long(b"\x00")
+    twin.write(twin.language.frame("81h 50000"))
+    twin.run(1.0)
+    twin.set_input("hood", "forced")
+    twin.run(0.008)
+    assert int(ask(twin, command("T", 1, 3, 0)).split()[6], 16) & 1, "M0.0"
+    assert [twin.query("#1"), twin.query("#1")] == ["#42 02", "#40"]
+    twin.set_input("hood", "closed")
+    assert twin.query("Q7;1") == "E5"
+    twin.write(twin.language.frame("81h 5000"))
+    twin.run(1.0)
+    assert twin.counts[0] == 0, "the stop flag holds"
+    twin.set_input("start", "down")
+    twin.run(0.1)
+    twin.set_input("start", "up")
+    twin.run(2.0)
+    assert twin.counts[0] == 5000
+
+
+def test_the_safety_program_switches_the_spindle() -> None:
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic")
+    twin.query("Q7;0")
+    assert twin.query("m53") == "E5"
+    assert twin.outputs["a0.0"] == twin.outputs["spindle_runs"] == 1
+    assert twin.query("m55") == "E5"
+    assert twin.outputs["a0.0"] == twin.outputs["spindle_runs"] == 0

@@ -18,7 +18,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from isel_twin.firmware.gmi99 import directly
-from isel_twin.firmware.gmi99.commands import COMMANDS, command_of, parse
+from isel_twin.firmware.gmi99.commands import COMMANDS, PLC_DATA_BYTES, command_of, parse
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction, signed
 from isel_twin.firmware.gmi99.link import (
     ACKNOWLEDGED,
@@ -155,6 +155,11 @@ class Gmi99Language:
     def break_off(self) -> bytes:
         """`#0`."""
         return self.frame("#0")
+
+    def plc_lines(self, image: bytes) -> Sequence[str]:
+        """Lines of a job that stop the PLC, load this image and start it."""
+        parts = ((at, image[at : at + PLC_DATA_BYTES]) for at in range(0, len(image), PLC_DATA_BYTES))
+        return ["p1;2", "p1;100", *(f"a {at} {_hex(part)}" for at, part in parts), "p1;101", "p1;1"]
 
     # ---- what goes over the line ------------------------------------------------------------------------------------
 
