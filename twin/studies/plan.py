@@ -219,6 +219,8 @@ def load_plan(path: str | Path) -> Plan:
     where = place.at("sweep").at("samples")
     if samples is not None and not sampled:
         raise where.wrong("no parameter has a range; allowed: beside one with low and high, without steps")
+    if "sampling" in same and not sampled:
+        raise place.at("sweep").at("sampling").wrong("no parameter has a range; allowed: beside one without steps")
     if samples is None and sampled:
         one = sampled[0]
         raise (
