@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,16 @@ from golden.sessions import FILE, session
 from plugin.card6 import Card6, Card6Language, create
 
 from isel_twin import Twin
+from isel_twin.parameters import Place
 from isel_twin.sampling import TwinSamples
 from isel_twin.state import StateError
 from isel_twin.told import OFTEN
 from isel_twin.trace.recorder import Recorder
+from isel_twin.wiring import event_now
 
 READY = ("@07", "@0R7")
 """Axes and a reference run of an imc-s8."""
+PLACE = Place(Path("test"), ValueError)
 SAGGING = {"supply.enabled": True, "axes.all.stage.ambient": 60.0}
 KEPT = load(FILE)
 
@@ -193,8 +197,12 @@ def closed(name: str, *, flash: bytes | None, settings: Any) -> Closed:
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_a_controller_from_outside(factory: Any, plant: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Six axes, set points, drives that are asked; one can be pickled in mid-motion, one never."""
-    monkeypatch.setattr("isel_twin.twin.create_controller", factory)
-    monkeypatch.setattr("isel_twin.twin.create_language", lambda name: Card6Language())
+    build = partial(factory, "card6")
+    monkeypatch.setattr(
+        "isel_twin.assembly.controller_factory",
+        lambda name: lambda flash, settings: build(flash=flash, settings=settings),
+    )
+    monkeypatch.setattr("isel_twin.assembly.language_factory", lambda name: Card6Language)
     twin, other = (Twin("4030", "card6", plant, seed, start_mm=(100.0, 50.0, 30.0)) for seed in (1, 2))
     twin.query("zero")
     twin.query("move 800 -1600 320 7 0 -9 16000")
@@ -305,6 +313,19 @@ def test_the_life_of_a_controller_stays_short() -> None:
     for _ in range(300):
         twin.query("@0A10,1000,0,1000,0,100,0,100")
     assert len(twin._told._calls) < 2 * OFTEN
-    state, seen = twin.save(), went(twin, 5.0)
+    state, seen = twin.save(), went(twin)
     twin.restore(state)
     assert went(twin) == seen
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_another_twin_is_as_if_it_had_been_built(plant: str) -> None:
+    """Whatever the one it comes from has been through, its model included."""
+    one = referenced(plant)
+    one.carry_out(event_now({"payload_kg": {"table": 9.0}, "friction_n": {"x": 200.0}}, PLACE, one.settable))
+    other, built = one.another(8, (4.0, 5.0, 1.0)), Twin("4030", "imc-s8", plant, 8, start_mm=(4.0, 5.0, 1.0))
+    for twin in (other, built):
+        twin.write(b"@07\r@0R7\r@0A1500,4000,900,3000,0,100,0,100\r")
+    assert went(other) == went(built)
+    assert other.origin.seed == 8
+    assert one.another(1).machine_position_mm.tolist() == Twin("4030", plant=plant, seed=1).machine_position_mm.tolist()

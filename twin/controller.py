@@ -40,6 +40,7 @@ import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from isel_twin.parameters import Limits
@@ -325,13 +326,25 @@ def create_controller(
     Raises UnknownNameError if no installed controller has that name, PluginError if the one that has does not work, and
     ValueError for settings that it does not take.
     """
+    return controller_factory(name)(flash, settings or {})
+
+
+def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
+    """What builds the controller called `name` from a flash image and settings, again and again; it raises, and this
+    does, as `create_controller` does. Looking for it takes ten milliseconds, building one much less."""
     for entry in importlib.metadata.entry_points(group=_GROUP):
         if entry.name == name:
             with plugin_errors("controller", entry):
                 factory: ControllerFactory = entry.load()
-            with plugin_errors("controller", entry, ValueError):
-                return factory(name, flash=flash, settings=settings or {})
+            return partial(_build, entry, factory)
     raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
+
+
+def _build(
+    entry: importlib.metadata.EntryPoint, factory: ControllerFactory, flash: bytes | None, settings: Mapping[str, Any]
+) -> Controller:
+    with plugin_errors("controller", entry, ValueError):
+        return factory(entry.name, flash=flash, settings=settings)
 
 
 def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:

@@ -30,6 +30,9 @@ class Observers(Generic[Seen]):
         self._inputs: Mapping[str, str] = {}
         """As they were then."""
 
+    def __len__(self) -> int:
+        return len(self._all)
+
     def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
         """One more, who looks at once. changes: of the wiring, so far."""
         self._all.append(_Observer(callback, interval_ns, twin.time_ns))
@@ -38,6 +41,8 @@ class Observers(Generic[Seen]):
     @property
     def next_ns(self) -> int | None:
         """When the next look is due by itself."""
+        if not self._all:
+            return None
         return min((one.next_ns for one in self._all if one.next_ns is not None), default=None)
 
     def look(self, twin: Seen, changed: bool, changes: int) -> None:

@@ -78,8 +78,10 @@ class Position:
         if self.before_change is not None:
             self.before_change()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
-        slip = round((told - rotor) / self._period[axis]) * self._period[axis]
-        if not self._closed[axis]:
+        if self._closed[axis]:  # what a drive took for zero when it was switched on; that it lags now is no slip
+            slip = float(self._plant.command[axis] - rotor - self._plant.lag[axis])
+        else:
+            slip = round((told - rotor) / self._period[axis]) * self._period[axis]
             self._forgotten[axis] += abs(slip - self._slip[axis])
         self._slip[axis] = slip
         self._encoder_zero[axis] = value - sense * told

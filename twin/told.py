@@ -31,7 +31,7 @@ OFTEN = 256
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
 
-_ANSWERS = ("encoder", "lag", "on", "fault")
+_ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 """Properties of `Drives`."""
 
 
@@ -86,7 +86,9 @@ class Told:
 
     def advance(self, t_ns: int) -> None:
         """See Controller.advance."""
-        self._note(("advance", t_ns, None))
+        if len(self._calls) >= self._try_at:
+            self._shorten_or_drop()
+        self._calls.append(("advance", t_ns, None))
         self.controller.advance(t_ns)
 
     def save(self) -> Life:
@@ -100,7 +102,7 @@ class Told:
                 )
         return Life(self._life.pickled, self._life.flash, tuple(self._calls))
 
-    def restore(self, life: Life, build: Callable[[bytes | None], Controller], drives: Drives) -> None:
+    def restore(self, life: Life, build: Callable[[bytes | None], Controller] | None, drives: Drives) -> None:
         """Be where the controller was when `save` gave this life: `controller` is another one afterwards.
 
         build: its factory, given a flash image. drives: what it can ask from then on.
@@ -109,6 +111,8 @@ class Told:
         asked = _Asked(None, replies)
         if life.pickled is not None:
             controller = _unpickled(life.pickled, asked)
+        elif build is None:
+            raise StateError("a controller that was handed in cannot be built again")
         else:
             controller = build(life.flash)
             if isinstance(controller, UsesDrives):
@@ -135,13 +139,15 @@ class Told:
         self._try_at = len(self._calls) + OFTEN
 
     def _note(self, call: tuple[str, Any, Any]) -> None:
-        if len(self._calls) >= self._try_at:
-            if call[0] == "advance" and self.controller.idle and self._shorten():
-                self._try_at = len(self._calls) + OFTEN
-            if len(self._calls) >= MOST:
-                self._calls.clear()
-                self._try_at, self._whole = OFTEN, False
         self._calls.append(call)
+
+    def _shorten_or_drop(self) -> None:
+        """Between two calls: begin with a pickle if that can be had, and keep no more than MOST calls."""
+        if self.controller.idle and self._shorten():
+            self._try_at = len(self._calls) + OFTEN
+        if len(self._calls) >= MOST:
+            self._calls.clear()
+            self._try_at, self._whole = OFTEN, False
 
     def _shorten(self) -> str:
         """Begin with a pickle of what the controller is now; if that cannot be, why."""

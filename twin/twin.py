@@ -22,6 +22,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
@@ -29,31 +30,27 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.assembly import PLANTS, build_plant, power_on_mm
+from isel_twin.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
-    NamesOutputs,
     Output,
-    PluginError,
     Remark,
     Reply,
     SerialFormat,
-    UnknownNameError,
     UsesDrives,
-    create_controller,
 )
 from isel_twin.journal import Note, Origin, Received, cut_content, push_content
-from isel_twin.language import Language, create_language, needed
-from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
+from isel_twin.language import Language, needed
+from isel_twin.machine import Machine, load_machine
 from isel_twin.motion import Steps, Stream
 from isel_twin.observers import Observers
 from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.position import Position
 from isel_twin.sampling import Sampler, TwinSamples
-from isel_twin.state import Kind, TwinState, pack, unpack
+from isel_twin.state import Kind, StateError, TwinState, pack, unpack
 from isel_twin.told import Told
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.unpowered import Unpowered
@@ -64,9 +61,6 @@ from isel_twin.wiring import (
     SerialLine,
     Wiring,
     check_input,
-    load_scenario,
-    outputs,
-    settable,
     thresholds,
 )
 
@@ -134,38 +128,40 @@ class Twin:
         if plant not in PLANTS:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
-        wanted = overrides or {}
-        settings = with_overrides(as_built, wanted).controller
-        self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
-        self._settings = settings if isinstance(controller, str) else None
-        """Of another controller like this one; None: it was handed in, and there is no other."""
-        try:
-            self._controller: Controller = (
-                create_controller(controller, flash=flash, settings=self._settings)
-                if isinstance(controller, str)
-                else controller
-            )
-        except (PluginError, UnknownNameError):
-            raise
-        except ValueError as error:
-            raise MachineError(f"{as_built.file}: [controller]: {error}") from None
-        self.language: Language | None = create_language(controller) if isinstance(controller, str) else None
-        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
-        # The controller's own wishes come first: whoever builds the twin has the last word.
-        self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
-        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
+        wanted = dict(overrides or {})
+        name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        file = None if scenario is None else Path(scenario)
+        start = None if start_mm is None else tuple(start_mm)
+        origin = Origin(as_built, name, plant, seed, flash, file, line_speed, wanted, start)
+        plans, first = draw_up(origin, None if isinstance(controller, str) else controller)
+        self._switch_on(origin, plans, first, keep_motions)
+        if not self.physics and (idle := sum(event.physical for event in plans.events)):
+            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
 
-        self.origin = Origin(
-            as_built,
-            self.controller_name,
-            plant,
-            seed,
-            flash,
-            None if scenario is None else Path(scenario),
-            line_speed,
-            dict(wanted),
-            None if start_mm is None else tuple(start_mm),
-        )
+    def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
+        """A new twin, switched on: as `Twin` with the arguments of this one, but for seed and start_mm. Nothing is read
+        or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
+        if self._plans.new_controller is None:
+            raise StateError("there is no other controller like the one that was handed in: build one for another twin")
+        twin = Twin.__new__(Twin)
+        origin = replace(self.origin, seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
+        model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
+        twin._switch_on(origin, self._plans, self._plans.new_controller(origin.flash), self._stream.keep, model)
+        return twin
+
+    def _switch_on(
+        self, origin: Origin, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
+    ) -> None:
+        self._plans = plans
+        self._controller = controller
+        self.controller_name = origin.controller
+        self.language: Language | None = None if plans.new_language is None else plans.new_language()
+        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
+        self.machine = plans.machine
+        flash, plant, line_speed = origin.flash, origin.plant, origin.line_speed
+        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
+        self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
         self.flash = flash
@@ -176,20 +172,15 @@ class Twin:
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
-        schedule = self._read_scenario(scenario)
-        start_at_mm = power_on_mm(self.machine, start, start_mm)
+        schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
+        start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
         watched = thresholds(self.machine, drive_inputs, schedule)
-        self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes)
+        self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes, model)
         self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
             self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces, schedule
         )
-        events = schedule.events
-        if not self._plant.physics and (idle := sum(event.physical for event in events)):
-            what = f"{idle} of {len(events)} events push, cut, load or break what is not there"
-            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
-        self._events = events
         self._restarts = 0
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
@@ -206,7 +197,7 @@ class Twin:
         self._untold = False
         """The plant has moved on since the twin last settled."""
 
-        self._told = Told(self._controller, flash, rebuilt=self._settings is not None)
+        self._told = Told(self._controller, flash, rebuilt=plans.new_controller is not None)
         self._told.use_drives(self._position)
         self._levels = self._wiring.levels
         self._told.power_on(0, self._levels)
@@ -349,6 +340,23 @@ class Twin:
     def lost_steps(self) -> NDArray[np.float64]:
         """float64 [axes], counter minus rotor position in steps since each counter was set; meaningful at rest."""
         return self._position.lost_steps
+
+    @property
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """bool [axes], which axes have servo drives: they lose no steps, but lag."""
+        return self._plant.closed_loop
+
+    @property
+    def following_error(self) -> NDArray[np.float64]:
+        """float64 [axes], command minus encoder of servo drives in increments, in the sense of the counters; 0 for axes
+        without one."""
+        return np.where(self._plant.closed_loop, self._position.lag, 0.0)
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never):
+        `following error exceeded`, for example."""
+        return self._plant.drive_faults
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -551,6 +559,11 @@ class Twin:
 
     # Another twin, or another time
 
+    @property
+    def followed(self) -> bool:
+        """Somebody observes, samples, listens or keeps the flash: `restore` would be noticed."""
+        return bool(self._observers or self._notes or self._sampler or self.on_flash)
+
     def save(self) -> TwinState:
         """All that decides what the twin will do, at this instant, in mid-motion too; see isel_twin.state.
 
@@ -582,7 +595,7 @@ class Twin:
         self._note("restored", state.time_ns)
         if self._sampler is not None:
             self._sampler.hand_on()
-        self._told.restore(state.life, self._new_controller, self._position)
+        self._told.restore(state.life, self._plans.new_controller, self._position)
         self._controller = self._told.controller
         self._sources = (self._controller, self._line, self._wiring)
         for name, value in unpack(state.parts, self._parts, self._known).items():
@@ -599,7 +612,7 @@ class Twin:
 
     @cached_property
     def _kind(self) -> Kind:
-        return Kind.of(self.controller_name, self.machine, self.origin.plant, len(self.counts), self._events)
+        return Kind.of(self.controller_name, self.machine, self.origin.plant, len(self.counts), self._plans.events)
 
     @property
     def _parts(self) -> dict[str, object]:
@@ -619,7 +632,7 @@ class Twin:
             "contacts": machine.contacts,
             "switches": machine.switches,
             "heated": tuple(axis.stage for axis in machine.axes),
-            "events": self._events,
+            "events": self._plans.events,
         }
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
@@ -685,8 +698,9 @@ class Twin:
             if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
-                changes = self._wiring.changes
-                self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
+                if self._observers:
+                    changes = self._wiring.changes
+                    self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
@@ -699,13 +713,13 @@ class Twin:
         if self._restarts == self._wiring.restarts:
             return False
         self._restarts = self._wiring.restarts
-        if self._settings is None:
+        if self._plans.new_controller is None:
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
         self._wiring.outputs_lost()
         controller: Controller = Unpowered(self._controller)
         if self._wiring.mains:
-            controller = self._new_controller(self.flash)
+            controller = self._plans.new_controller(self.flash)
         self._controller = controller
         self._sources = (controller, self._line, self._wiring)
         self._told = Told(controller, self.flash, rebuilt=self._wiring.mains)
@@ -717,20 +731,6 @@ class Twin:
             self._note("counter", CounterSet(axis, int(value)))
         self._take_events()
         return True
-
-    def _new_controller(self, flash: bytes | None) -> Controller:
-        assert self._settings is not None
-        return create_controller(self.controller_name, flash=flash, settings=self._settings)
-
-    def _read_scenario(self, scenario: str | Path | None) -> Schedule:
-        """The events of a file, none if there is none."""
-        if scenario is None:
-            return Schedule()
-        machine, controller = self.machine, self._controller
-        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
-        switches = [switch.name for switch in machine.switches]
-        events = load_scenario(scenario, settable(machine), switches, (*outputs(machine), *own))
-        return Schedule(events, create_language(self.controller_name) if self._settings is not None else None)
 
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import hashlib
 import math
 import multiprocessing
 import pickle
+import sys
+import types
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -319,6 +323,56 @@ def test_a_picture_shows_path_and_machine_or_one_line_says_what_is_missing() -> 
     assert image.shape == (480, 640, 3)
     red = (image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] < 60)
     assert 100 < red.sum() < 0.2 * red.size, "the path"
+
+
+class Viewer:
+    """Stands for MuJoCo's window."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, **_: object) -> None:
+        self.data, self.shown, self.closed = data, [], False
+        self.user_scn = mujoco.MjvScene(model, 1000)
+
+    def lock(self) -> contextlib.AbstractContextManager[None]:
+        """Nobody else looks."""
+        return contextlib.nullcontext()
+
+    def sync(self) -> None:
+        """Keep what is shown: pieces of the path, place of X."""
+        self.shown.append((self.user_scn.ngeom, float(self.data.joint("x").qpos[0])))
+
+    def close(self) -> None:
+        """The end."""
+        self.closed = True
+
+
+def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":0")
+    windows: list[Viewer] = []
+    stand_in = types.ModuleType("mujoco.viewer")
+    stand_in.launch_passive = lambda *a, **k: windows.append(Viewer(*a, **k)) or windows[-1]  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "mujoco.viewer", stand_in)
+    monkeypatch.setattr(mujoco, "viewer", stand_in, raising=False)
+    env = make(render_mode="human", path=[(0, 0), (2, 0)])
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(at_speed(20.0))
+    env.close()
+    (window,) = windows
+    pieces, places = zip(*window.shown, strict=True)
+    assert set(pieces) == {20}, "2 mm in pieces of 0.1 mm"
+    assert places[-1] - places[0] == pytest.approx(19 * 0.002 * 0.02, rel=0.1)
+    assert window.closed
+
+
+def test_a_random_path_does_not_move_the_machine() -> None:
+    """So nothing has to be settled anew for it; one that has no room in the middle does."""
+    env = make(path="random")
+    env.reset(seed=0)
+    plant = env._plant
+    env.reset(seed=1)
+    assert env._plant is plant
+    env.reset(options={"path": [(0, 0), (300, 0)]})
+    assert env._plant is not plant
 
 
 def test_a_window_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from isel_twin.envs import Setup
 
-FILE = Path(__file__).parents[2] / "examples" / "random_against_optuna.py"
+FILE = Path(__file__).parents[2] / "docs" / "examples" / "random_against_optuna.py"
 
 
 def test_both_searches_get_better_and_the_table_says_so(

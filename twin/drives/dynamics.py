@@ -163,9 +163,15 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
     Finite arguments give finite results. With phases OPEN it never adds energy: detent and nut spring store it,
     friction and iron take it.
     """
-    half_dt = 0.5 * p.dt_s
+    torque, drag, steady = stepper_torque(p, s, command, phases, current_fraction, load_torque_nm)
+    return turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady)
+
+
+@njit(error_model="numpy", forceinline=True)
+def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
+    """The motor's part of `step_axis`, as `turn` takes it: torque, drag, steady."""
     omega = s.omega_rad_s
-    theta = s.theta_rad + half_dt * omega
+    theta = s.theta_rad + 0.5 * p.dt_s * omega
     angle = p.pole_pairs * theta + p.phase_offset_rad
     sine, cosine = sine_and_cosine(angle)
 
@@ -215,7 +221,7 @@ def step_axis(p, s, command, phases, current_fraction, nut_position_m, nut_veloc
 
     knee = p.iron_knee_s_per_rad * omega
     drag = p.drag_nm_s_per_rad + p.iron_nm_s_per_rad / (1.0 + knee * knee)
-    return turn(p, s, theta, omega, torque, drag, nut_position_m, nut_velocity_m_s, steady)
+    return torque, drag, steady
 
 
 @njit(error_model="numpy")

@@ -27,6 +27,7 @@ At rest with e = 0 nothing changes any more, and time may be skipped; `cool` the
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ LAG_FAULT = 1
 """`fault`: the following error has passed its limit."""
 VOLTAGE_FAULT = 2
 """`fault`: the common supply had too little voltage while the drive was on."""
+CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
+"""The same for people."""
 
 
 def servo_parameters(motor: ServoMotor, drive: ServoDrive, screw: Screw, dt_s: float) -> NDArray[np.void]:
@@ -93,12 +96,28 @@ def _off(s):
 
 
 @njit(error_model="numpy")
+def fail(s, cause):
+    """Switch the drive off until the fault is forgotten."""
+    s.fault = cause
+    s.cause = cause
+    s.faults += 1
+    _off(s)
+
+
+@njit(error_model="numpy")
 def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velocity_m_s, load_torque_nm):
     """Advance one servo drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
     Arguments as in `step_axis`; command in increments, phases OPEN or anything else; current_fraction means nothing.
     Finite arguments give finite results. With phases OPEN, or a fault, it never adds energy.
     """
+    torque, drag, steady = servo_torque(p, s, command, phases)
+    return turn(p, s, torque - load_torque_nm, drag, nut_position_m, nut_velocity_m_s, steady)
+
+
+@njit(error_model="numpy", forceinline=True)
+def servo_torque(p, s, command, phases):
+    """The motor's part of `step_servo`, as `turn` takes it: torque, drag, steady."""
     omega = s.omega_rad_s
     encoder = math.floor(s.theta_rad * p.increments_per_rad)
     steady = True
@@ -119,8 +138,7 @@ def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velo
         error = command - s.shift - encoder
         s.error = error
         if abs(error) > p.lag_limit:
-            s.fault = LAG_FAULT
-            _off(s)
+            fail(s, LAG_FAULT)
         else:
             s.arrived = min(s.arrived + 1, p.window_substeps) if abs(error) <= p.window else 0
             if sample:
@@ -159,9 +177,7 @@ def step_servo(p, s, command, phases, current_fraction, nut_position_m, nut_velo
         s.overloaded = 0
     steady = steady and s.overloaded == 0
     s.torque_nm = p.torque_constant_nm_per_a * mean_a
-    theta = s.theta_rad + 0.5 * p.dt_s * omega
-    torque = s.torque_nm - load_torque_nm
-    return turn(p, s, theta, omega, torque, p.drag_nm_s_per_rad, nut_position_m, nut_velocity_m_s, steady)
+    return s.torque_nm, p.drag_nm_s_per_rad, steady
 
 
 @njit(error_model="numpy")

@@ -107,6 +107,8 @@ AXIS_STATE = np.dtype(
         # of servo drives; the current of the motor is current_a_a
         ("on", "i8"),  # 1: the loops are closed
         ("fault", "i8"),  # 0, LAG_FAULT, VOLTAGE_FAULT: latched, the motor is without current
+        ("cause", "i8"),  # the last fault there was, forgotten or not
+        ("faults", "i8"),  # how often it has had one
         ("due", "i8"),  # sub-steps to the next sample of the loops
         ("shift", "f8"),  # command less encoder as the drive was switched on: it stays where it stands
         ("error", "f8"),  # following error at the start of the last sub-step, increments
@@ -160,17 +162,18 @@ def axis_states(n: int) -> NDArray[np.void]:
     return states
 
 
-@njit(error_model="numpy")
-def turn(p, s, theta, omega, torque, drag, nut_position_m, nut_velocity_m_s, steady):
-    """The second half of a sub-step: let a torque turn the shaft; return the force on the nut in N (its mean).
+@njit(error_model="numpy", forceinline=True)
+def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
+    """Let a torque turn the shaft through one sub-step; return the force on the nut in N (its mean).
 
     p, s                  records of AXIS_PARAMETERS and AXIS_STATE; s is changed in place
-    theta, omega          angle after half the sub-step, speed before it
     torque, drag          of motor and load in N m, and what is linear in the speed in N m s/rad, without the nut
     nut_position_m, nut_velocity_m_s   see `step_axis`
     steady                whether nothing else in the drive has changed in this sub-step
     """
     half_dt = 0.5 * p.dt_s
+    omega = s.omega_rad_s
+    theta = s.theta_rad + half_dt * omega
 
     # Nut: spring and damper outside the backlash; a nut with play can be pushed but not pulled back.
     damping = 0.0

@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.motion.look_ahead import (
     DT,
+    FAULTS,
     LENGTH,
     LIMIT,
     S0,
@@ -52,6 +53,7 @@ from isel_twin.motion.look_ahead import (
     V1,
     T,
     brake,
+    faults,
     lay,
     places,
     positions,
@@ -65,11 +67,6 @@ __all__ = ["Curve", "Joined", "Pieces", "chain", "joined", "piece"]
 
 BLOCK = 512
 """Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
-
-FRACTIONS = 65536.0
-"""Displacements are whole multiples of one part in so many of an increment, so that sums of them are exact."""
-
-LARGEST = 2.0**31
 
 GRID_NOISE = 1e-6
 """Periods by which an end may miss a tick and fall on it: some nanoseconds, in which nothing moves at an end."""
@@ -110,17 +107,9 @@ class Pieces:
         columns = self.length, self.speed, self.limit, self.acceleration, self.entry
         if any(column.shape != (len(self.displacement),) for column in columns):
             raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
-        parts = self.displacement * FRACTIONS
-        if not (np.all(np.abs(self.displacement) < LARGEST) and np.all(parts == np.rint(parts))):
-            raise ValueError("displacements must be whole multiples of 2^-16 increments below 2^31")
-        if not (np.all(self.length > 0) and np.all(self.length < math.inf)):
-            raise ValueError("lengths of pieces must be positive")
-        if not (np.all(self.speed > 0) and np.all(self.limit > 0) and np.all(self.entry >= 0)):
-            raise ValueError("speeds and limits of pieces must be positive, entry speeds at least 0")
-        if not np.all(np.minimum(self.speed, self.limit) < math.inf):
-            raise ValueError("a piece needs a speed or a limit")
-        if not (np.all(self.acceleration > 0) and np.all(self.acceleration < math.inf)):
-            raise ValueError("accelerations of pieces must be positive")
+        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in (self.displacement, *columns)))
+        if fault:
+            raise ValueError(FAULTS[fault])
 
     @property
     def axes(self) -> int:
@@ -330,7 +319,7 @@ class Joined:
         if same and not drop and not self.held and append is not None:
             tail = self._blocks[-1]
             row = int(tail.piece.searchsorted(tail.settled))
-            if row and (number < len(self._blocks) - 1 or state.row < row):
+            if row < len(tail.phases) and (number < len(self._blocks) - 1 or state.row < row):
                 grown, at = tail.with_pieces(append), tail.phases[row]
                 law = new._lay(grown, tail.settled, float(at[T]), float(at[S0]), float(at[V0]))
                 return new._with(self._blocks[:-1], grown.with_phases(row, tail.settled, law), k)
@@ -350,8 +339,9 @@ class Joined:
             tail = tail.with_phases(row, piece, law)
         return new._with(before, tail, k)
 
-    def remainder(self, identity: object = 0) -> Joined:
-        """What is left of a plan that is held, from where it stands (its last tick), as a motion of its own, not held.
+    def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
+        """What is left of a plan that is held, from where it stands (its last tick), as a motion of its own that is not
+        told to hold; with another scale if one is given.
 
         For a controller that ends the motion when it stands and begins another one when it goes on. Set points fall on
         the same whole numbers: they are rounded from where the pieces began.
@@ -372,7 +362,7 @@ class Joined:
             settled=0,
         )
         standing = replace(self, identity=identity, hold=True, dropped=False, ticks=0, _blocks=(rest,))
-        return standing.replanned(0, hold=False)
+        return standing.replanned(0, hold=False, scale=scale)
 
     # ---- places ----------------------------------------------------------------------------------------------------
 
@@ -530,7 +520,7 @@ class Joined:
     def _now(self, block: _Block, state: _State) -> tuple[int, int, float]:
         """Number of phases that have begun before the present, and where a new one begins."""
         row = int(block.phases[:, T].searchsorted(state.t_s))
-        if 0 <= state.row < len(block.phases) and state.s >= block.table[state.piece, LENGTH]:
+        if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
             return row, state.piece + 1, 0.0
         return row, state.piece, state.s
 

@@ -22,6 +22,8 @@ __all__ = [
     "ACCELERATION",
     "DT",
     "ENTRY",
+    "FAULTS",
+    "FRACTIONS",
     "LENGTH",
     "LIMIT",
     "S0",
@@ -31,6 +33,7 @@ __all__ = [
     "V1",
     "T",
     "brake",
+    "faults",
     "lay",
     "places",
     "positions",
@@ -43,11 +46,45 @@ LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)
 T, DT, S0, S1, V0, V1 = range(6)
 """Columns of phases."""
 
+FRACTIONS = 65536.0
+"""Displacements are whole multiples of one part in so many of an increment, so that sums of them are exact."""
+
+LARGEST = 2.0**31
+
+FAULTS = (
+    "",
+    "displacements must be whole multiples of 2^-16 increments below 2^31",
+    "lengths of pieces must be positive",
+    "speeds and limits of pieces must be positive, entry speeds at least 0",
+    "a piece needs a speed or a limit",
+    "accelerations of pieces must be positive",
+)
+"""What `faults` says."""
+
 NOISE = 1e-11
 """Part of v^2 that is rounding: a chain may miss a joint by so much and be said to keep it."""
 
 PLACE_NOISE = 1e-12
 """The same of places on a piece."""
+
+
+@njit(nogil=True, error_model="numpy")
+def faults(displacement, length, speed, limit, acceleration, entry):
+    """What is wrong with pieces: the number of the first of FAULTS found, 0 for none."""
+    for j in range(length.size):
+        for axis in range(displacement.shape[1]):
+            parts = displacement[j, axis] * FRACTIONS
+            if not (abs(displacement[j, axis]) < LARGEST and parts == np.rint(parts)):
+                return 1
+        if not 0.0 < length[j] < np.inf:
+            return 2
+        if not (speed[j] > 0.0 and limit[j] > 0.0 and entry[j] >= 0.0):
+            return 3
+        if not min(speed[j], limit[j]) < np.inf:
+            return 4
+        if not 0.0 < acceleration[j] < np.inf:
+            return 5
+    return 0
 
 
 @njit(nogil=True, error_model="numpy")
@@ -217,12 +254,14 @@ def positions(k, period_s, phases, piece, sine, length, corner, out):
         while row < last and phases[row + 1, T] <= t:
             row += 1
         if row < 0:
-            j, part = 0, 0.0
+            j, place = 0, 0.0
         else:
             j = piece[row]
-            part = _place(t - phases[row, T], phases, row, sine) / length[j]
+            place = _place(t - phases[row, T], phases, row, sine)
         for axis in range(out.shape[1]):
             begin = corner[j, axis]
             whole = np.rint(begin)
             way = corner[j + 1, axis] - begin if row >= 0 else 0.0
-            out[i, axis] = np.int64(whole) + np.int64(np.rint(begin - whole + way * part))
+            out[i, axis] = np.int64(whole) + np.int64(
+                np.rint(begin - whole + (way * place / length[j] if row >= 0 else 0.0))
+            )

@@ -46,6 +46,11 @@ class Steps:
             self.append(motion)
 
     @property
+    def keep(self) -> int | None:
+        """Number of motions that are kept, None for all."""
+        return self._motions.maxlen
+
+    @property
     def motions(self) -> tuple[Motion, ...]:
         """The motions, in the order of time."""
         return tuple(self._motions)

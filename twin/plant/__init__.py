@@ -200,6 +200,11 @@ class Plant(Protocol):
         """bool [axes], which axes have servo drives: they lose no steps."""
 
     @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never);
+        what has been forgotten counts, too."""
+
+    @property
     def overloaded(self) -> NDArray[np.bool_]:
         """bool [axes], which servo drives let no more than the rated current flow, by their I2t."""
 

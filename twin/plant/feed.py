@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import OPEN
-from isel_twin.drives.servo import VOLTAGE_FAULT
+from isel_twin.drives.servo import VOLTAGE_FAULT, fail
 from isel_twin.drives.shaft import SERVO
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
@@ -107,4 +107,4 @@ def feed(supply, axes, drives, states):
         drives[i].return_v = supply.voltage_v
         axes[i].fault = 1 if supply.gate == OPEN else 0
         if supply.gate == OPEN and drives[i].kind == SERVO and states[i].on != 0 and states[i].fault == 0:
-            states[i].fault = VOLTAGE_FAULT
+            fail(states[i], VOLTAGE_FAULT)

@@ -43,9 +43,9 @@ from numba.extending import intrinsic
 import isel_twin.plant
 from isel_twin.compiling import njit
 from isel_twin.drives import dynamics, servo, shaft, trigonometry
-from isel_twin.drives.dynamics import OPEN, step_axis
-from isel_twin.drives.servo import cool, step_servo
-from isel_twin.drives.shaft import SERVO, at_rest
+from isel_twin.drives.dynamics import OPEN, stepper_torque
+from isel_twin.drives.servo import cool, servo_torque
+from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead, teeth, thread
@@ -368,12 +368,13 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
             before_rad_s = states[i].omega_rad_s
             phases = axis.phases & supply.gate
-            nut_m = x_mid_m - axis.zero_m
             if drives[i].kind == SERVO:
-                force_n = step_servo(drives[i], states[i], axis.command, phases, axis.fraction, nut_m, axis.v_m_s, 0.0)
+                torque_nm, drag, steady = servo_torque(drives[i], states[i], axis.command, phases)
             else:
-                force_n = step_axis(drives[i], states[i], axis.command, phases, axis.fraction, nut_m, axis.v_m_s, 0.0)
-            force_n = axis.push_n + force_n
+                torque_nm, drag, steady = stepper_torque(drives[i], states[i], axis.command, phases, axis.fraction, 0.0)
+            force_n = axis.push_n + turn(
+                drives[i], states[i], torque_nm, drag, x_mid_m - axis.zero_m, axis.v_m_s, steady
+            )
             if supply.on:
                 work_w = 0.5 * (before_rad_s + states[i].omega_rad_s) * states[i].torque_nm
                 a_a, b_a = states[i].current_a_a, states[i].current_b_a

@@ -316,6 +316,11 @@ class KinematicPlant:
         return self._closed.copy()
 
     @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """None."""
+        return ((0, ""),) * self._count
+
+    @property
     def overloaded(self) -> NDArray[np.bool_]:
         """None."""
         return np.zeros(self._count, dtype=np.bool_)

@@ -8,6 +8,7 @@ Nut and carriage start in balance: an axis that gravity pulls hangs on the flank
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import itertools
 import math
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, stored_energy_j
 from isel_twin.drives.motor import Motor
-from isel_twin.drives.servo import cool, forget, servo_parameters
+from isel_twin.drives.servo import CAUSES, cool, forget, servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import AnyStage, Stage
@@ -266,14 +267,19 @@ class MujocoPlant:
             self._plant["held"] = 0
             self._aim_samples(phase)
 
+    def model_as_built(self) -> mujoco.MjModel:
+        """A copy of the model as it was before anything was changed in it: for another plant of this machine."""
+        model = copy.copy(self.model)
+        for name, array in (self._as_built or {}).items():
+            getattr(model, name)[...] = array
+        return model
+
     def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
         """Let the model be as saved; None: as it was built."""
         if arrays is not None:
             self._keep_as_built()
         for name, saved in (arrays or self._as_built or {}).items():
-            owner, _, field = name.rpartition(".")
-            array = getattr(getattr(self.model, owner) if owner else self.model, field)
-            array[...] = saved
+            getattr(self.model, name)[...] = saved
 
     def _keep_as_built(self) -> None:
         """The model is about to be changed."""
@@ -535,6 +541,12 @@ class MujocoPlant:
     def closed_loop(self) -> NDArray[np.bool_]:
         """See Plant.closed_loop."""
         return np.append(self._closed, [False] * self._count)[: self._count]
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """See Plant.drive_faults."""
+        faults = zip(self._states["faults"].tolist(), self._states["cause"].tolist(), strict=True)
+        return (*((number, CAUSES[cause]) for number, cause in faults), *[(0, "")] * self._count)[: self._count]
 
     @property
     def overloaded(self) -> NDArray[np.bool_]:

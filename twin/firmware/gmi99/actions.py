@@ -91,6 +91,8 @@ def override(card: Card, instruction: Instruction) -> None:
         card.override_given = within("P2", instruction.p2, *INACTIVE_OVERRIDE)
         card.set(override=1)
     else:
+        if instruction.p1 == 1:
+            card.override_given = None  # the potentiometer, or what comes from outside, acts again
         card.set(override=instruction.p1)
     card.path.speeds_changed()
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, Move, Rules, straight
-from isel_twin.motion.joined import FRACTIONS
+from isel_twin.motion.look_ahead import FRACTIONS
 
 __all__ = ["chords", "circle", "fastest_hz"]
 

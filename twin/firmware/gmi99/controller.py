@@ -15,7 +15,7 @@ from isel_twin.controller import DriveInput, Drives, Event, Reply, SerialFormat
 from isel_twin.firmware.gmi99 import images, link, queries
 from isel_twin.firmware.gmi99.commands import Kind, command_of, parse
 from isel_twin.firmware.gmi99.device import OUTPUT_NAMES, Card
-from isel_twin.firmware.gmi99.drives import TERMINALS
+from isel_twin.firmware.gmi99.drives import TERMINALS, TURN
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
 from isel_twin.firmware.gmi99.settings import SLOTS
@@ -35,11 +35,17 @@ class Gmi99:
     output_names: Sequence[str] = OUTPUT_NAMES
 
     def __init__(
-        self, flash: bytes | None, dil: Dil, *, parity: Literal["N", "E"] = "E", override_pot_percent: int = 100
+        self,
+        flash: bytes | None,
+        dil: Dil,
+        *,
+        parity: Literal["N", "E"] = "E",
+        override_pot_percent: int = 100,
+        turn: int = TURN,
     ) -> None:
         self._dil = dil
         self._parity = parity
-        self._card = Card(flash, override_pot_percent)
+        self._card = Card(flash, override_pot_percent, turn)
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
 
@@ -112,7 +118,7 @@ class Gmi99:
         return TERMINALS
 
     def machine_overrides(self) -> Mapping[str, Any]:
-        return {}
+        return {"axes.all.drive": "servo"}
 
     def drive_inputs(self) -> Sequence[DriveInput]:
         return self._card.drives.drive_inputs()
@@ -130,6 +136,7 @@ class Gmi99:
         if card.plc.next_ns is not None and card.plc.next_ns <= card.now_ns:
             ran = card.images.flag(images.PROGRAM_RUNS)
             card.refresh_flags()
+            card.ask_drives()
             card.plc.advance(card.now_ns)
             card.flags_changed(program_ran=ran)
         card.queue.pump()

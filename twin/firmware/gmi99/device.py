@@ -35,7 +35,7 @@ class Card:
     """See the module. All times are those of the controller's last call."""
 
     def __init__(
-        self, flash: bytes | None, override_pot_percent: int, plc: Callable[[Card], Plc] | None = None
+        self, flash: bytes | None, override_pot_percent: int, turn: int, plc: Callable[[Card], Plc] | None = None
     ) -> None:
         stored = Stored() if flash is None else decode(flash)
         self.flash_fault = stored is None
@@ -62,7 +62,7 @@ class Card:
         """Outputs of the drives as they are, by byte and bit."""
         self.images = Images(self._output_changed)
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
-        self.drives = DriveBank(self)
+        self.drives = DriveBank(self, turn)
         self.path = Path(self)
         self.queue = Queue(self)
         self.store = Store(self.stored.programs)
@@ -81,6 +81,8 @@ class Card:
         self.output("brake", 0)
         self.output("spindle", 0)
         self.output("hood_release", 1)
+        for terminal in ("slot0.estop", "slot0.power"):  # not wired: nothing speaks against it
+            self.drives.set_input(terminal, True)
         for terminal in sorted(levels):
             self.drives.set_input(terminal, levels[terminal])
         self.fault = False
@@ -262,6 +264,10 @@ class Card:
         set_flag(places.NOT_READY, not self.drives.ready)
         set_flag(places.READY, not self.busy)
         set_flag(places.FROZEN, bool(self.settings.motion_off))
+
+    def ask_drives(self) -> None:
+        """Flags that only the drives know are as they are now: before somebody looks at them."""
+        self.images.set_flag(places.I2T, any(map(self.drives.is_overloaded, range(SLOTS))))
 
     def flags_changed(self, *, program_ran: bool) -> None:
         """Host or PLC have written flags; `program_ran`: M0.2 before."""

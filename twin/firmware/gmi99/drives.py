@@ -6,7 +6,7 @@ inputs and outputs, an encoder, and an indexer of its own for the reference run:
     speed     -10000 Hz until the motor-end switch is struck, brake
               ______
                     \\      ___ +2000 Hz until it is free: the encoder is latched at that edge
-                     \\____/   \\__ on to ZERO_AFTER increments behind it, where the counter becomes 0
+                     \\____/   \\__ on to the next zero pulse of the encoder, where the counter becomes 0
 
 The indexer of the card is ready (IDXOFF = 0) when every drive of the mask N10 has supply, no fault, and has been
 referenced or zeroed since the last time it lost one of them.
@@ -38,18 +38,17 @@ MECHANICAL = 3
 """Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""
 POWER_WAIT_NS = 500 * MILLISECOND_NS
 """How long Q waits for the supply after it has asked for it."""
+FAULT_NS = 20 * MILLISECOND_NS
+"""How long it waits for drives that are to forget their faults."""
 SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
 SEARCH_LENGTH = 480_000
 """Increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um."""
 FREE_LENGTH = 20_000
-ZERO_AFTER = 500
-"""Increments from where the switch is free to where the counter is 0."""
+TURN = 5000
+"""Increments from zero pulse to zero pulse, unless the machine file says otherwise."""
 DRIVE_ACCELERATION = 100_000.0
 """Increments/s^2 of a drive's own indexer."""
 LIMIT_SHARPNESS = 4
-WINDOW = 10.0
-WINDOW_NS = 20 * MILLISECOND_NS
-"""In position: so many increments off at most, for so long."""
 
 TERMINALS: Mapping[str, tuple[str, ...]] = {
     "slot0.estop": ("estop_1", "estop_2", "overtemperature"),
@@ -97,8 +96,9 @@ class Status:
 class DriveBank:
     """All drives; see the module."""
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Card, turn: int) -> None:
         self._card = card
+        self._turn = turn
         self.asked: Drives | None = None
         self.ready = False
         """IDXOFF is 0."""
@@ -136,6 +136,7 @@ class DriveBank:
         return Status(
             reference_missing=not self._zeroed[slot],
             indexer_runs=bool(self.searching >> slot & 1),
+            i2t=self.is_overloaded(slot),
             estop=self._estop,
             in_position=self._is_in_position(slot),
             blocked=not self.enabled or self._faulty[slot],
@@ -145,21 +146,18 @@ class DriveBank:
         """Faults of the drives that have a motor."""
         return [DriveInput(f"slot{slot}.fault", slot, "fault") for slot in range(MECHANICAL)]
 
+    def is_overloaded(self, slot: int) -> bool:
+        """I2t of a drive."""
+        return self.asked is not None and bool(self.asked.overloaded[slot])
+
     def _is_in_position(self, slot: int) -> bool:
-        lag = self.asked.lag if self.asked is not None else ()
-        return slot >= len(lag) or not abs(lag[slot]) > WINDOW
+        return self.asked is None or self.asked.in_position[slot]
 
     def in_position(self, mask: int) -> Generator[Wait, None, None]:
-        """Wait until the axes have been in position for the window time."""
+        """Wait until the axes are in position."""
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
-        if self.asked is None:
-            return
-        since: int | None = None
-        while since is None or self._card.now_ns < since + WINDOW_NS:
-            if not all(map(self._is_in_position, axes)):
-                since = None
-            elif since is None:
-                since = self._card.now_ns
+        yield Wait(at_ns=self._card.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
+        while not all(map(self._is_in_position, axes)):
             yield Wait(at_ns=self._card.path.grid_ns(self._card.now_ns + 1))
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
@@ -254,7 +252,7 @@ class DriveBank:
     # ---- becoming ready ---------------------------------------------------------------------------------------------
 
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
-        """Q: ask the cabinet for power, switch the stages on, zero or reference the axes, look whether all are ready."""
+        """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
         card = self._card
         if self._estop:
             card.refuse("Q: E-stop")
@@ -268,8 +266,9 @@ class DriveBank:
             return
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         if any(self._faulty):
-            self._enable(on=False)  # a drive forgets its fault while it is off
-            yield Wait(until=lambda: not any(self._faulty), at_ns=card.now_ns + WINDOW_NS)
+            card.output("drive_reset", 1)
+            card.output("drive_reset", 0)
+            yield Wait(until=lambda: not any(self._faulty), at_ns=card.now_ns + FAULT_NS)
         if not self.enabled:
             self._enable(on=True)
         if run:
@@ -347,11 +346,11 @@ class DriveBank:
             if self._stands(slot):
                 return False
             yield
-        latched = self.encoder(slot) - base
+        zero = self.encoder(slot) - base + self._turn - self._past_zero_pulse(slot)
         self._plan_brake(slot)
         while not self._stands(slot):
             yield
-        self._plan_place(slot, latched + ZERO_AFTER)
+        self._plan_place(slot, zero)
         while not self._stands(slot):
             yield
         return True
@@ -361,6 +360,10 @@ class DriveBank:
         if self.asked is not None and slot < len(self.asked.encoder):
             return self.asked.encoder[slot]
         return self._card.counts_now[slot]
+
+    def _past_zero_pulse(self, slot: int) -> int:
+        pulses = () if self.asked is None else self.asked.past_zero_pulse
+        return pulses[slot] % self._turn if slot < len(pulses) else 0
 
     def _stands(self, slot: int) -> bool:
         if self.run is None:

@@ -13,9 +13,9 @@ Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (G9). A r
 
 Who may change a flag
 ---------------------
-The table ACCESS says of the flags MB0..19 which bits belong to the firmware; the host (`p11`) and the PLC may change the
-others. The PLC works on a copy and hands back what it wants changed (`write_flags`), so that a bit the firmware has set
-meanwhile is not lost.
+FIRMWARE_OWNS says which bits of the flags belong to the firmware; host (`p11`) and PLC may change the others, the PLC
+some of them one way only. It works on a copy and hands back what it wants changed (`write_flags`), so that a bit the
+firmware has set meanwhile is not lost.
 """
 
 from __future__ import annotations

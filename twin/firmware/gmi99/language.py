@@ -7,8 +7,8 @@
     #1, #9 50     short records, with their bytes         10 E0 01 E1 16
     5: #1         to the device with address 5: a drive
 
-Replies read the same way: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are those of a card
-as it comes: address 224, variant E.
+Replies read the same way: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are those of a
+card as it comes: address 224, variant E.
 """
 
 from __future__ import annotations

@@ -170,6 +170,10 @@ class Path:
     def _append(self, made: planner.Move, start: Position, way: Position, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
+            onto = self._card.drives.struck_ahead(way)
+            if onto is not None:
+                self._card.drives.lose(f"slot {onto} stands on the limit switch it would move onto", stages=False)
+                return
             self._serial += 1
             self._plan = planner.start(
                 [made], rules, scale=self._scale(), ceiling_hz=self._ceiling_hz(), identity=self._serial

@@ -30,10 +30,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.compiling import njit
 from isel_twin.motion.joined import Joined, Pieces, chain, joined
 
 __all__ = [
@@ -78,6 +81,10 @@ MOST_OVERRIDE = 125.0
 """"Erhöht um 25 %" (3.1.1 f)."""
 
 
+NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
+"""No pieces."""
+
+
 @dataclass(frozen=True)
 class Rules:
     """What moves are planned by; the card keeps one and replaces it when a command changes something.
@@ -96,6 +103,16 @@ class Rules:
     sharp_jump_hz: int = 0
     sine: bool = False
     free_circles: bool = False
+
+    @cached_property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Ratios and influence of slots; speeds in Hz and accelerations in Hz/s of the leading axis, then of slots."""
+        return (
+            np.array(self.ratio) / FULL_RATIO,
+            np.array(self.influence, dtype=np.bool_),
+            np.array(self.speed_hz, dtype=np.float64),
+            np.array(self.acceleration_hz_per_ms) * 1000.0,
+        )
 
     def with_speed(self, hz: int, slot: int | None = None) -> Rules:
         """After M: of the leading axis and with it of all slots, or of one."""
@@ -187,50 +204,67 @@ def straight(
     """
     if feed is not None and feed <= 0:
         raise ValueError(f"a feed must be positive, got {feed}")
-    effective = np.abs(way * (np.array(rules.ratio) / FULL_RATIO))
-    longest = effective.max(axis=1, initial=0.0)
-    if rules.tool_speed:
-        tool = np.sqrt(np.square(effective[:, np.array(rules.influence)]).sum(axis=1))
-        length = np.where(tool > 0, tool, longest)
-    else:
-        length = np.abs(way).max(axis=1, initial=0.0)
-    with np.errstate(divide="ignore"):
-        share = length[:, None] / effective  # path per effective increment of a slot; infinite if it stands
-    top, steepest = np.array(rules.speed_hz, dtype=np.float64), np.array(rules.acceleration_hz_per_ms) * 1000.0
-    limit = np.minimum(top[0], (top[1:] * share).min(axis=1, initial=math.inf))
     wanted = rules.speed_hz[0] if feed is None else feed if per_revolution else useful_hz(feed, rules)
-    per_path = way * (np.array(rules.ratio) / FULL_RATIO) / length[:, None]
-    entry = np.full(len(way), math.inf)
-    if corners:
-        entry[1:] = _corners_hz(per_path[:-1], per_path[1:], rules)
-    pieces = Pieces(
-        way,
-        length,
-        np.full(len(way), float(wanted)),
-        np.minimum(limit, length / (SHORTEST_S if shortest_s is None else shortest_s)),
-        np.minimum(steepest[0], (steepest[1:] * share).min(axis=1, initial=math.inf)),
-        entry,
-    )
-    if not len(way):
+    n = len(way)
+    length, limit, acceleration, per_path = np.empty(n), np.empty(n), np.empty(n), np.empty((n, AXES))
+    shortest = np.full(n, SHORTEST_S) if shortest_s is None else shortest_s
+    _limits(way, *rules.arrays, rules.tool_speed, shortest, length, limit, acceleration, per_path)
+    entry = np.full(n, math.inf)
+    if corners and n > 1:
+        _corners_hz(per_path, rules.jump_hz, rules.sharp_jump_hz, entry)
+    pieces = Pieces(way, length, np.full(n, float(wanted)), limit, acceleration, entry)
+    if not n:
         return Move(pieces, None, None)
     return Move(pieces, Heading(tuple(per_path[0].tolist())), Heading(tuple(per_path[-1].tolist())))
 
 
+@njit(nogil=True, error_model="numpy")
+def _limits(way, ratio, influence, top, steepest, tool_speed, shortest_s, length, limit, acceleration, per_path):
+    """Length of each piece, its greatest speed and acceleration, its effective increments per path; see the module."""
+    for j in range(way.shape[0]):
+        square, longest, plain = 0.0, 0.0, 0.0
+        for slot in range(way.shape[1]):
+            effective = way[j, slot] * ratio[slot]
+            per_path[j, slot] = effective
+            square += effective * effective if influence[slot] else 0.0
+            longest, plain = max(longest, abs(effective)), max(plain, abs(way[j, slot]))
+        if tool_speed:
+            length[j] = math.sqrt(square) if square > 0.0 else longest
+        else:
+            length[j] = plain
+        limit[j], acceleration[j] = min(top[0], length[j] / shortest_s[j]), steepest[0]
+        for slot in range(way.shape[1]):
+            per_path[j, slot] /= length[j]
+            share = abs(per_path[j, slot])
+            if share > 0.0:
+                limit[j] = min(limit[j], top[slot + 1] / share)
+                acceleration[j] = min(acceleration[j], steepest[slot + 1] / share)
+
+
 def corner_hz(before: Heading, after: Heading, rules: Rules) -> float:
     """Greatest path speed at which a move of the one direction may pass into one of the other; inf if equal."""
-    return float(_corners_hz(np.array([before.per_path]), np.array([after.per_path]), rules)[0])
+    entry = np.full(2, math.inf)
+    _corners_hz(np.array([before.per_path, after.per_path]), rules.jump_hz, rules.sharp_jump_hz, entry)
+    return float(entry[1])
 
 
-def _corners_hz(before: NDArray[np.float64], after: NDArray[np.float64], rules: Rules) -> NDArray[np.float64]:
-    """float64 [n] for directions per path [n, 6]."""
-    u = before / np.linalg.norm(before, axis=1, keepdims=True)
-    w = after / np.linalg.norm(after, axis=1, keepdims=True)
-    angle_deg = np.degrees(2.0 * np.arctan2(np.linalg.norm(u - w, axis=1), np.linalg.norm(u + w, axis=1)))
-    sharp_hz = min(rules.sharp_jump_hz, rules.jump_hz)
-    jump_hz = rules.jump_hz + (sharp_hz - rules.jump_hz) * np.minimum(angle_deg, RIGHT_ANGLE_DEG) / RIGHT_ANGLE_DEG
-    change = np.abs(before - after).max(axis=1, initial=0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(change > STRAIGHT, jump_hz / change, math.inf)
+@njit(nogil=True, error_model="numpy")
+def _corners_hz(per_path, jump_hz, sharp_hz, entry):
+    """entry[j]: greatest speed from the direction in row j - 1 into that of row j; see the module. Not of row 0."""
+    for j in range(1, per_path.shape[0]):
+        before, after = per_path[j - 1], per_path[j]
+        a, b = math.sqrt((before * before).sum()), math.sqrt((after * after).sum())
+        apart, along, change = 0.0, 0.0, 0.0
+        for slot in range(per_path.shape[1]):
+            apart += (before[slot] / a - after[slot] / b) ** 2
+            along += (before[slot] / a + after[slot] / b) ** 2
+            change = max(change, abs(before[slot] - after[slot]))
+        if change > STRAIGHT:
+            angle_deg = math.degrees(2.0 * math.atan2(math.sqrt(apart), math.sqrt(along)))
+            part = min(angle_deg / RIGHT_ANGLE_DEG, 1.0)
+            entry[j] = (jump_hz + (min(sharp_hz, jump_hz) - jump_hz) * part) / change
+        else:
+            entry[j] = math.inf
 
 
 def start(
@@ -251,7 +285,7 @@ def more(plan: Joined, k: int, moves: Sequence[Move], rules: Rules, after: Headi
 
 def _together(moves: Sequence[Move], rules: Rules, heading: Heading | None) -> Pieces:
     """Their pieces, with the speeds at the corners between them."""
-    parts = [straight(np.empty((0, AXES)), None, rules).pieces]
+    parts: list[Pieces] = []
     for move in moves:
         if move.first is None:
             continue
@@ -262,4 +296,4 @@ def _together(moves: Sequence[Move], rules: Rules, heading: Heading | None) -> P
             pieces = replace(pieces, entry=entry)
         parts.append(pieces)
         heading = move.last
-    return chain(parts)
+    return chain(parts) if parts else NOWHERE

@@ -55,6 +55,7 @@ def _image(card: Card, area: int, byte: int) -> bytes | None:
     if area not in areas or byte >= len(areas[area]):
         return None
     card.refresh_flags()
+    card.ask_drives()
     return b"I" + images.word(areas[area], byte)
 
 

@@ -124,7 +124,7 @@ class Queue:
         if self._programs:
             self._programs.clear()
             self._card.images.set_flag(images.PROGRAM_RUNS, False)
-        current, self._current = self._current, None
+        current, self._current, self._wait = self._current, None, Wait()
         if current is not None and not self._going:
             current.close()
         if self.recording or self._card.store.recording is not None:
@@ -241,9 +241,9 @@ class Queue:
             wait = next(current)
         except StopIteration:
             if self._current is current:
-                self._current = None
+                self._current, self._wait = None, Wait()
         except OutOfRangeError as error:
-            self._current = None
+            self._current, self._wait = None, Wait()
             self._card.refuse(str(error))
         else:
             self._wait = wait

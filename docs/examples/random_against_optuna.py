@@ -1,6 +1,6 @@
-"""Random search against Optuna's sampler: the same job, the same ranges, as many trials; which finds the faster setting?
+"""Random search against Optuna's sampler: the same job, the same ranges, as many trials; who finds the faster one?
 
-    python examples/random_against_optuna.py --trials 40 --seeds 3
+    python docs/examples/random_against_optuna.py --trials 40 --seeds 3
 
 A trial makes a job of straight moves on a twin that has just been switched on and referenced (`isel_twin.envs`), with
 an extra drag of LOAD_NM at every shaft as a margin, and costs the time it took, settling included; a job that loses
