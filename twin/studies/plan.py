@@ -272,11 +272,12 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     if not isinstance(may_strike, list) or not all(isinstance(name, str) for name in may_strike):
         raise place.at("may_strike").wrong(f'{may_strike!r}; allowed: a list of end switches, or ["all"]')
     named = content.get("machine", "4030")
-    machine = load_machine(folder / named if (folder / named).is_dir() else named)
+    called = str((folder / named).resolve()) if (folder / named).is_dir() else named
+    machine = load_machine(called)
     start_mm = _triple(content["start_mm"], place.at("start_mm")) if "start_mm" in content else None
     scenario = folder / content["scenario"] if "scenario" in content else None
     call = TwinCall(
-        machine=str(folder / named) if (folder / named).is_dir() else named,
+        machine=called,
         controller=content.get("controller", "imc-s8"),
         plant=content.get("plant", "mujoco"),
         scenario=scenario,
