@@ -310,7 +310,7 @@ def test_whoever_keeps_the_flash_gets_that_of_the_state() -> None:
 def test_the_life_of_a_controller_stays_short() -> None:
     """However long it lives: what it was told is dropped when it can be pickled, at rest."""
     twin = referenced()
-    for _ in range(300):
+    for _ in range(1000):
         twin.query("@0A10,1000,0,1000,0,100,0,100")
     assert len(twin._told._calls) < 2 * OFTEN
     state, seen = twin.save(), went(twin)
