@@ -29,10 +29,13 @@ from isel_twin.told import Life, StateError
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioEvent
 
-__all__ = ["Kind", "StateError", "TwinState", "pack", "unpack"]
+__all__ = ["BY_CHANCE", "Kind", "StateError", "TwinState", "pack", "unpack"]
 
 _OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
 """Attributes of the parts that lead out of the twin: to whoever is told of something."""
+
+BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")
+"""Fields of `Origin` in which twins of one kind may differ."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class TwinState:
     pickled; unpickling runs code, so take states only from whom you would take programs from."""
 
     kind: Kind
+    origin: Mapping[str, Any]
+    """Of `Origin`, what may differ in twins of this kind."""
     time_ns: int
     flash: bytes | None
     life: Life
