@@ -220,6 +220,8 @@ class Operator:
             "machine_position_mm": twin.machine_position_mm.tolist(),
             "lost_steps": twin.lost_steps.tolist(),
             "forgotten_steps": twin.forgotten_steps.tolist(),
+            "following_error": twin.following_error.tolist(),
+            "drive_faults": [list(fault) for fault in twin.drive_faults],
             "margin": [None if math.isnan(margin) else margin for margin in twin.margin.tolist()],
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),

@@ -53,11 +53,16 @@ class _Kept:
     node: pytest.Item | pytest.Collector
     call: TwinCall
     causes: list[tuple[int, str, Any]] = field(default_factory=list)
+    restored: bool = False
+    """It has been given a state (`Twin.restore`): its causes alone do not tell what it did."""
 
     def note(self, time_ns: int, kind: str, what: Any) -> None:
         """See isel_twin.journal."""
         if kind in ("sent", "operated"):
             self.causes.append((time_ns, kind, what))
+        elif kind == "restored":
+            self.restored = True
+            self.causes.clear()
 
 
 class KeptTwins:
@@ -110,7 +115,9 @@ class KeptTwins:
         for number, kept in enumerate(mine, 1):
             name = "twin" if number == 1 else f"twin-{number}"
             lines.append(f"{name}: {_said(kept)}, {kept.twin.time_ns / SECOND_NS:.6f} s of virtual time")
-            if folder is not None:
+            if kept.restored:
+                lines.append("  no recording: it was restored from a state, and cannot be played again")
+            elif folder is not None:
                 recording, told = _leave(kept, folder, name)
                 recordings += [] if recording is None else [recording]
                 lines += [f"  {line}" for line in told]

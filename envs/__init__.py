@@ -2,12 +2,17 @@
 
     moves.py    one move on a real twin, and what is measured of it
     tuning.py   the Gymnasium environment `isel_twin/JobTuning-v0`: one step is one move
+    watching.py position errors on a grid of time, from samples of the compiled loop
+    vector.py   many environments side by side, in threads and processes
+    track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
+    wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
+    track_vector.py   many TrackPath-v0 in one compiled call
     sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
-    import gymnasium, isel_twin.envs
-    env = gymnasium.make("isel_twin/JobTuning-v0")
+    import gymnasium
+    env = gymnasium.make("isel_twin.envs:isel_twin/JobTuning-v0")
 
-docs/tuning.md shows how they are used.
+docs/tuning.md and docs/learning.md show how they are used.
 """
 
 from __future__ import annotations
@@ -19,4 +24,13 @@ from isel_twin.envs.sweep import Fastest, Row, fastest, grid, run_job, sweep
 
 __all__ = ["JOB", "Fastest", "Row", "Settings", "Setup", "fastest", "grid", "run_job", "sweep"]
 
-gymnasium.register(id="isel_twin/JobTuning-v0", entry_point="isel_twin.envs.tuning:JobTuning")
+gymnasium.register(
+    id="isel_twin/JobTuning-v0",
+    entry_point="isel_twin.envs.tuning:JobTuning",
+    vector_entry_point="isel_twin.envs.vector:tuning_vector",
+)
+gymnasium.register(
+    id="isel_twin/TrackPath-v0",
+    entry_point="isel_twin.envs.track:TrackPath",
+    vector_entry_point="isel_twin.envs.track_vector:TrackVector",
+)

@@ -24,10 +24,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.envs.watching import Watch
 from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.twin import Twin
+from isel_twin.units import MILLISECOND_NS
 from isel_twin.verdict import lost
 
 __all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin", "spoken"]
@@ -52,8 +54,10 @@ _ANSWER_LIMIT_S = 60.0
 _BREAK_LIMIT_S = 60.0
 """A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
 _MOVING_SAMPLE_S = 0.02
-"""Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it. Looking costs time."""
+_MOVING_SAMPLE_NS = 20 * MILLISECOND_NS
+"""Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it."""
 _RESTING_SAMPLE_S = 0.002
+_RESTING_SAMPLE_NS = 2 * MILLISECOND_NS
 
 
 @dataclass(frozen=True)
@@ -126,25 +130,14 @@ def spoken(setup: Setup) -> Language:
     return needed(create_language(setup.controller), setup.controller)
 
 
-def referenced_twin(setup: Setup) -> Twin:
+def referenced_twin(setup: Setup, like: Twin | None = None) -> Twin:
     """A twin that has just been switched on and has made a physical reference run.
 
+    like: one of the same setup but for seed and job; the new one is then built from it, in a tenth of the time.
     Raises ValueError with one line for a job outside the machine, a controller without language, or one that refuses.
     """
-    start_mm = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
-    twin = Twin(
-        setup.machine,
-        setup.controller,
-        setup.plant,
-        setup.seed,
-        scenario=setup.scenario,
-        overrides={**setup.overrides, **_loaded(setup)} if setup.load_nm > 0.0 else setup.overrides,
-        start_mm=(float(start_mm[0]), float(start_mm[1]), float(start_mm[2])),
-    )
-    for number, point in enumerate(setup.job, 1):
-        for axis, value in zip(twin.machine.axes, point, strict=True):
-            if not 0.0 <= value < axis.travel_mm:
-                raise ValueError(f"job: target {number}: {axis.name} is {value:g} mm; allowed: 0 to {axis.travel_mm:g}")
+    twin = new_twin(setup, like)
+    check_job(setup.job, twin.machine)
     language = needed(twin.language, setup.controller)
     for command in language.reference():
         over, reply = _converse(twin, command, _ANSWER_LIMIT_S)
@@ -154,6 +147,32 @@ def referenced_twin(setup: Setup) -> Twin:
                 f"{_ANSWER_LIMIT_S:g} s; take a scenario that begins later, or a smaller load_nm"
             )
     return twin
+
+
+def new_twin(setup: Setup, like: Twin | None = None) -> Twin:
+    """The twin of a setup, switched on and no more; see `referenced_twin`."""
+    x, y, z = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
+    start_mm = (float(x), float(y), float(z))
+    if like is not None:
+        return like.another(setup.seed, start_mm)
+    overrides = {**setup.overrides, **_loaded(setup)} if setup.load_nm > 0.0 else setup.overrides
+    return Twin(
+        setup.machine,
+        setup.controller,
+        setup.plant,
+        setup.seed,
+        scenario=setup.scenario,
+        overrides=overrides,
+        start_mm=start_mm,
+    )
+
+
+def check_job(job: Job, machine: Machine) -> None:
+    """Raise ValueError with one line for a target outside the machine."""
+    for number, point in enumerate(job, 1):
+        for axis, value in zip(machine.axes, point, strict=True):
+            if not 0.0 <= value < axis.travel_mm:
+                raise ValueError(f"job: target {number}: {axis.name} is {value:g} mm; allowed: 0 to {axis.travel_mm:g}")
 
 
 def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
@@ -170,23 +189,15 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     Raises ValueError with one line for settings that the controller cannot be told.
     """
     language = needed(twin.language, setup.controller)
-    axes = twin.machine.axes
-    steps_per_mm = np.array([axis.steps_per_mm for axis in axes])
-    target = [round(mm * scale) for mm, scale in zip(target_mm, steps_per_mm, strict=True)]
+    target = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, twin.machine.axes, strict=True)]
     lost_before = twin.lost_steps[:3]
-
-    def error_mm() -> NDArray[np.float64]:
-        return twin.position_mm - twin.counts[:3] / steps_per_mm
 
     *before, command = language.move(target, settings)
     for data in before:
         _converse(twin, data, _ANSWER_LIMIT_S)
     began_ns = twin.time_ns
-    deviation_mm = 0.0
     twin.watch_margin()
-    twin.write(command)
-    while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
-        deviation_mm = max(deviation_mm, float(np.abs(error_mm()).max()))
+    deviation_mm = _begin(twin, command, limit_s)
     time_s = (twin.time_ns - began_ns) * 1e-9
     over, reply = twin.idle, twin.read()
     given_up = not (over and reply)
@@ -195,11 +206,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         twin.run_until_idle(_BREAK_LIMIT_S)
         twin.read()
 
-    errors = []
-    for _ in range(round(setup.settle_s / _RESTING_SAMPLE_S)):
-        twin.run(_RESTING_SAMPLE_S)
-        errors.append(error_mm())
-    dwell_mm = np.array(errors)
+    dwell_mm = _dwell(twin, round(setup.settle_s / _RESTING_SAMPLE_S))
     outside = np.flatnonzero(np.abs(dwell_mm).max(axis=1) > setup.tolerance_mm)
     lost_steps = twin.lost_steps[:3]
     return Move(
@@ -214,6 +221,45 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         deviation_mm=max(deviation_mm, float(np.abs(dwell_mm).max())),
         margin=None if np.isnan(twin.margin).all() else float(np.nanmin(twin.margin)),
     )
+
+
+def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
+    """Send the command of a move and let it be made, at most limit_s and what is missing to a whole interval; return
+    the largest position error meanwhile, in mm."""
+    began_ns, every = twin.time_ns, _MOVING_SAMPLE_NS
+    watch = Watch(twin, every)
+    try:
+        twin.write(command)
+        if watch.in_loop:
+            intervals = max(math.ceil(limit_s * 1e9 / every), 1)
+            twin.run_until(began_ns + intervals * every, lambda: twin.idle)
+            at_end = (twin.time_ns - began_ns) % every == 0
+            errors_mm = watch.errors_mm()
+            errors_mm = errors_mm[:-1] if at_end else errors_mm  # what is at the end belongs to the dwell
+        else:
+            looks = []
+            while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
+                looks.append(watch.error_mm())
+            errors_mm = np.array(looks)
+    finally:
+        watch.leave()
+    return float(np.abs(errors_mm).max(initial=0.0))
+
+
+def _dwell(twin: Twin, looks: int) -> NDArray[np.float64]:
+    """float64 [looks, 3], position errors in mm while the machine stands and settles."""
+    watch = Watch(twin, _RESTING_SAMPLE_NS)
+    try:
+        if watch.in_loop:
+            twin.run_until(twin.time_ns + looks * _RESTING_SAMPLE_NS)
+            return watch.errors_mm()
+        errors = []
+        for _ in range(looks):
+            twin.run_until(twin.time_ns + _RESTING_SAMPLE_NS)
+            errors.append(watch.error_mm())
+        return np.array(errors)
+    finally:
+        watch.leave()
 
 
 def _loaded(setup: Setup) -> dict[str, float]:

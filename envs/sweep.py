@@ -9,12 +9,14 @@
     best = fastest(Setup(), Settings(20_000), "acceleration_hz_per_ms", margin_nm=0.3)
 
 A trial is a plain function of two frozen values, `run_job(setup, settings)`, so anything with the interface of
-`concurrent.futures.Executor` can run it.
+`concurrent.futures.Executor` can run it, by the same code as `isel-twin sweep` (isel_twin.studies.run), which varies
+whatever there is and keeps its rows in a file.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Iterable
@@ -24,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, spoken
+from isel_twin.studies.run import Lost, finished, here
 
 __all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
 
@@ -106,11 +109,15 @@ def run_job(setup: Setup, settings: Settings) -> Row:
 
 
 def sweep(setup: Setup, trials: Iterable[Settings], executor: Executor | None = None) -> list[Row]:
-    """One row for each trial, in the order of the trials, whatever runs them. executor None: here, one by one."""
-    if executor is None:
-        return [run_job(setup, settings) for settings in trials]
-    futures = [executor.submit(run_job, setup, settings) for settings in trials]
-    return [future.result() for future in futures]
+    """One row for each trial, in the order of the trials, whatever runs them. executor None: here, one by one.
+
+    Raises RuntimeError for trials that a cluster has lost.
+    """
+    made = dict(finished(functools.partial(run_job, setup), list(trials), here(executor)))
+    rows = [made[index] for index in range(len(made))]
+    if lost := [row.why for row in rows if isinstance(row, Lost)]:
+        raise RuntimeError(f"{len(lost)} of {len(rows)} trials were lost: {lost[0]}")
+    return [row for row in rows if isinstance(row, Row)]
 
 
 def fastest(

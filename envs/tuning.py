@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import OrderedDict
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,17 +19,31 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from isel_twin.envs.moves import JOB, Job, Move, Settings, Setup, make_move, referenced_twin, spoken
+from isel_twin.envs.moves import (
+    JOB,
+    Job,
+    Move,
+    Settings,
+    Setup,
+    check_job,
+    make_move,
+    new_twin,
+    referenced_twin,
+    spoken,
+)
 from isel_twin.language import SETTINGS_RANGES, Ranges
 from isel_twin.machine import Machine
+from isel_twin.state import TwinState
 from isel_twin.twin import Twin
 
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
 
-__all__ = ["JobTuning", "to_action", "to_settings"]
+__all__ = ["Episode", "JobTuning", "to_action", "to_settings"]
 
 _SIZE = 15
+_MOST_KEPT = 16
+"""Seeds whose machines are kept."""
 
 
 def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
@@ -68,6 +84,18 @@ def _linear(value: int, low: int, high: int) -> float:
 
 def _logarithmic(value: int, low: int, high: int) -> float:
     return math.log(value / low) / math.log(high / low) if high > low else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """An episode between two moves: `JobTuning.save`. It can be pickled."""
+
+    twin: TwinState
+    setup: Setup
+    made: int
+    """Moves."""
+    time_s: float
+    over: bool
 
 
 class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
@@ -188,7 +216,8 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.observation_space = Box(-np.inf, np.inf, (_SIZE,), np.float64)
         self.render_mode = render_mode
         self.twin: Twin | None = None
-        """The twin of this episode, for whoever wants to look closer; None before the first reset."""
+        """The twin of this episode, for whoever wants to look closer; None before the first reset. The next episode may
+        go on with it, unless somebody observes or records it."""
         self.ranges: Ranges
         """What the controller takes for each of the settings, and so what the action space spans."""
         self._setup = Setup(
@@ -211,11 +240,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._time_s = 0.0
         self._over = True
         self._picture: Picture | None = None
+        self._begun: OrderedDict[int, TwinState] = OrderedDict()
+        """By seed of the twin, machines after their reference run."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Switch a new twin on and let it make its reference run.
+        """Switch a twin on and let it make its reference run. Machine and scenario are read by the first reset.
 
         options: {"job": ...} gives this and all later episodes another job.
         """
@@ -225,7 +256,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
             raise ValueError(f"unknown options {sorted(changes.keys() - {'job'})}; there is: job")
         twin_seed = int(self.np_random.integers(1 << 32))
         self._setup = dataclasses.replace(self._setup, seed=twin_seed, **changes)
-        self.twin = referenced_twin(self._setup)
+        self.twin = self._referenced(kept=seed is not None)
         self._made, self._time_s, self._over = 0, 0.0, False
         error_mm = self.twin.position_mm - self.twin.counts[:3] / self._steps_per_mm
         return self._observation(error_mm, self.twin.lost_steps[:3], np.zeros(3), 0.0, 0.0), {}
@@ -276,6 +307,69 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if self._picture is not None:
             self._picture.close()
             self._picture = None
+
+    def save(self) -> Episode:
+        """The episode as it is between two moves, for `restore`: a search goes on from here as often as it likes.
+
+        Raises ResetNeeded before the first reset, StateError for a controller that cannot be saved.
+        """
+        if self.twin is None:
+            raise gymnasium.error.ResetNeeded("there is no episode yet; call reset() before save()")
+        return Episode(self.twin.save(), self._setup, self._made, self._time_s, self._over)
+
+    def restore(self, episode: Episode) -> None:
+        """Go on where the episode was when it was saved, here or in another environment made with the same arguments.
+
+        Raises ValueError with one line if those differ.
+        """
+        if dataclasses.replace(self._setup, seed=episode.setup.seed, job=episode.setup.job) != episode.setup:
+            raise ValueError("the episode is of another setup; restore it into an environment with the same arguments")
+        if self.twin is None:
+            self.twin = new_twin(episode.setup)
+        elif self.twin.followed:
+            self.twin = self.twin.another(episode.setup.seed)
+        self.twin.restore(episode.twin)
+        self._setup, self._made, self._time_s = episode.setup, episode.made, episode.time_s
+        self._over = episode.over
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The environment in mid-episode, without what draws it."""
+        state = {**vars(self), "_picture": None, "_begun": OrderedDict()}
+        state["twin"] = None if self.twin is None else self.twin.save()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        saved = state["twin"]
+        if saved is not None:
+            self.twin = new_twin(self._setup)
+            self.twin.restore(saved)
+
+    def _referenced(self, kept: bool) -> Twin:
+        """The twin of a new episode, after its reference run. kept: this seed may come again.
+
+        The machine is built once. A seed that has been here before finds its machine as it stood after its reference
+        run then, so nothing is computed again.
+        """
+        setup, twin = self._setup, self.twin
+        state = self._begun.get(setup.seed)
+        if twin is None or state is None:
+            twin = referenced_twin(setup, like=twin)
+            if kept:
+                self._begun[setup.seed] = twin.save()
+                if len(self._begun) > _MOST_KEPT:
+                    self._begun.popitem(last=False)
+            return twin
+        check_job(setup.job, twin.machine)
+        if twin.followed:  # who looks at the last episode is not to see this one
+            twin = twin.another(setup.seed)
+        twin.restore(state)
+        return twin
+
+    @property
+    def setup(self) -> Setup:
+        """Job, machine and tolerances of this episode."""
+        return self._setup
 
     @property
     def _steps_per_mm(self) -> NDArray[np.float64]:

@@ -34,6 +34,7 @@ class PlantByHand:
         self.stages = tuple(stages)
         self.current_fraction = np.zeros(len(stages))
         self.slip_steps = np.full(axes, 32.0)
+        self.closed_loop = np.zeros(axes, dtype=bool)
         self.at_rest = True
         self.power = (False, False, False)
         """Stages, brake, lowering, as last told."""

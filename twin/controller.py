@@ -40,6 +40,7 @@ import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from isel_twin.parameters import Limits
@@ -94,6 +95,7 @@ OUTPUTS: Mapping[str, int] = {
     "software_ok": 0,
     "user": 0,
     "flash_fault": 0,
+    "drive_reset": 0,
 }
 """Outputs that every controller may use, and what each is until the controller says otherwise; see `Output`."""
 
@@ -107,7 +109,8 @@ class Output:
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
     opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
-    outputs), `flash_fault` (1: the flash image handed in cannot be read). Other names are recorded and shown, no more.
+    outputs), `flash_fault` (1: the flash image handed in cannot be read), `drive_reset` (rising edge: drives that have
+    switched themselves off forget why). Other names are recorded and shown, no more.
     """
 
     name: str
@@ -215,7 +218,25 @@ class Drives(Protocol):
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """Whether the drive of each axis has switched itself off."""
+        """Whether the drive of each axis has switched itself off; a servo drive stays so until the output `drive_reset`
+        rises, or the stages come on anew."""
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        """Whether the following error of each axis has been within the drive's window for its time."""
+
+    @property
+    def overloaded(self) -> tuple[bool, ...]:
+        """Whether the drive of each axis holds the current down to the rated one (I2t)."""
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        """Measured speed of each axis in increments/s, in the sense of the counters."""
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        """Increments of each encoder past its last zero pulse, which comes once a revolution at the same place of the
+        machine: 0 to one less than a revolution has, rising in the sense of the counters; 0 for axes without."""
 
 
 @dataclass(frozen=True)
@@ -305,13 +326,25 @@ def create_controller(
     Raises UnknownNameError if no installed controller has that name, PluginError if the one that has does not work, and
     ValueError for settings that it does not take.
     """
+    return controller_factory(name)(flash, settings or {})
+
+
+def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
+    """What builds the controller called `name` from a flash image and settings, again and again; it raises, and this
+    does, as `create_controller` does. Looking for it takes ten milliseconds, building one much less."""
     for entry in importlib.metadata.entry_points(group=_GROUP):
         if entry.name == name:
             with plugin_errors("controller", entry):
                 factory: ControllerFactory = entry.load()
-            with plugin_errors("controller", entry, ValueError):
-                return factory(name, flash=flash, settings=settings or {})
+            return partial(_build, entry, factory)
     raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
+
+
+def _build(
+    entry: importlib.metadata.EntryPoint, factory: ControllerFactory, flash: bytes | None, settings: Mapping[str, Any]
+) -> Controller:
+    with plugin_errors("controller", entry, ValueError):
+        return factory(entry.name, flash=flash, settings=settings)
 
 
 def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:

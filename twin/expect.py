@@ -2,6 +2,7 @@
 
     @0M160000,5000,0,30,0,30,0,30 => 2            the reply, byte for byte; a CR or LF at its end need not be written
     @0P => 0*                                     * any bytes, <13> the byte 13
+    T0;0 => @500                                  of a controller with binary telegrams: as its language reads them
     <253> => none                                 nothing is answered
     @0R7 => 0 within 60 s                         and the line is over by then
     @0A8000,900,0,30,0,30,0,30 => none within 1 s      1 s passes, and nothing has been answered by then
@@ -18,10 +19,12 @@
     time, clock                 duration of the last command, virtual time since power-on: s, ms, min
     steps                       ticks of the stream since power-on
     fault                       1: the controller shows an error that no reply has told
+    lag, lag.x                  following error of servo drives now, the largest or of one axis, in increments
+    drive_faults, .x            how often servo drives have switched themselves off since power-on
     spindle, hood, limit_x1     outputs and relays (numbers); elements, switches and faults of contacts (words)
     output.NAME, input.NAME, level.NAME      the same where a name could be both, and input terminals (0, 1)
 
-A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost steps or the
+A blank or the end of the line stands behind `=>`, and behind the `!` at its beginning. A condition on lost steps or a
 fault that is so answers for what it speaks of: the verdict then asks for what comes later only.
 """
 
@@ -97,6 +100,8 @@ _QUANTITIES: Mapping[str, _Quantity] = {
     "clock": _Quantity(_S),
     "steps": _Quantity(_STEPS, whole=True),
     "fault": _Quantity({"": 1.0}, whole=True),
+    "lag": _Quantity({"": 1.0}, AXIS_NAMES),
+    "drive_faults": _Quantity({"": 1.0}, AXIS_NAMES, whole=True),
 }
 _PLAIN = _Quantity({"": 1.0}, whole=True)
 _KINDS = ("output", "input", "level")
@@ -135,10 +140,15 @@ class Expected:
         """Time after which the line is over, whatever the controller does; None: when the controller is idle."""
         return self.within_ns if self.parts is None else None
 
-    def why_not(self, reply: bytes, complete: bool, took_ns: int) -> str:
-        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is."""
-        answered = f"answered {readable(reply)}" if reply else "not answered"
-        fits = not reply if self.parts is None else _fits_either(reply, self.parts)
+    def why_not(self, reply: bytes, complete: bool, took_ns: int, text: str | None = None) -> str:
+        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is.
+
+        text: what the controller's language reads in it, which may be expected as well as the bytes.
+        """
+        read = reply if text is None else text.encode("latin-1", "replace")
+        binary = read.rstrip() != reply.rstrip()
+        answered = f"answered {text if binary else readable(reply)}" if reply else "not answered"
+        fits = not reply if self.parts is None else any(_fits_either(each, self.parts) for each in (reply, read))
         took = f"{took_ns / SECOND_NS:.6g} s"
         if not complete:
             return f"{answered}, not over after {took}"
@@ -323,6 +333,12 @@ def _measured(twin: Twin, name: str, axis: str, last: Result | None) -> float | 
         return float(len(twin.steps))
     if name == "fault":
         return float(twin.fault)
+    if name == "lag":
+        lag = twin.following_error
+        return float(np.abs(lag).max() if number is None else lag[number])
+    if name == "drive_faults":
+        faults = [times for times, _ in twin.drive_faults]
+        return float(sum(faults) if number is None else faults[number])
     if last is None:
         return None
     if name == "time":

@@ -212,12 +212,14 @@ def play(
         complete = _converse(twin, line, timeout_s, stop)
         reply = twin.read()
         seen = snapshot(twin)
-        why = "" if line.expected is None else line.expected.why_not(reply, complete, twin.time_ns - time_ns)
+        text = None if language is None else language.text(reply)
+        took_ns = twin.time_ns - time_ns
+        why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
         accepted = language is None or language.accepted(line.sent, reply)
         last = Result(
             number=line.number,
             command=line.command,
-            reply=readable(reply) if language is None else language.text(reply),
+            reply=readable(reply) if text is None else text,
             ok=complete and (accepted if line.expected is None else not why),
             time_ns=time_ns,
             end_ns=seen.time_ns,
@@ -239,9 +241,13 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
     seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")
     known: tuple[float | None, ...] = ()
+    faults: tuple[int | None, ...] = ()
     if found.met and quantity == "lost":
         each = zip(AXIS_NAMES, lost_steps(twin).tolist(), strict=False)
         known = tuple(steps if axis in ("", name) else None for name, steps in each)
+    if found.met and quantity == "drive_faults":
+        drives = zip(AXIS_NAMES, twin.drive_faults, strict=False)
+        faults = tuple(number if axis in ("", name) else None for name, (number, _) in drives)
     return Result(
         number=line.number,
         command=line.command,
@@ -256,6 +262,7 @@ def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> 
         condition=True,
         lost_known=known,
         fault_known=found.met and quantity == "fault",
+        drive_faults_known=faults,
     )
 
 

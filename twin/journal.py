@@ -12,6 +12,8 @@
     counter      CounterSet                  it has set a counter without a motion
     flash        bytes                       it has written its flash memory
     remark       text
+    restored     time in ns                  the twin is about to be as it was saved at that time (`Twin.restore`);
+                                             who cannot follow raises ValueError with one line, and nothing happens
 
 The order is that in which things happen: what is done to the twin is told before what comes of it. `sent` and
 `operated` are the causes: given again at the same instants to a twin of the same `Origin` they bring about the same

@@ -8,6 +8,7 @@ move made needs to know what they mean, and only the controller's `Language` doe
                              '--------- messages -----------'---->  @07    set the axes X Y Z, initialise
                                                                     0      reply: done
     reference, move, break_off  --->  what a host would send for it
+    job_moves, retimed, permanent  -->  `RetimesJobs`: other settings for a job that exists, and for the controller
 
 It is optional. A controller without one runs like any other, and its job files give every byte as a number; nothing
 here guesses how a line might end. A language has no clock and never sees a controller: it knows the bytes of both
@@ -23,7 +24,8 @@ import importlib.metadata
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
+from typing import Protocol, runtime_checkable
 
 from isel_twin.controller import UnknownNameError, controller_names, plugin_errors
 
@@ -125,6 +127,47 @@ class Language(Protocol):
         """What a host sends to end a motion with its stop ramp and forget the rest of it."""
 
 
+@dataclass(frozen=True)
+class JobMove:
+    """A line of a job that makes a motion with ramps, as the job stands."""
+
+    line: int
+    """Which line, from 0."""
+    speeds_hz: tuple[int, ...]
+    """Speeds that stand in it and can be others, whether they matter for this way or not; none if there are none."""
+    acceleration_hz_per_ms: int
+    """Of its ramps, as far as the lines tell: a controller whose own defaults have been changed does not say so."""
+    start_stop_hz: int
+
+
+@runtime_checkable
+class RetimesJobs(Protocol):
+    """What a language offers beside `Language` if it can bring settings into a job that exists.
+
+    Lines are those of a job file, as `Language.frame` takes them, without comments and without what is expected; a line
+    with <...> in it is as it stands there. What the language does not understand of them stays as it is.
+    """
+
+    @property
+    def defaults(self) -> Mapping[str, int]:
+        """`acceleration_hz_per_ms` and `start_stop_hz` of a controller as it was delivered."""
+
+    def job_moves(self, lines: Sequence[str]) -> Sequence[JobMove]:
+        """The motions with ramps, in their order."""
+
+    def retimed(
+        self, lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int
+    ) -> Sequence[Sequence[str]]:
+        """What stands in place of each line: one line or several, of which the last has taken its place.
+
+        settings: for the lines of `job_moves`, or some of them; ramps are set for all of these. rapid_hz: speeds from
+        here upwards become the setting's; slower ones are feeds, which a process demands, and stay.
+        """
+
+    def permanent(self, settings: MoveSettings) -> Sequence[str]:
+        """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off."""
+
+
 LanguageFactory = Callable[[str], Language]
 """factory(name) -> a fresh Language, `name` being the entry point's and the controller's."""
 
@@ -141,14 +184,29 @@ def create_language(controller: str) -> Language | None:
 
     Raises UnknownNameError if no installed controller has that name either, PluginError if the language does not work.
     """
+    return language_factory(controller)()
+
+
+def language_factory(controller: str) -> Callable[[], Language | None]:
+    """What makes a fresh language of the controller with this name, or None if it has none, again and again; it raises,
+    and this does, as `create_language` does. Looking for it takes ten milliseconds."""
     for entry in importlib.metadata.entry_points(group=_GROUP):
         if entry.name == controller:
             with plugin_errors("language", entry):
                 factory: LanguageFactory = entry.load()
-                return factory(controller)
+            return partial(_build, entry, factory)
     if controller not in (names := controller_names()):
         raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
-    return None
+    return partial(_none, controller)
+
+
+def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> Language:
+    with plugin_errors("language", entry):
+        return factory(entry.name)
+
+
+def _none(controller: str) -> None:
+    """It has none."""
 
 
 def needed(language: Language | None, controller: str) -> Language:
@@ -186,6 +244,14 @@ def integers(values: Sequence[int], count: int) -> list[int]:
     if len(numbers) != count:
         raise LanguageError(f"the target is {values!r}; give {count} whole numbers, the counters to move to")
     return numbers
+
+
+@runtime_checkable
+class LoadsPlc(Protocol):
+    """What a language offers beside `Language` if its controller has a PLC."""
+
+    def plc_lines(self, image: bytes) -> Sequence[str]:
+        """Lines of a job that load this program and start it."""
 
 
 class Pieces:

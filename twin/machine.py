@@ -31,7 +31,8 @@ from typing import Any, Final
 from isel_twin.axes import CARRIAGES
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.screw import Rod, Screw
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.stage import AnyStage, Stage
 from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.models import machine_names, models_folder
 from isel_twin.parameters import (
@@ -122,8 +123,9 @@ class Axis:
     """One linear axis: motor, stage, screw and nut. What the nut pushes is in the MuJoCo model."""
 
     name: str
-    motor: Motor
-    stage: Stage
+    motor: Motor | ServoMotor
+    stage: AnyStage
+    """What drives the motor: a stage of a stepper motor, the drive of a servo motor."""
     screw: Screw
     """With those of its imperfections that are on."""
     travel_mm: float = number("mm", 1.0, 10_000.0, key="travel")
@@ -141,9 +143,22 @@ class Axis:
         check(self)
 
     @property
+    def closed_loop(self) -> bool:
+        """A servo drive: it loses nothing, but lags, and switches itself off if it lags too far."""
+        return isinstance(self.stage, ServoDrive)
+
+    @property
     def steps_per_rev(self) -> int:
-        """Steps of the stage in a revolution: full steps of the motor times microsteps."""
+        """Steps of the commands in a revolution: full steps of the motor times microsteps, or encoder increments."""
+        if isinstance(self.stage, ServoDrive):
+            return self.stage.increments_per_rev
+        assert isinstance(self.motor, Motor)
         return self.motor.full_steps_per_rev * self.stage.microsteps
+
+    @property
+    def slip_steps(self) -> float:
+        """Steps in one slip of the motor, a period of its torque; one for a servo motor, which does not slip."""
+        return self.steps_per_rev / self.motor.pole_pairs if isinstance(self.motor, Motor) else 1.0
 
     @property
     def step_mm(self) -> float:
@@ -305,6 +320,9 @@ def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
     tree = copy.deepcopy(dict(machine.tree))
     place = Place(machine.file, MachineError)
     for key, value in overrides.items():
+        _check_drive(tree, key, value, place)
+        if key.startswith("axes.") and key.endswith(".drive"):
+            continue  # it is so
         if key == "imperfections":
             if value not in LEVELS:
                 raise MachineError(f"imperfections: unknown level {value!r}; allowed: {', '.join(LEVELS)}")
@@ -358,8 +376,46 @@ def _read_file(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         for key in ("model", "fixture"):
             if key not in tree and parent.get(key):
                 tree[key] = str(parent_file.parent / str(parent[key]))
-        tree = merge(parent, tree)
+        tree = merge(_without_other_drives(parent, tree, place), tree)
     return tree
+
+
+_DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
+"""Kinds of drives, and the keys of an axis that are of that kind only."""
+_DRIVE: Final = "stepper"
+"""That of an axis that names none."""
+
+
+def _without_other_drives(parent: Mapping[str, Any], tree: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The parent without the keys of its drives where the tree says another kind."""
+    result = copy.deepcopy(dict(parent))
+    for name, axis in table(tree.get("axes", {}), place.at("axes")).items():
+        before = result["axes"][name]
+        was = before.get("drive", _DRIVE)
+        if axis.get("drive", was) != was:
+            result["axes"][name] = {key: value for key, value in before.items() if key not in _DRIVES.get(was, ())}
+    return result
+
+
+def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:
+    """Refuse an override that is for the other kind of drive: whoever wants it needs another machine."""
+    section_name, _, rest = key.partition(".")
+    member, _, inside = rest.partition(".")
+    own = inside.partition(".")[0]
+    if section_name != "axes" or member not in ("all", *CARRIAGES):
+        return
+    for name in CARRIAGES if member == "all" else (member,):
+        has = tree["axes"][name].get("drive", _DRIVE)
+        for kind, kinds in _DRIVES.items():
+            if kind != has and (own in kinds or (own == "drive" and value == kind)):
+                needed = f"{kind} drives are asked for" if own == "drive" else f"this is of {kind} drives"
+                models = {"stepper": "4030", "servo": "4030-servo"}
+                raise place.at(f"axes.{name}.{inside}").wrong(
+                    f"{needed}, and the machine has {has} drives; "
+                    f"take a machine with {kind} drives, such as {models[kind]}"
+                )
+        if own == "drive" and value not in _DRIVES:
+            raise place.at(f"axes.{name}.drive").wrong(f"{value!r}; allowed: {', '.join(_DRIVES)}")
 
 
 _TEXTS: Mapping[str, tuple[str, ...]] = {
@@ -436,18 +492,17 @@ def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
 def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections, place: Place) -> Axis:
     """An axis from its table, in which the keys of its screw stand beside its own."""
     content = table(value, place)
-    beside = ("motor", "stage", "steps_per_rev", "stribeck_speed")
-    known(content, (*beside, *keys(Axis), *keys(Screw), *keys(Rod)), place)
+    kind = text(content.get("drive", _DRIVE), place.at("drive"), tuple(_DRIVES))
+    beside = (*_DRIVES[kind], "stribeck_speed")
+    for other, foreign in _DRIVES.items():
+        if other != kind and any(key in content for key in foreign):
+            key = next(key for key in foreign if key in content)
+            raise place.at(key).wrong(f'of {other} drives, but drive = "{kind}"; allowed: {", ".join(_DRIVES[kind])}')
+    known(content, ("drive", *beside, *keys(Axis), *keys(Screw), *keys(Rod)), place)
     for key in beside:
         if key not in content:
             raise place.at(key).wrong("missing")
-    motor = motors[text(content["motor"], place.at("motor"), tuple(motors))]
-    steps_per_rev = quantity(content["steps_per_rev"], _STEPS_PER_REV, place.at("steps_per_rev"))
-    microsteps, rest = divmod(int(steps_per_rev), motor.full_steps_per_rev)
-    if rest or not microsteps:
-        raise place.at("steps_per_rev").wrong(
-            f"{steps_per_rev}; allowed with the motor {content['motor']}: whole multiples of {motor.full_steps_per_rev}"
-        )
+    motor, stage = (_servo if kind == "servo" else _stepper)(content, motors, on, place)
     screw = read(Screw, content, place)
     if not on.lead_error:
         screw["lead_error"] = 0.0
@@ -472,16 +527,11 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
         free_mm = 0.5 * (rod.length_mm - own["travel_mm"]) if math.isnan(rod.free_length_mm) else rod.free_length_mm
         screw |= {"rod_n": rod.rod_n, "free_length_m": 1e-3 * free_mm, "middle_m": 0.5e-3 * own["travel_mm"]}
     stribeck_mm_s = quantity(content["stribeck_speed"], _STRIBECK_MM_S, place.at("stribeck_speed"))
-    stage = section(Stage, content["stage"], place.at("stage"), microsteps=microsteps)
     try:
         return Axis(
             name=name,
             motor=motor,
-            stage=dataclasses.replace(
-                stage,
-                step_error=stage.step_error if on.step_accuracy else 0.0,
-                current_offset=stage.current_offset if on.current_offset else 0.0,
-            ),
+            stage=stage,
             screw=Screw(
                 inertia_kgm2=rod.inertia_kgm2,
                 stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
@@ -491,6 +541,41 @@ def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections,
         )
     except ValueError as error:
         raise place.wrong(str(error)) from None
+
+
+def _stepper(
+    content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
+) -> tuple[Motor, Stage]:
+    """A stepper motor by its name, and its stage."""
+    motor = motors[text(content["motor"], place.at("motor"), tuple(motors))]
+    steps_per_rev = quantity(content["steps_per_rev"], _STEPS_PER_REV, place.at("steps_per_rev"))
+    microsteps, rest = divmod(int(steps_per_rev), motor.full_steps_per_rev)
+    if rest or not microsteps:
+        raise place.at("steps_per_rev").wrong(
+            f"{steps_per_rev}; allowed with the motor {content['motor']}: whole multiples of {motor.full_steps_per_rev}"
+        )
+    stage = section(Stage, content["stage"], place.at("stage"), microsteps=microsteps)
+    return motor, dataclasses.replace(
+        stage,
+        step_error=stage.step_error if on.step_accuracy else 0.0,
+        current_offset=stage.current_offset if on.current_offset else 0.0,
+    )
+
+
+def _servo(
+    content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
+) -> tuple[ServoMotor, ServoDrive]:
+    """A servo motor and its drive, whose keys stand in one table."""
+    where = place.at("servo")
+    both = table(content["servo"], where)
+    known(both, (*keys(ServoMotor), *keys(ServoDrive)), where)
+    try:
+        motor = ServoMotor(**read(ServoMotor, both, where))
+        return motor, ServoDrive(**read(ServoDrive, both, where), rated_current_a=motor.rated_current_a)
+    except FileError:
+        raise
+    except ValueError as error:
+        raise where.wrong(str(error)) from None
 
 
 def _check(machine: Machine, place: Place) -> None:

@@ -54,6 +54,8 @@ class Position:
         self.step_mm = step_mm
         self._start_mm = plant.position_mm.copy()
         self._period = plant.slip_steps.copy()
+        self._closed = plant.closed_loop.copy()
+        """bool [axes], with servo drives: a difference at the setting of a counter is no slip, but a new zero."""
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
@@ -76,8 +78,11 @@ class Position:
         if self.before_change is not None:
             self.before_change()
         told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
-        slip = round((told - rotor) / self._period[axis]) * self._period[axis]
-        self._forgotten[axis] += abs(slip - self._slip[axis])
+        if self._closed[axis]:  # what a drive took for zero when it was switched on; that it lags now is no slip
+            slip = float(self._plant.command[axis] - rotor - self._plant.lag[axis])
+        else:
+            slip = round((told - rotor) / self._period[axis]) * self._period[axis]
+            self._forgotten[axis] += abs(slip - self._slip[axis])
         self._slip[axis] = slip
         self._encoder_zero[axis] = value - sense * told
         if axis < len(self._zero_mm):
@@ -126,12 +131,16 @@ class Position:
 
     @property
     def lost_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle."""
-        return self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
+        """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle. 0 for axes
+        with servo drives, which lag and lose nothing."""
+        lost: NDArray[np.float64] = self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
+        lost[self._closed] = 0.0
+        return lost
 
     def lost_of(self, commanded: NDArray[np.int64], rotor: NDArray[np.float64]) -> NDArray[np.float64]:
         """float64 [..., axes], lost steps of other commands and rotors, as counters were set last."""
         lost: NDArray[np.float64] = self.turned * (commanded - rotor - self._slip)
+        lost[..., self._closed] = 0.0
         return lost
 
     @property
@@ -166,7 +175,32 @@ class Position:
     @property
     def lag(self) -> tuple[float, ...]:
         """See Drives.lag."""
-        return tuple((self._direction * (self._plant.lag - self._slip)).tolist())
+        slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on anew knows of no slip
+        return tuple((self._direction * (self._plant.lag - slip)).tolist())
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        """See Drives.in_position."""
+        return tuple(self._plant.in_position.tolist())
+
+    @property
+    def overloaded(self) -> tuple[bool, ...]:
+        """See Drives.overloaded."""
+        return tuple(self._plant.overloaded.tolist())
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        """See Drives.speed."""
+        return tuple((self._direction * self._plant.rotor_speed).tolist())
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        """See Drives.past_zero_pulse."""
+        turn = self._plant.turn_steps
+        start = np.zeros(len(turn))
+        start[: len(self._start_mm)] = (self._start_mm / self.step_mm)[: len(turn)]
+        at = np.floor(self._direction * (self._plant.rotor + start)) % turn
+        return tuple(int(n) for n in at)
 
     @property
     def on(self) -> tuple[bool, ...]:

@@ -34,6 +34,8 @@ class Result:
     """Steps lost of each axis that a condition on them has found well."""
     fault_known: bool = False
     """The same of the controller's fault."""
+    drive_faults_known: tuple[int | None, ...] = ()
+    """The same of the faults of each drive: how many."""
 
     @property
     def shown_reply(self) -> str:

@@ -31,8 +31,23 @@ from isel_twin.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from isel_twin.job import Line
+    from isel_twin.twin import Twin
 
-__all__ = ["FRICTION", "LOAD", "SUPPLY", "Trial", "agree", "check", "perturbation", "processes", "trials"]
+__all__ = [
+    "FRICTION",
+    "LOAD",
+    "SUPPLY",
+    "Trial",
+    "agree",
+    "called_machine",
+    "check",
+    "given_up",
+    "giving_up",
+    "perturbation",
+    "perturbed_twin",
+    "processes",
+    "trials",
+]
 
 SUPPLY = 0.05
 """Largest part by which the supply of the stages differs."""
@@ -76,7 +91,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
 
     for name in CARRIAGES:
         factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
-        times(factors["supply"], "axes", name, "stage", "supply")
+        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
         for key in _FRICTION_KEYS:
             times(factors[f"friction_{name}"], "axes", name, key)
     for name in tree["masses"]:
@@ -96,7 +111,7 @@ def check(call: TwinCall, number: int) -> None:
     if call.plant == "kinematic":
         raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
     with call_errors():
-        machine = _machine(call)
+        machine = called_machine(call)
         for n in range(1, number + 1):
             with_overrides(machine, perturbation(machine, call.seed, n)[2])
 
@@ -149,6 +164,22 @@ def _serve(given_up: Any) -> None:
     _given_up = given_up.is_set
 
 
+def given_up() -> bool:
+    """Whether whoever asked for what is computed in this process waits for it no longer."""
+    return _given_up is not None and _given_up()
+
+
+@contextmanager
+def giving_up(stop: Callable[[], bool] | None) -> Iterator[None]:
+    """What is computed here meanwhile is given up once `stop` returns True."""
+    global _given_up
+    before, _given_up = _given_up, stop
+    try:
+        yield
+    finally:
+        _given_up = before
+
+
 def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
     """A repetition in another process, None if it is to be waited for no longer."""
     while stop is None or not stop():
@@ -173,11 +204,29 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return ends[0] == ends[1]
 
 
-def _machine(call: TwinCall) -> Machine:
+def called_machine(call: TwinCall) -> Machine:
     """The machine of a call as its twin has it."""
     machine = load_machine(call.machine)
     controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
     return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
+
+
+def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+    """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
+    from isel_twin.twin import Twin
+
+    seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
+    twin = Twin(
+        call.machine,
+        call.controller,
+        call.plant,
+        seed,
+        flash=flash,
+        scenario=call.scenario,
+        line_speed=call.line_speed,
+        overrides={**call.overrides, **overrides},
+    )
+    return twin, seed, factors
 
 
 def _trial(
@@ -190,20 +239,9 @@ def _trial(
 ) -> Trial | None:
     """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
     from isel_twin.job import play
-    from isel_twin.twin import Twin
 
     stop = stop or _given_up
-    seed, factors, overrides = perturbation(_machine(call), call.seed, number)
-    twin = Twin(
-        call.machine,
-        call.controller,
-        call.plant,
-        seed,
-        flash=flash,
-        scenario=call.scenario,
-        line_speed=call.line_speed,
-        overrides={**call.overrides, **overrides},
-    )
+    twin, seed, factors = perturbed_twin(call, number, flash)
     results = list(play(twin, lines, timeout_s, stop))
     if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
         return None

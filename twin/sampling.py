@@ -42,11 +42,20 @@ class Sampler:
     """Reads the samples of a plant in time and hands them on. See the module."""
 
     def __init__(
-        self, plant: Sampled, position: Position, interval_ns: int, take: Callable[[TwinSamples], None]
+        self,
+        plant: Sampled,
+        position: Position,
+        interval_ns: int,
+        take: Callable[[TwinSamples], None],
+        from_ns: int = 0,
     ) -> None:
-        """take: called with samples, in the order of time. Raises ValueError if the plant cannot take them."""
-        plant.sample_every(interval_ns)
+        """take: called with samples, in the order of time. from_ns: a time of their grid.
+
+        Raises ValueError if the plant cannot take them.
+        """
+        plant.sample_every(interval_ns, from_ns)
         self.interval_ns = interval_ns
+        self.from_ns = from_ns
         self.span_ns = interval_ns * (MOST_SAMPLES // 2 - 1)
         """Longest time to advance between two calls of `keep_up`."""
         self._plant = plant
@@ -59,6 +68,16 @@ class Sampler:
         """Hand the samples on to somebody else as well, from now on."""
         self.hand_on()
         self._takers.append(take)
+
+    def leave(self, take: Callable[[TwinSamples], None]) -> bool:
+        """Hand on what waits, and that was all for this one; return whether nobody is left, and no sample is taken any
+        more."""
+        self.hand_on()
+        self._takers.remove(take)
+        if not self._takers:
+            self._plant.sample_every(0)
+            self._position.before_change = None
+        return not self._takers
 
     @property
     def waiting(self) -> int:
@@ -95,6 +114,10 @@ class Sampler:
         )
         for take in self._takers:
             take(samples)
+
+    def begin_anew(self) -> None:
+        """The twin is at another time: nothing waits, and what samples are related to is another."""
+        self._offset = None
 
     def _changes(self) -> None:
         """What the samples are related to is about to change."""

@@ -22,34 +22,36 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
-    NamesOutputs,
     Output,
-    PluginError,
     Remark,
     Reply,
     SerialFormat,
-    UnknownNameError,
     UsesDrives,
-    create_controller,
 )
 from isel_twin.journal import Note, Origin, Received, cut_content, push_content
-from isel_twin.language import Language, create_language, needed
-from isel_twin.machine import Machine, MachineError, load_machine, with_overrides
+from isel_twin.language import Language, needed
+from isel_twin.machine import Machine, load_machine
 from isel_twin.motion import Steps, Stream
-from isel_twin.plant import PLACES, Cut, Plant, Sampled, Threshold
+from isel_twin.observers import Observers
+from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.position import Position
 from isel_twin.sampling import Sampler, TwinSamples
+from isel_twin.state import Kind, StateError, TwinState, pack, unpack
+from isel_twin.told import Told
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.unpowered import Unpowered
 from isel_twin.wiring import (
@@ -59,13 +61,8 @@ from isel_twin.wiring import (
     SerialLine,
     Wiring,
     check_input,
-    load_scenario,
-    outputs,
-    settable,
     thresholds,
 )
-
-PLANTS = ("mujoco", "kinematic")
 
 _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 """While something moves by itself, whoever paces the twin should look again after this time."""
@@ -75,6 +72,9 @@ _ENDLESS = 100_000
 
 _REMARKS = 1000
 """Remarks of the controller that are kept."""
+
+_OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
+"""Attributes of a twin that a state holds beside those it names."""
 
 log = logging.getLogger("isel_twin")
 
@@ -128,38 +128,40 @@ class Twin:
         if plant not in PLANTS:
             raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
         as_built = machine if isinstance(machine, Machine) else load_machine(machine)
-        wanted = overrides or {}
-        settings = with_overrides(as_built, wanted).controller
-        self.controller_name = controller if isinstance(controller, str) else type(controller).__name__.lower()
-        self._settings = settings if isinstance(controller, str) else None
-        """Of another controller like this one; None: it was handed in, and there is no other."""
-        try:
-            self._controller: Controller = (
-                create_controller(controller, flash=flash, settings=self._settings)
-                if isinstance(controller, str)
-                else controller
-            )
-        except (PluginError, UnknownNameError):
-            raise
-        except ValueError as error:
-            raise MachineError(f"{as_built.file}: [controller]: {error}") from None
-        self.language: Language | None = create_language(controller) if isinstance(controller, str) else None
-        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
-        # The controller's own wishes come first: whoever builds the twin has the last word.
-        self.machine = with_overrides(with_overrides(as_built, self._controller.machine_overrides()), wanted)
-        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
+        wanted = dict(overrides or {})
+        name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        file = None if scenario is None else Path(scenario)
+        start = None if start_mm is None else tuple(start_mm)
+        origin = Origin(as_built, name, plant, seed, flash, file, line_speed, wanted, start)
+        plans, first = draw_up(origin, None if isinstance(controller, str) else controller)
+        self._switch_on(origin, plans, first, keep_motions)
+        if not self.physics and (idle := sum(event.physical for event in plans.events)):
+            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
 
-        self.origin = Origin(
-            as_built,
-            self.controller_name,
-            plant,
-            seed,
-            flash,
-            None if scenario is None else Path(scenario),
-            line_speed,
-            dict(wanted),
-            None if start_mm is None else tuple(start_mm),
-        )
+    def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
+        """A new twin, switched on: as `Twin` with the arguments of this one, but for seed and start_mm. Nothing is read
+        or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
+        if self._plans.new_controller is None:
+            raise StateError("there is no other controller like the one that was handed in: build one for another twin")
+        twin = Twin.__new__(Twin)
+        origin = replace(self.origin, seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
+        model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
+        twin._switch_on(origin, self._plans, self._plans.new_controller(origin.flash), self._stream.keep, model)
+        return twin
+
+    def _switch_on(
+        self, origin: Origin, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
+    ) -> None:
+        self._plans = plans
+        self._controller = controller
+        self.controller_name = origin.controller
+        self.language: Language | None = None if plans.new_language is None else plans.new_language()
+        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
+        self.machine = plans.machine
+        flash, plant, line_speed = origin.flash, origin.plant, origin.line_speed
+        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
+        self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
         self.flash = flash
@@ -170,28 +172,21 @@ class Twin:
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
-        schedule = self._read_scenario(scenario)
-        start_at_mm = _power_on_mm(self.machine, start, start_mm)
+        schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
+        start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
         watched = thresholds(self.machine, drive_inputs, schedule)
-        self._plant = _build_plant(plant, self.machine, watched, start_at_mm, axes)
+        self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes, model)
         self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
             self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces, schedule
         )
-        events = schedule.events
-        if not self._plant.physics and (idle := sum(event.physical for event in events)):
-            what = f"{idle} of {len(events)} events push, cut, load or break what is not there"
-            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
         self._restarts = 0
         self._stream = Stream(axes, keep=keep_motions)
         self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
-        self._observers: list[_Observer] = []
+        self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
-        self._changes = 0
-        """Of the wiring, when observers looked last."""
-        self._inputs: Mapping[str, str] = {}
-        """As they were then."""
+        self._sampled = self._plant if isinstance(self._plant, Sampled) else None
         self._notes: list[Note] = []
         self._least_margin = np.ones(axes)
         """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
@@ -202,10 +197,10 @@ class Twin:
         self._untold = False
         """The plant has moved on since the twin last settled."""
 
-        if asking is not None:
-            asking.use_drives(self._position)
+        self._told = Told(self._controller, flash, rebuilt=plans.new_controller is not None)
+        self._told.use_drives(self._position)
         self._levels = self._wiring.levels
-        self._controller.power_on(0, self._levels)
+        self._told.power_on(0, self._levels)
         self._take_events()
         self._settle()
 
@@ -345,6 +340,23 @@ class Twin:
     def lost_steps(self) -> NDArray[np.float64]:
         """float64 [axes], counter minus rotor position in steps since each counter was set; meaningful at rest."""
         return self._position.lost_steps
+
+    @property
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """bool [axes], which axes have servo drives: they lose no steps, but lag."""
+        return self._plant.closed_loop
+
+    @property
+    def following_error(self) -> NDArray[np.float64]:
+        """float64 [axes], command minus encoder of servo drives in increments, in the sense of the counters; 0 for axes
+        without one."""
+        return np.where(self._plant.closed_loop, self._position.lag, 0.0)
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never):
+        `following error exceeded`, for example."""
+        return self._plant.drive_faults
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -500,30 +512,37 @@ class Twin:
         """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""
         if interval_ns is not None and interval_ns <= 0:
             raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
-        self._observers.append(_Observer(callback, interval_ns, self.time_ns))
-        self._changes, self._inputs = self._wiring.changes, self._wiring.inputs
-        self._observe(changed=False)
+        self._observers.add(callback, interval_ns, self, self._wiring.changes)
+        self._observers.look(self, False, self._wiring.changes)
         self._due_ns = self._next_due_ns()
 
-    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int) -> Sampler | None:
-        """Have the plant take samples every interval_ns from power-on, handed on by `take` some time later.
+    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
+        """Have the plant take samples every interval_ns, at from_ns among other times (0: power-on), handed on by
+        `take` some time later.
 
         While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
         what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
         Whoever asks second shares those of the first, or gets None if they come at other times.
         """
-        if not self.can_sample(interval_ns) or not isinstance(self._plant, Sampled):
+        if self._sampled is None or not self.can_sample(interval_ns, from_ns):
             return None
+        self._tell()  # what counters have to do with the plant is looked at now
         if self._sampler is None:
-            self._sampler = Sampler(self._plant, self._position, interval_ns, take)
+            self._sampler = Sampler(self._sampled, self._position, interval_ns, take, from_ns)
         else:
             self._sampler.share(take)
         return self._sampler
 
-    def can_sample(self, interval_ns: int) -> bool:
+    def can_sample(self, interval_ns: int, from_ns: int = 0) -> bool:
         """Whether `sample` would do it."""
-        same = self._sampler is None or self._sampler.interval_ns == interval_ns
-        return same and isinstance(self._plant, Sampled) and self._plant.fits(interval_ns)
+        one = self._sampler
+        same = one is None or (one.interval_ns == interval_ns and (one.from_ns - from_ns) % interval_ns == 0)
+        return same and self._sampled is not None and self._sampled.fits(interval_ns)
+
+    def sample_no_more(self, take: Callable[[TwinSamples], None]) -> None:
+        """Hand on what waits for `take`, and no more after that. `sample` has taken it on."""
+        if self._sampler is not None and self._sampler.leave(take):
+            self._sampler = None
 
     def listen(self, note: Note) -> None:
         """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.journal."""
@@ -538,9 +557,87 @@ class Twin:
         for note in self._notes:
             note(self.time_ns, kind, what)
 
+    # Another twin, or another time
+
+    @property
+    def followed(self) -> bool:
+        """Somebody observes, samples, listens or keeps the flash: `restore` would be noticed."""
+        return bool(self._observers or self._notes or self._sampler or self.on_flash)
+
+    def save(self) -> TwinState:
+        """All that decides what the twin will do, at this instant, in mid-motion too; see isel_twin.state.
+
+        Not to be called by whoever is being told of something. Raises StateError (ValueError) with one line for a
+        controller that cannot be saved now (isel_twin.told).
+        """
+        self._tell()
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        own = {name: getattr(self, name) for name in _OWN}
+        return TwinState(
+            kind=self._kind,
+            time_ns=self.time_ns,
+            flash=self.flash,
+            life=self._told.save(),
+            parts=pack(own, self._parts, self._known),
+            plant=self._plant.save(),
+        )
+
+    def restore(self, state: TwinState) -> None:
+        """Be the twin that was saved: from here on the same calls give the same bits as they did there.
+
+        It may have been this twin, or another one built alike, whatever their seeds. Observers look at once, and go on
+        with their grids. Listeners are told `restored` before anything happens; who cannot go back (a recording) raises
+        ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
+        machine, controller, plant or scenario.
+        """
+        self._kind.check(state)
+        self._note("restored", state.time_ns)
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        self._told.restore(state.life, self._plans.new_controller, self._position)
+        self._controller = self._told.controller
+        self._sources = (self._controller, self._line, self._wiring)
+        for name, value in unpack(state.parts, self._parts, self._known).items():
+            setattr(self, name, value)
+        self._plant.restore(state.plant)
+        self.time_ns = state.time_ns
+        if self._sampler is not None:
+            self._sampler.begin_anew()
+        flash, self.flash = self.flash, state.flash
+        if self.flash is not None and self.flash != flash and self.on_flash is not None:
+            self.on_flash(self.flash)
+        self._observers.restored(self, self._wiring.changes)
+        self._due_ns = self._next_due_ns()
+
+    @cached_property
+    def _kind(self) -> Kind:
+        return Kind.of(self.controller_name, self.machine, self.origin.plant, len(self.counts), self._plans.events)
+
+    @property
+    def _parts(self) -> dict[str, object]:
+        """What has a state of its own beside controller and plant."""
+        return {"position": self._position, "line": self._line, "wiring": self._wiring, "stream": self._stream}
+
+    @property
+    def _known(self) -> dict[str, object]:
+        """What every twin built like this has, by name."""
+        machine = self.machine
+        return {
+            **self._parts,
+            "controller": self._controller,
+            "run": self._controller.run,
+            "plant": self._plant,
+            "machine": machine,
+            "contacts": machine.contacts,
+            "switches": machine.switches,
+            "heated": tuple(axis.stage for axis in machine.axes),
+            "events": self._plans.events,
+        }
+
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
-        raise TypeError("a twin cannot be copied or pickled; build another one: the same calls give the same bits")
+        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")
 
     # The clock
 
@@ -578,7 +675,7 @@ class Twin:
     def _next_due_ns(self) -> int:
         """When the twin has to settle next; far away if nobody knows of anything."""
         due_ns = _NEVER_NS
-        for source in (*self._sources, *self._observers):
+        for source in (*self._sources, self._observers):
             if (next_ns := source.next_ns) is not None and next_ns < due_ns:
                 due_ns = next_ns
         if self.time_ns < self._line.quiet_ns < due_ns:
@@ -594,14 +691,16 @@ class Twin:
             if events != self._wiring.events_left:  # however many events there are, they come to an end
                 rounds, events = 0, self._wiring.events_left
             rounds += 1
-            self._controller.advance(self.time_ns)
+            self._told.advance(self.time_ns)
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
             if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
-                self._observe(changed=self._inputs_changed())
+                if self._observers:
+                    changes = self._wiring.changes
+                    self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
@@ -614,40 +713,30 @@ class Twin:
         if self._restarts == self._wiring.restarts:
             return False
         self._restarts = self._wiring.restarts
-        if self._settings is None:
+        if self._plans.new_controller is None:
             self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
             return False
         self._wiring.outputs_lost()
         controller: Controller = Unpowered(self._controller)
         if self._wiring.mains:
-            controller = create_controller(self.controller_name, flash=self.flash, settings=self._settings)
+            controller = self._plans.new_controller(self.flash)
         self._controller = controller
         self._sources = (controller, self._line, self._wiring)
-        if isinstance(controller, UsesDrives):
-            controller.use_drives(self._position)
+        self._told = Told(controller, self.flash, rebuilt=self._wiring.mains)
+        self._told.use_drives(self._position)
         self._position.start_anew(controller)
         self._levels = self._wiring.levels
-        controller.power_on(self.time_ns, self._levels)
+        self._told.power_on(self.time_ns, self._levels)
         for axis, value in enumerate(controller.counts):
             self._note("counter", CounterSet(axis, int(value)))
         self._take_events()
         return True
 
-    def _read_scenario(self, scenario: str | Path | None) -> Schedule:
-        """The events of a file, none if there is none."""
-        if scenario is None:
-            return Schedule()
-        machine, controller = self.machine, self._controller
-        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
-        switches = [switch.name for switch in machine.switches]
-        events = load_scenario(scenario, settable(machine), switches, (*outputs(machine), *own))
-        return Schedule(events, create_language(self.controller_name) if self._settings is not None else None)
-
     def _hand_over_bytes(self) -> bool:
         data = self._line.at_controller(self.time_ns)
         if data:
             self._wiring.heard(data, sent=True)
-            self._controller.receive(self.time_ns, data)
+            self._told.receive(self.time_ns, data)
             self._take_events()
         return bool(data)
 
@@ -658,9 +747,9 @@ class Twin:
         before, self._levels = self._levels, levels
         for terminal, level in levels.items():
             if before[terminal] != level:
-                self._controller.set_input(self.time_ns, terminal, level)
+                self._told.set_input(self.time_ns, terminal, level)
                 self._take_events()
-        self._observe(changed=True)
+        self._observers.look(self, True, self._wiring.changes)
         return True
 
     def _take_events(self) -> None:
@@ -693,72 +782,9 @@ class Twin:
                     self._remark(text)
         if outputs_changed:
             self._wiring.outputs_changed()
-            self._observe(changed=True)
+            self._observers.look(self, True, self._wiring.changes)
 
     def _remark(self, text: str) -> None:
         self.remarks.append((self.time_ns, text))
         self._note("remark", text)
         log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)
-
-    def _observe(self, changed: bool) -> None:
-        if changed:
-            self._inputs_changed()
-        for observer in self._observers:
-            observer.look(self, changed)
-
-    def _inputs_changed(self) -> bool:
-        """Whether an input is not what it was when observers looked last; they are about to look."""
-        if not self._observers or self._changes == self._wiring.changes:
-            return False
-        self._changes = self._wiring.changes
-        before, self._inputs = self._inputs, self._wiring.inputs
-        return before != self._inputs
-
-
-class _Observer:
-    """Somebody who looks at the twin on a grid of virtual time."""
-
-    def __init__(self, callback: Callable[[Twin], None], interval_ns: int | None, start_ns: int) -> None:
-        self._callback = callback
-        self._interval_ns = interval_ns
-        self.next_ns: int | None = start_ns
-
-    def look(self, twin: Twin, changed: bool) -> None:
-        due = self.next_ns is not None and twin.time_ns >= self.next_ns
-        if self._interval_ns is None:
-            self.next_ns = None
-        elif self.next_ns is not None:
-            while self.next_ns <= twin.time_ns:
-                self.next_ns += self._interval_ns
-        if due or changed:
-            self._callback(twin)
-
-
-def _build_plant(
-    plant: str, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int
-) -> Plant:
-    if plant == "kinematic":
-        from isel_twin.plant.kinematic import KinematicPlant
-
-        return KinematicPlant(machine, thresholds, start_mm, axes)
-    from isel_twin.plant.mujoco import MujocoPlant
-
-    return MujocoPlant(machine, thresholds, start_mm, axes)
-
-
-def _power_on_mm(
-    machine: Machine, random: np.random.Generator, wanted_mm: Sequence[float] | None
-) -> NDArray[np.float64]:
-    """float64 [3], where the carriages stand when the mains is switched on: as wanted, or where they happen to be.
-
-    Raises ValueError unless the wanted positions lie between the hard stops.
-    """
-    if wanted_mm is None:
-        return np.array([random.uniform(axis.power_on_low_mm, axis.power_on_high_mm) for axis in machine.axes])
-    if len(wanted_mm) != len(machine.axes):
-        raise ValueError(f"start_mm has {len(wanted_mm)} values; give one for each of X, Y and Z")
-    for axis, position_mm in zip(machine.axes, wanted_mm, strict=True):
-        low_mm, high_mm = -axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm
-        if not low_mm <= position_mm <= high_mm:
-            raise ValueError(f"start_mm: {axis.name} = {position_mm}; it must lie from {low_mm:g} to {high_mm:g} mm")
-    return np.array(wanted_mm, dtype=np.float64)

@@ -10,6 +10,9 @@ keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the
 other; so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the
 counter anew, counts too.
 
+A servo drive loses nothing; it switches itself off if its following error goes beyond its limit. That it did is no
+better than lost steps, also if somebody has switched it on again.
+
 Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
 an emergency stop, and had it come after the end of the job, has seen nothing.
 """
@@ -109,6 +112,12 @@ class Verdict:
     """Steps lost of each axis that the job has expected: they do not count as lost."""
     fault_known: bool = False
     """The job has expected the controller's error."""
+    drive_faults: tuple[tuple[int, str], ...] = ()
+    """How often each servo drive has switched itself off since power-on, and why it did last."""
+    drive_faults_known: tuple[int, ...] = ()
+    """As many of each as the job has expected."""
+    following_error: tuple[float | None, ...] = ()
+    """Of each servo drive at rest, in increments; None for an axis without one."""
     events_after_end: int = 0
     """Events of the scenario that were still to come when the last command was over."""
     events_without_effect: int = 0
@@ -130,20 +139,31 @@ class Verdict:
         return tuple(now.tolist())
 
     @property
+    def switched_off(self) -> tuple[str, ...]:
+        """Why the servo drive of each axis has switched itself off, "" if it has not, or the job has expected it."""
+        known = (*self.drive_faults_known, *[0] * len(self.drive_faults))
+        return tuple(
+            cause if number != expected else ""
+            for (number, cause), expected in zip(self.drive_faults, known, strict=False)
+        )
+
+    @property
     def halfway(self) -> tuple[bool, ...]:
         """Whether the rotor of each axis rests between two places that would hold."""
         return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
 
     @property
     def ok(self) -> bool:
-        """Every command sent and accepted or answered as expected, no step lost or half lost, no error left in the
-        controller, every condition met."""
+        """Every command sent and accepted or answered as expected, no step lost or half lost, no drive switched off by
+        itself, no error left in the controller, every condition met."""
         whole = self.unsent == 0 and not self.interrupted and self.refused == 0 and not self.unmet
-        held = not any(self.lost) and not any(self.halfway)
+        held = not any(self.lost) and not any(self.halfway) and not any(self.switched_off)
         return whole and held and (self.fault_known or not self.controller_fault) and not self.flash_fault
 
     def summary(self) -> dict[str, Any]:
-        """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables."""
+        """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables. What is of servo
+        drives is there if the machine has any."""
+        servo = any(error is not None for error in self.following_error)
         return {
             "ok": self.ok,
             "commands": self.commands,
@@ -165,6 +185,11 @@ class Verdict:
             "halfway": list(self.halfway),
             "expectations": self.expectations,
             "unmet": list(self.unmet),
+            **(
+                {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
+                if servo
+                else {}
+            ),
         }
 
 
@@ -195,8 +220,14 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         margin=_least([result for result in results if not result.condition]),
         expectations=sum(result.expected is not None for result in results),
         unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
-        lost_known=_known(results),
+        lost_known=_known([result.lost_known for result in results]),
         fault_known=any(result.fault_known for result in results),
+        drive_faults=twin.drive_faults,
+        drive_faults_known=tuple(int(n) for n in _known([result.drive_faults_known for result in results])),
+        following_error=tuple(
+            round(error, 3) if closed else None
+            for error, closed in zip(twin.following_error.tolist(), twin.closed_loop.tolist(), strict=True)
+        ),
         unsent=unsent,
         interrupted=interrupted,
         flash_fault=bool(twin.outputs.get("flash_fault")),
@@ -205,11 +236,11 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
     )
 
 
-def _known(results: Sequence[Result]) -> tuple[float, ...]:
-    """Lost steps of each axis that conditions have found well, the last ones."""
-    known = [0.0] * max((len(result.lost_known) for result in results), default=0)
-    for result in results:
-        for axis, steps in enumerate(result.lost_known):
+def _known(found: Sequence[Sequence[float | None]]) -> tuple[float, ...]:
+    """What conditions have found well of each axis, the last of it; 0 if there were none."""
+    known = [0.0] * max(map(len, found), default=0)
+    for each in found:
+        for axis, steps in enumerate(each):
             if steps is not None:
                 known[axis] = steps
     return tuple(known)

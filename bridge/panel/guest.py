@@ -287,6 +287,7 @@ class Panel:
             "axes": list(AXIS_NAMES[: len(twin.counts)]),
             "step_mm": twin.step_mm.tolist(),
             "slip_steps": [steps if math.isfinite(steps) else None for steps in twin.slip_steps.tolist()],
+            "closed_loop": twin.closed_loop.tolist(),
             "settable": {name: list(states) for name, states in twin.settable.items()},
             "fault_states": list(FAULTS),
             "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},

@@ -11,7 +11,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.drives import MOTORS, Screw, Stage, pull_out_torque
 from isel_twin.drives.curves import follow, mean_command
-from isel_twin.drives.dynamics import axis_parameters, axis_states
+from isel_twin.drives.dynamics import axis_parameters
+from isel_twin.drives.shaft import axis_states
 
 SUB_STEPS = 400_000
 DT = 25e-6

@@ -136,6 +136,33 @@ def test_set_points_beside_steps(benchmark: Any, kind: Any) -> None:
     benchmark.extra_info["times the time of steps"] = benchmark.stats.stats.median / statistics.median(beside)
 
 
+@pytest.mark.benchmark(group="plant, three axes at 10 kHz")
+def test_servo_axes_beside_stepper_axes(benchmark: Any) -> None:
+    """Both led every 4 ms, with following errors and faults of drives watched; the same way, 62.5 mm in 2.1 s."""
+    watched = [Threshold(axis, "lag", 1e6, hysteresis=1.0) for axis in range(3)]
+    watched += [Threshold(axis, "fault") for axis in range(3)]
+    steppers = there_and_back(powered(load_machine("4030"), MujocoPlant, *watched), led=True)
+    plant = powered(load_machine("4030-servo"), MujocoPlant, *watched)
+    longer = 1000.0 / 320.0  # increments and steps in a millimetre
+    points = {sign: np.round(longer * change.cumsum(axis=0)) for sign, change in SET_POINTS.items()}
+    changes = {sign: np.diff(made, axis=0, prepend=0.0).astype(np.int32) for sign, made in points.items()}
+    turns = itertools.cycle((1, -1))
+
+    def servos() -> None:
+        start_ns = (plant.time_ns // 1_000_000 + 1) * 1_000_000
+        plant.advance(start_ns + int(SET_NS[-1]) + PERIOD_NS, start_ns + SET_NS, changes[next(turns)], PERIOD_NS)
+
+    for warm in (steppers, servos):
+        warm()
+    beside: list[float] = []
+    benchmark.pedantic(servos, setup=lambda: beside.append(timed(steppers)), rounds=21)
+    assert not plant.fault.any()
+    ratio = benchmark.stats.stats.median / statistics.median(beside)
+    benchmark.extra_info["times the time of steppers"] = ratio
+    benchmark.extra_info["times real time, median"] = SECONDS / benchmark.stats.stats.median
+    assert ratio <= 1.3
+
+
 @pytest.mark.benchmark(group="plant, one hour at rest")
 def test_plant_at_rest(benchmark: Any) -> None:
     plant = powered(load_machine("4030"))

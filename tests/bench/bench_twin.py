@@ -16,6 +16,7 @@ import tracemalloc
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from bench.bench_plant import SECONDS, bare
 
@@ -109,16 +110,17 @@ def test_recording_at_100_hz(benchmark: Any, tmp_path: Path) -> None:
             assert twin.query(command) == "0"
         return time.process_time() - cpu
 
-    turns = [(job(plain), job(recorded)) for _ in range(25)][1:]
+    turns = [(job(plain), job(recorded)) for _ in range(28)][1:]
     benchmark.pedantic(lambda: turns.append((job(plain), job(recorded))), rounds=1)
     recording.close()
     minutes = (recorded.time_ns - began) / NANOSECOND / 60.0
-    least = [min(side) for side in zip(*turns, strict=True)]  # what other work adds is never negative
+    spans = np.array(turns).reshape(7, 4, 2).sum(axis=1)  # four jobs: a chunk is written about every second one
+    least = spans.min(axis=0)  # what other work adds is never negative
     size_mb = path.stat().st_size / minutes * 10.0 / 1e6
-    benchmark.extra_info["recorded over not recorded, least of each"] = least[1] / least[0]
+    benchmark.extra_info["recorded over not recorded, least of each"] = float(least[1] / least[0])
     benchmark.extra_info["recorded over not recorded, median of turns"] = statistics.median(b / a for a, b in turns)
     benchmark.extra_info["MB in ten minutes of motion"] = size_mb
-    assert least[1] / least[0] <= 1.08  # 1.05, and what cold caches add on a computer whose cores are taken
+    assert least[1] / least[0] <= 1.05
     assert size_mb <= 20.0
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from isel_twin.drives import MOTORS, Motor, Screw, Stage
 from isel_twin.drives.curves import follow, mean_command
-from isel_twin.drives.dynamics import axis_parameters, axis_states, step_axis, stored_energy_j
+from isel_twin.drives.dynamics import axis_parameters, step_axis, stored_energy_j
+from isel_twin.drives.shaft import axis_states
 
 DT = 25e-6
 

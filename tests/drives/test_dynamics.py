@@ -14,17 +14,15 @@ from hypothesis import strategies as st
 from isel_twin.drives import MOTORS, Screw, Stage
 from isel_twin.drives.curves import mean_command
 from isel_twin.drives.dynamics import (
-    AXIS_STATE,
     BOTH,
     OPEN,
     PHASE_A,
     PHASE_B,
-    at_rest,
     axis_parameters,
-    axis_states,
     step_axis,
     stored_energy_j,
 )
+from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
 
 NEMA23 = MOTORS["23HS32-4004S"]
 NO_DETENT = dataclasses.replace(NEMA23, detent_torque_nm=0.0)

@@ -13,7 +13,7 @@ and after each the host reads.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,9 +55,12 @@ class Played:
     position_mm: NDArray[np.float64]
 
 
-def play(session: Session) -> Played:
-    """Build the twin and do everything."""
-    twin = _build(session)
+def play(session: Session, detour: Callable[[Twin], Twin] | None = None) -> Played:
+    """Build the twin and do everything.
+
+    detour: called before each action with the twin, and returns the one with which to go on.
+    """
+    twin = build(session)
     replies: list[tuple[int, bytes]] = []
 
     def read() -> bytes:
@@ -67,6 +70,8 @@ def play(session: Session) -> Played:
         return data
 
     for kind, *values in session.actions:
+        if detour is not None:
+            twin = detour(twin)
         match kind:
             case "write":
                 twin.write(*values)
@@ -75,6 +80,8 @@ def play(session: Session) -> Played:
             case "run":
                 seconds, slices = values
                 for _ in range(slices):
+                    if detour is not None and slices > 1:
+                        twin = detour(twin)
                     twin.run(seconds / slices)
                     read()
             case "ask":
@@ -95,19 +102,21 @@ def play(session: Session) -> Played:
     return Played(replies, twin.steps, twin.counts, twin.position_mm)
 
 
-def _build(session: Session) -> Twin:
+def build(session: Session, **changes: Any) -> Twin:
+    """The twin of a session, with other options."""
+    options = {**session.options, **changes}
     if session.scenario is None:
-        return Twin(**session.options)
+        return Twin(**options)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scenario.toml"
         path.write_text(session.scenario, encoding="utf-8")
-        return Twin(**session.options, scenario=path)
+        return Twin(**options, scenario=path)
 
 
-def digest_of(session: Session) -> str:
-    """Play a session and digest what it did; if the twin raises an exception, say which."""
+def digest_of(session: Session, detour: Callable[[Twin], Twin] | None = None) -> str:
+    """Play a session and digest what it did; if the twin raises an exception, say which. detour: see `play`."""
     try:
-        played = play(session)
+        played = play(session, detour)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     physics = session.options["plant"] == "mujoco"

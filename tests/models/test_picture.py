@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from matplotlib import image
 from numpy.typing import NDArray
 
 from isel_twin.machine import load_machine, machine_names
-from isel_twin.plant.picture import Picture, draw
+from isel_twin.plant.model import load_model
+from isel_twin.plant.picture import Picture, draw, on_table
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 
@@ -63,3 +65,20 @@ def test_many_pictures_with_one_renderer() -> None:
 def test_a_camera_that_does_not_exist_is_named() -> None:
     with pytest.raises(ValueError, match="unknown camera 'back'; there are: front"):
         draw(load_machine("4030"), (0.0, 0.0, 0.0), camera="back")
+
+
+def test_a_path_lies_where_the_tool_goes_over_the_table() -> None:
+    """Wherever the machine stands, the point of the path that it stands at is at the tool's tip."""
+    for name in machine_names():
+        machine = load_machine(name)
+        model = load_model(machine)
+        data = mujoco.MjData(model)
+        axes = [axis.name for axis in machine.axes]
+        path_mm = np.array([(10.0, 20.0, 5.0), (30.0, 20.0, 15.0), (30.0, 60.0, 15.0)])
+        line = on_table(model, axes, path_mm)
+        assert line.shape == (3, 3)
+        for place_mm, drawn in zip(path_mm, line, strict=True):
+            for axis, mm in zip(axes, place_mm, strict=True):
+                data.joint(axis).qpos[0] = 1e-3 * mm
+            mujoco.mj_forward(model, data)
+            np.testing.assert_allclose(data.site("table_top").xpos + drawn, data.site("tool").xpos, atol=1e-12)

@@ -75,7 +75,8 @@ class MotionError(AssertionError):
 
 
 def assert_no_step_lost(seen: Watched) -> None:
-    """No axis has lost steps, since power-on, nor rests halfway between two places that would hold.
+    """No axis has lost steps, since power-on, nor rests halfway between two places that would hold; no servo drive has
+    switched itself off.
 
     Lets the machine come to rest first. A controller that is still at work is an error: nobody knows yet.
     """
@@ -93,6 +94,9 @@ def assert_no_step_lost(seen: Watched) -> None:
                 axis=axis,
                 command=command,
             )
+    for axis, (number, cause) in zip(AXIS_NAMES, twin.drive_faults, strict=False):
+        if number:
+            raise MotionError(f"{axis}: {cause}", expected="no drive switched off", was=f"{number} times", axis=axis)
     for i in np.flatnonzero(halfway(twin.lost_steps, twin.slip_steps)):
         raise MotionError(
             f"{AXIS_NAMES[i]} rests between two places that would hold",

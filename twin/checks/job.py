@@ -57,6 +57,7 @@ RULES: Mapping[str, str] = {
     "unfinished": "Every command is over in time.",
     "lost": "No motor loses steps.",
     "halfway": "No rotor rests between two places that would hold.",
+    "drive": "No servo drive switches itself off.",
     "switch": "No end switch is struck but in a reference run.",
     "fault": "The controller shows no error.",
     "margin": "Every motor keeps a margin of torque.",
@@ -203,7 +204,10 @@ class Inspection:
         self._findings: list[Finding] = []
         self._moves: list[Move] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
+        self._faults = [number for number, _ in twin.drive_faults]
         self._expected = np.array(twin.counts)
+        self.setting: set[int] = set()
+        """Numbers of the lines that set a counter: reference runs, above all."""
 
     def take(self, result: Result) -> None:
         """A line has just ended."""
@@ -216,6 +220,8 @@ class Inspection:
         self._expected = self._expected + self._scribe.way
         counter_set = bool((np.array(result.counts) != self._expected).any())
         self._expected = np.array(result.counts)
+        if counter_set:
+            self.setting.add(result.number)
         self._findings += self._watch.findings(result, counter_set)
         self._watch.begin()
         self._findings += _of_margin(result, bounds)
@@ -225,6 +231,13 @@ class Inspection:
             for i in np.flatnonzero(now & ~self._gone)
         ]
         self._gone |= now
+        faults = [number for number, _ in twin.drive_faults]
+        self._findings += [
+            Finding("drive", f"{AXIS_NAMES[i]}: {cause}", result.number, result.end_ns)
+            for i, (number, cause) in enumerate(twin.drive_faults)
+            if number > self._faults[i]
+        ]
+        self._faults = faults
 
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
         """All of it, and what others have found, when the job is over."""
@@ -259,6 +272,8 @@ def check_job(
 def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
     """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
     name = finding.message.partition(" ")[0]
+    if finding.rule == "drive":
+        return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
     if finding.rule == "lost":
         return not verdict.lost[AXIS_NAMES.index(name)]
     wanted = (f"{name} == struck", f"input.{name} == struck")

@@ -232,6 +232,16 @@ class Watched:
             current.counter_set = True
         elif kind == "operated" and "watch_margin" in what:
             self._take_margin()
+        elif kind == "restored":
+            self._forget_after(what)
+
+    def _forget_after(self, time_ns: int) -> None:
+        """The twin goes to another time: what was seen after that does not count."""
+        self._close()
+        self._commands = [command for command in self._commands if command.begin_ns < time_ns]
+        table = np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
+        self._samples = array("d", table[table[:, 0] < time_ns].ravel().tolist())
+        self.begin_ns = min(self.begin_ns, time_ns)
 
     def _close(self) -> None:
         """The command that is in work is over."""

@@ -10,11 +10,14 @@
     compare      two recordings laid over each other, command by command
     export       a recording as a file for other tools
     check        jobs against their bounds
+    tune         the fastest settings of a job that lose no step
     golden       jobs that have to do what they did
+    sweep        a job under many conditions, as a table
     identify     a machine's numbers from recordings and measurements
     experiment   the moves that would tell most about a machine
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
+    plc          programs of a controller's PLC
     machines, describe, controllers, motor      what there is, and its numbers
 
 One file a command, each with one function that returns the exit code; what they share:
@@ -51,11 +54,14 @@ from isel_twin.cli import (
     identify,
     machines,
     motor,
+    plc,
     ports,
     replay,
     run,
     serve,
+    sweep,
     tap,
+    tune,
 )
 from isel_twin.cli.exec import exec_
 from isel_twin.cli.options import STANDARD_INPUT
@@ -79,10 +85,12 @@ for command in (
     drive.drive,
     exec_,
     check.check,
+    tune.tune,
     decode.decode,
     export.export,
     replay.replay,
     compare.compare,
+    sweep.sweep,
     tap.tap,
     ports.ports,
     machines.machines,
@@ -92,6 +100,7 @@ for command in (
 ):
     app.command(command)
 app.command(golden.golden)
+app.command(plc.plc)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -180,6 +180,7 @@ def told(done: HostRun) -> str:
         "all well" if verdict.ok else "the machine is not well",
         f"lost steps {', '.join(f'{steps:.3g}' for steps in verdict.lost_steps)}" if lost else "no step lost",
         *(["steps were lost before a reference run"] if any(verdict.forgotten_steps) else []),
+        *(f"{axis}: {why}" for axis, why in zip("XYZABCUV", verdict.switched_off, strict=False) if why),
         *(["the controller shows a fault"] if verdict.controller_fault else []),
         f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
         f"at {where} mm",

@@ -91,7 +91,14 @@ class JsonOutput:
         import json
 
         told = dataclasses.asdict(result)
-        for key in ("expected", "why", "condition", "lost_known", "fault_known"):  # only of lines that expect something
+        for key in (
+            "expected",
+            "why",
+            "condition",
+            "lost_known",
+            "fault_known",
+            "drive_faults_known",
+        ):  # only of lines that expect something
             if result.expected is None or key.endswith("_known"):
                 del told[key]
         print(json.dumps(told), flush=True)
@@ -180,12 +187,18 @@ class TableOutput:
         self._progress.stop()
         axes = [axis.upper() for axis in AXIS_NAMES]
         lost = ", ".join(f"{axis} {round(steps, 3):g}" for axis, steps in zip(axes, verdict.lost_steps, strict=False))
+        lost = f"lost steps: {lost}"
         if any(verdict.forgotten_steps):
             before = zip(axes, verdict.forgotten_steps, strict=False)
             lost += f" (and before a reference run: {', '.join(f'{axis} {int(n)}' for axis, n in before if n)})"
         if any(verdict.halfway):
             where = " ".join(axis for axis, is_so in zip(axes, verdict.halfway, strict=False) if is_so)
             lost += f" ({where}: between two places that hold, kept there by friction alone)"
+        error = {axis: e for axis, e in zip(axes, verdict.following_error, strict=False) if e is not None}
+        if error:
+            lost = f"following error: {', '.join(f'{axis} {round(e):g}' for axis, e in error.items())}"
+        off = [f"{axis}: {why}" for axis, why in zip(axes, verdict.switched_off, strict=False) if why]
+        lost += "".join(f", {each}" for each in off)
         if verdict.controller_fault:
             lost += ", the controller shows an error"
         if verdict.flash_fault:
@@ -196,7 +209,7 @@ class TableOutput:
         self._print("")
         counted = self.counted(verdict) + unsent
         self._print(
-            f"{_in_words(verdict)}: {counted}, lost steps: {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
+            f"{_in_words(verdict)}: {counted}, {lost}, {verdict.time_ns / SECOND_NS:.3f} s of machine time",
             style="bold green" if verdict.ok else "bold red",
         )
 

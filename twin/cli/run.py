@@ -194,14 +194,14 @@ def _repetitions(
 
     def make(stack: ExitStack, stop: Callable[[], bool]) -> Iterator[Trial]:
         executor = stack.enter_context(processes(min(jobs, number))) if jobs > 1 else None
-        with _without_ctrl_c():
+        with without_ctrl_c():
             return trials(call, lines, number, timeout_s=timeout_s, flash=flash, executor=executor, stop=stop)
 
     return make
 
 
 @contextmanager
-def _without_ctrl_c() -> Iterator[None]:
+def without_ctrl_c() -> Iterator[None]:
     """Processes begun in the meantime never heed Ctrl-C: the terminal sends it to all, the first decides."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

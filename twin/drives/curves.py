@@ -39,9 +39,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
-from isel_twin.drives.dynamics import BOTH, axis_parameters, axis_states, drop_stale_code, step_axis
+from isel_twin.drives.dynamics import BOTH, axis_parameters, drop_stale_code, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
+from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 
 SUB_STEP_S = 25e-6

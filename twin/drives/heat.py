@@ -15,20 +15,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.stage import AnyStage
 
 GRID_NS = 1_000_000_000
 HYSTERESIS_K = 10.0
 
 
-def steady_c(stage: Stage, current_fraction: float) -> float:
+def steady_c(stage: AnyStage, current_fraction: float) -> float:
     """Temperature that a stage tends to, in degrees Celsius, at a fraction of its nominal current (0: stage off)."""
     if current_fraction == 0.0:
         return stage.ambient_c
     return stage.ambient_c + stage.thermal_resistance_k_per_w * stage.loss_w(current_fraction)
 
 
-def later_c(stage: Stage, temperature_c: float, current_fraction: float, seconds: float) -> float:
+def later_c(stage: AnyStage, temperature_c: float, current_fraction: float, seconds: float) -> float:
     """Temperature after some time at a constant fraction of nominal current: the exact solution."""
     end_c = steady_c(stage, current_fraction)
     return end_c + (temperature_c - end_c) * math.exp(-seconds / stage.thermal_time_constant_s)
@@ -37,7 +37,7 @@ def later_c(stage: Stage, temperature_c: float, current_fraction: float, seconds
 class StageHeat:
     """Temperatures of a machine's stages, and whether one of them is too hot."""
 
-    def __init__(self, stages: Sequence[Stage]) -> None:
+    def __init__(self, stages: Sequence[AnyStage]) -> None:
         """All stages start at ambient temperature."""
         self._stages = tuple(stages)
         self.temperature_c = [stage.ambient_c for stage in stages]

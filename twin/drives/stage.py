@@ -18,7 +18,9 @@ Two errors that repeat every electrical period, four full steps, and do not add 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
+from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.parameters import check, number
 
 
@@ -76,3 +78,7 @@ class Stage:
     def stepped(self) -> bool:
         """True in full and half step, where the phases are switched and not shaped."""
         return self.microsteps <= 2
+
+
+AnyStage: TypeAlias = Stage | ServoDrive
+"""What gives a motor its currents: supply, losses and heat are asked of both alike."""

@@ -31,7 +31,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.stage import AnyStage
 from isel_twin.parameters import check, flag, number
 
 LARGEST_CHANGE = 0.05
@@ -61,7 +61,7 @@ class Supply:
             raise ValueError(f"supply: release must not lie below undervoltage, {self.undervoltage_v:g} V")
 
 
-def check_fit(supply: Supply, stages: Sequence[Stage], window_s: float) -> None:
+def check_fit(supply: Supply, stages: Sequence[AnyStage], window_s: float) -> None:
     """Raise ValueError, one line, for a supply that does not fit its stages, or is too small for the window."""
     volts = sorted({stage.supply_v for stage in stages})
     if len(volts) > 1:

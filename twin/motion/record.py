@@ -46,6 +46,11 @@ class Steps:
             self.append(motion)
 
     @property
+    def keep(self) -> int | None:
+        """Number of motions that are kept, None for all."""
+        return self._motions.maxlen
+
+    @property
     def motions(self) -> tuple[Motion, ...]:
         """The motions, in the order of time."""
         return tuple(self._motions)
@@ -69,7 +74,9 @@ class Steps:
         """The record of the ticks at or before t_ns."""
         steps = Steps(self.axes)
         steps.dropped = self.dropped
-        steps._motions.extend(motion for motion in self._motions if motion.start_ns <= t_ns)
+        steps._motions.extend(self._motions)
+        while steps._motions and steps._motions[-1].start_ns > t_ns:
+            steps._motions.pop()
         if steps._motions:
             steps._motions[-1] = steps._motions[-1].cut(t_ns)
         return steps

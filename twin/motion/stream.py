@@ -41,6 +41,11 @@ class Stream:
         self._t_ns, self._delta = self._none
 
     @property
+    def keep(self) -> int | None:
+        """Number of motions that the record keeps, None for all."""
+        return self._record.keep
+
+    @property
     def moving(self) -> bool:
         """A motion is being made."""
         return self._motion is not None

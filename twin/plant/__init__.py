@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.stage import AnyStage
 from isel_twin.plant.cutting import Cut
 
 __all__ = ["MOST_SAMPLES", "PLACES", "Cut", "Plant", "Quantity", "Sampled", "Samples", "Threshold"]
@@ -134,8 +134,13 @@ class Plant(Protocol):
         the table; None ends it. A new one replaces it.
         """
 
+    def reset_drives(self) -> None:
+        """Let drives that have switched themselves off forget why: with their stages on they have current again. Stages
+        that come on do so, too."""
+
     def set_phase_lost(self, axis: int, phases: str) -> None:
-        """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them."""
+        """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them. A servo motor has no current with
+        any of them broken, and its drive does not know."""
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """Let the guides of one axis rub so much more than they do by themselves: dry friction in N, 0 or more."""
@@ -178,7 +183,8 @@ class Plant(Protocol):
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """float64 [axes], following error in microsteps: command - rotor."""
+        """float64 [axes], following error in microsteps: command - rotor. A servo drive takes the place in which it
+        was switched on for the one it is told; that difference is not in it."""
 
     @property
     def powered(self) -> NDArray[np.bool_]:
@@ -187,15 +193,42 @@ class Plant(Protocol):
     @property
     def fault(self) -> NDArray[np.bool_]:
         """bool [axes], which drives have switched themselves off; the stage of a stepper motor only while a common
-        supply has too little voltage for it."""
+        supply has too little voltage for it; a servo drive for that, or a following error, until `reset_drives`."""
 
     @property
-    def stages(self) -> tuple[Stage, ...]:
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """bool [axes], which axes have servo drives: they lose no steps."""
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never);
+        what has been forgotten counts, too."""
+
+    @property
+    def overloaded(self) -> NDArray[np.bool_]:
+        """bool [axes], which servo drives let no more than the rated current flow, by their I2t."""
+
+    @property
+    def in_position(self) -> NDArray[np.bool_]:
+        """bool [axes], where the following error has been within its window for its time (servo drives that are on), or
+        is nothing (all others)."""
+
+    @property
+    def rotor_speed(self) -> NDArray[np.float64]:
+        """float64 [axes], speeds of the rotors in microsteps/s."""
+
+    @property
+    def turn_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], microsteps in a revolution of each motor; 1 for axes beyond the carriages."""
+
+    @property
+    def stages(self) -> tuple[AnyStage, ...]:
         """The power stages, in the order of the axes; none if the plant has no currents."""
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
-        """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off."""
+        """float64, one for each of `stages`: phase current over nominal at this moment, 0 while it is off. Of a servo
+        drive: its current over the rated one, root mean square over the time of its I2t."""
 
     @property
     def supply_v(self) -> float:
@@ -204,7 +237,8 @@ class Plant(Protocol):
     @property
     def margin(self) -> NDArray[np.float64]:
         """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
-        asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor."""
+        asked of it, 0 it may have lost its hold (margin.py); nan for axes without a motor. Of a servo drive: what is
+        left to the limit of its following error, 0 it has switched itself off."""
 
     def take_margin(self) -> NDArray[np.float64]:
         """float64 [axes], `margin`, which begins anew without a look of its own: 1 until the next window is over."""
@@ -214,11 +248,19 @@ class Plant(Protocol):
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
-        """float64 [axes], microsteps in one slip of a motor: a period of its torque, four full steps."""
+        """float64 [axes], microsteps in one slip of a motor: a period of its torque, four full steps; one for a motor
+        that does not slip."""
 
     @property
     def at_rest(self) -> bool:
         """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
+
+    def save(self) -> Mapping[str, Any]:
+        """All that the past has left in the plant, as copies that can be pickled; without samples that wait."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Be as another plant of the same machine, thresholds and axes was when it was saved, to the bit. Samples that
+        wait are dropped; how often they are taken stays as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +287,7 @@ class Samples:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A plant that takes samples by itself while it advances, on a grid of time from power-on.
+    """A plant that takes samples by itself while it advances, on a grid of time.
 
     While nothing moves one sample is taken, at the first time of the grid: the others would be the same.
     """
@@ -253,8 +295,10 @@ class Sampled(Protocol):
     def fits(self, interval_ns: int) -> bool:
         """Whether the plant can take samples so often: its own grid has these times."""
 
-    def sample_every(self, interval_ns: int) -> None:
-        """Take samples from now on. ValueError if the interval does not fit."""
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
+        """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
+        dropped. Between sub-steps positions are as `Plant.position_mm` has them; all else is as after the last whole
+        one. ValueError if the interval does not fit."""
 
     def sample_again(self) -> None:
         """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""
@@ -267,5 +311,5 @@ class Sampled(Protocol):
         """Those that wait."""
 
 
-MOST_SAMPLES = 1024
+MOST_SAMPLES = 2048
 """Samples that a plant keeps."""

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import OPEN
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.servo import VOLTAGE_FAULT, fail
+from isel_twin.drives.shaft import SERVO
+from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 
 STEADY = 1e-9
@@ -42,7 +44,7 @@ SUPPLY = np.dtype(
 """State of a supply; built by `supply_state`."""
 
 
-def supply_state(supply: Supply | None, stages: Sequence[Stage], window_s: float) -> NDArray[np.void]:
+def supply_state(supply: Supply | None, stages: Sequence[AnyStage], window_s: float) -> NDArray[np.void]:
     """A charged supply of these stages, shape [1], dtype SUPPLY; `on` is 0 if there is none."""
     state = np.zeros(1, SUPPLY)
     state["gate"] = 3
@@ -104,3 +106,5 @@ def feed(supply, axes, drives, states):
         drives[i].drive_v = axes[i].supply_factor * supply.voltage_v
         drives[i].return_v = supply.voltage_v
         axes[i].fault = 1 if supply.gate == OPEN else 0
+        if supply.gate == OPEN and drives[i].kind == SERVO and states[i].on != 0 and states[i].fault == 0:
+            fail(states[i], VOLTAGE_FAULT)

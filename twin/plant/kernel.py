@@ -40,9 +40,12 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+import isel_twin.plant
 from isel_twin.compiling import njit
-from isel_twin.drives import dynamics, trigonometry
-from isel_twin.drives.dynamics import OPEN, at_rest, step_axis
+from isel_twin.drives import dynamics, servo, shaft, trigonometry
+from isel_twin.drives.dynamics import OPEN, stepper_torque
+from isel_twin.drives.servo import cool, servo_torque
+from isel_twin.drives.shaft import SERVO, at_rest, turn
 from isel_twin.plant import feed as feeding
 from isel_twin.plant import glide as gliding
 from isel_twin.plant import lead, teeth, thread
@@ -87,7 +90,7 @@ def _lower_at(axis):
 
 
 @njit(nogil=True, error_model="numpy")
-def _wake(plant, axes, supply):
+def _wake(plant, axes, drives, states, supply):
     """Leave the frozen state: the part of the window that is over counts with the force that held the carriage."""
     if plant.frozen == 0:
         return
@@ -95,6 +98,11 @@ def _wake(plant, axes, supply):
     plant.held = 0
     plant.quiet = 0
     over = plant.now % plant.window
+    for i in range(AXES):
+        if drives[i].kind == SERVO:
+            loop = drives[i].loop_substeps
+            states[i].heat = cool(drives[i], states[i], plant.now - plant.frozen_at)
+            states[i].due = (loop - plant.now % loop) % loop + 1
     for i in range(AXES):
         axes[i].sum_n = axes[i].mean_n * over
         axes[i].sum_nm = axes[i].mean_nm * over
@@ -105,7 +113,7 @@ def _wake(plant, axes, supply):
 def wake(memory):
     """Something from outside is about to change: nothing may be skipped any more."""
     parts = parts_of(memory)
-    _wake(parts.plant[0], parts.axes, parts.supply[0])
+    _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
 
 
 @njit(nogil=True, error_model="numpy")
@@ -177,6 +185,7 @@ def _leave_window(memory):
     plant.quiet = plant.quiet + 1 if quiet else 0
     if plant.quiet >= plant.rest_windows:
         plant.frozen = 1
+        plant.frozen_at = plant.now
         for j in range(qpos.shape[0]):
             qvel[j] = 0.0
             rates[j] = 0.0
@@ -209,7 +218,12 @@ def _look(memory):
     faster = supply.source_v / max(supply.voltage_v, 1.0) if supply.on else 1.0
     for i in range(AXES):
         axis, state = parts.axes[i], parts.states[i]
-        if axis.phases != OPEN:
+        if parts.drives[i].kind == SERVO:
+            if state.fault != 0:
+                axis.margin = 0.0
+            elif state.on != 0:
+                axis.margin = min(axis.margin, 1.0 - abs(state.error) / parts.drives[i].lag_limit)
+        elif axis.phases != OPEN:
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
             lag = (command - state.theta_rad * axis.steps_per_rad) * axis.full_steps
             now = margin(axis.mean_nm, lag, faster * state.omega_rad_s, parts.available[i], axis.fraction)
@@ -219,30 +233,38 @@ def _look(memory):
 @njit(nogil=True, error_model="numpy")
 def _take(parts, at):
     """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
-    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply."""
+    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply.
+
+    Places are those `sample_ahead_ns` after it, as `advance` has them at the end of a call."""
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return
     row = parts.samples[plant.sampled]
     plant.sampled += 1
     n, m = parts.qpos.shape[0], parts.commanded.shape[0]
-    share = plant.now % plant.window / plant.window
+    ahead_ns = plant.sample_ahead_ns
+    share = (plant.now % plant.window + ahead_ns / plant.substep_ns) / plant.window
     row[0] = at
     for j in range(n):
         row[1 + j] = parts.before[j] + share * (parts.qpos[j] - parts.before[j])
         row[1 + n + j] = parts.qvel[j]
     at_commands = 1 + 2 * n
-    at_ns = at * plant.substep_ns
+    at_ns = at * plant.substep_ns + ahead_ns
     for i in range(m):
         row[at_commands + i] = parts.commanded[i]
         row[at_commands + m + i] = parts.commanded[i] - behind(parts.leads[i], at_ns)
     at_axes = at_commands + 2 * m
     for i in range(AXES):
         axis = axes[i]
-        row[1 + axis.dof] = axis.x_m
+        row[1 + axis.dof] = axis.x_m + 1e-9 * ahead_ns * axis.v_m_s
         row[1 + n + axis.dof] = axis.v_m_s
         row[at_commands + m + i] = parts.states[i].theta_rad * axis.steps_per_rad
-        row[at_axes + i] = 0.0 if axis.phases & parts.supply[0].gate == OPEN else axis.fraction
+        if parts.drives[i].kind == SERVO:
+            since = at - plant.frozen_at if plant.frozen else 0
+            live = axis.phases & parts.supply[0].gate != OPEN and parts.states[i].fault == 0
+            row[at_axes + i] = math.sqrt(cool(parts.drives[i], parts.states[i], since)) if live else 0.0
+        else:
+            row[at_axes + i] = 0.0 if axis.phases & parts.supply[0].gate == OPEN else axis.fraction
         row[at_axes + AXES + i] = axis.margin
     row[at_axes + 2 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
 
@@ -263,9 +285,9 @@ def _pass(memory):
             continue  # no mechanics: no lag, no fault
         elif threshold.quantity == LAG:
             command = parts.commanded[i] - behind(parts.leads[i], now_ns)
-            beyond = abs(command - states[i].theta_rad * axes[i].steps_per_rad) - threshold.limit
+            beyond = abs(command - states[i].theta_rad * axes[i].steps_per_rad - states[i].shift) - threshold.limit
         else:
-            beyond = 1.0 if axes[i].fault else -1.0
+            beyond = 1.0 if axes[i].fault or states[i].fault else -1.0
         passed = beyond > -threshold.hysteresis if threshold.passed else beyond > 0.0
         if passed != (threshold.passed != 0):
             threshold.passed = 1 if passed else 0
@@ -302,10 +324,10 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
                 if plant.held == 0:
                     _take(parts, plant.sample_at)
                     plant.held = 1
-                plant.sample_at = (plant.now // plant.sample_every + 1) * plant.sample_every
+                plant.sample_at += ((plant.now - plant.sample_at) // plant.sample_every + 1) * plant.sample_every
             if plant.now == until:
                 break
-            _wake(plant, axes, supply)
+            _wake(plant, axes, drives, states, supply)
 
         end_ns = (plant.now + 1) * dt_ns
         for i in range(AXES):
@@ -346,8 +368,12 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s
             before_rad_s = states[i].omega_rad_s
             phases = axis.phases & supply.gate
-            force_n = axis.push_n + step_axis(
-                drives[i], states[i], axis.command, phases, axis.fraction, x_mid_m - axis.zero_m, axis.v_m_s, 0.0
+            if drives[i].kind == SERVO:
+                torque_nm, drag, steady = servo_torque(drives[i], states[i], axis.command, phases)
+            else:
+                torque_nm, drag, steady = stepper_torque(drives[i], states[i], axis.command, phases, axis.fraction, 0.0)
+            force_n = axis.push_n + turn(
+                drives[i], states[i], torque_nm, drag, x_mid_m - axis.zero_m, axis.v_m_s, steady
             )
             if supply.on:
                 work_w = 0.5 * (before_rad_s + states[i].omega_rad_s) * states[i].torque_nm
@@ -394,9 +420,11 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
     return made
 
 
-dynamics.drop_stale_code(
-    advance,
+CONTAINED = (
+    isel_twin.plant.__file__,
     dynamics.__file__,
+    servo.__file__,
+    shaft.__file__,
     trigonometry.__file__,
     feeding.__file__,
     gliding.__file__,
@@ -406,3 +434,5 @@ dynamics.drop_stale_code(
     teeth.__file__,
     thread.__file__,
 )
+"""Files whose code the compiled loop contains."""
+dynamics.drop_stale_code(advance, *CONTAINED)

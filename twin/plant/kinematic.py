@@ -13,7 +13,7 @@ nanosecond at which the carriage is beyond its trip point:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from isel_twin.axes import CARRIAGES
 from isel_twin.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
@@ -174,6 +174,8 @@ class KinematicPlant:
         self._start_mm = np.array(start_mm, dtype=np.float64)
         self._step_mm = np.array([axis.step_mm for axis in machine.axes])
         self._count = axes
+        self._closed = np.array([*(axis.closed_loop for axis in machine.axes), *[False] * axes])[:axes]
+        self._turn_steps = np.array([*(float(axis.steps_per_rev) for axis in machine.axes), *[1.0] * axes])[:axes]
         self._commanded = np.zeros(max(axes, len(CARRIAGES)), dtype=np.int64)
         self._leads = no_leads(len(self._commanded))
         self._led_until_ns = 0
@@ -232,6 +234,9 @@ class KinematicPlant:
 
     def set_cut(self, cut: Cut | None) -> None:
         """Without physics there is nothing that a cut could push."""
+
+    def reset_drives(self) -> None:
+        """Drives without physics are never faulty."""
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Without physics there are no phases."""
@@ -306,7 +311,38 @@ class KinematicPlant:
         return np.zeros(self._count, dtype=np.bool_)
 
     @property
-    def stages(self) -> tuple[Stage, ...]:
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """See Plant.closed_loop: an ideal drive."""
+        return self._closed.copy()
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """None."""
+        return ((0, ""),) * self._count
+
+    @property
+    def overloaded(self) -> NDArray[np.bool_]:
+        """None."""
+        return np.zeros(self._count, dtype=np.bool_)
+
+    @property
+    def in_position(self) -> NDArray[np.bool_]:
+        """All."""
+        return np.ones(self._count, dtype=np.bool_)
+
+    @property
+    def rotor_speed(self) -> NDArray[np.float64]:
+        """See Plant.rotor_speed; zero for an axis that jumps from step to step."""
+        leads = self._leads[: self._count]
+        return np.where(leads["end_ns"] > self.time_ns, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0)
+
+    @property
+    def turn_steps(self) -> NDArray[np.float64]:
+        """See Plant.turn_steps."""
+        return self._turn_steps.copy()
+
+    @property
+    def stages(self) -> tuple[AnyStage, ...]:
         """None: there are no currents."""
         return ()
 
@@ -341,6 +377,24 @@ class KinematicPlant:
     def at_rest(self) -> bool:
         """Nothing moves by itself, but what is led."""
         return self._led_until_ns <= self.time_ns
+
+    def save(self) -> Mapping[str, Any]:
+        """See Plant.save."""
+        return {
+            "arrays": [array.copy() for array in self._kept],
+            "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See Plant.restore."""
+        for array, saved in zip(self._kept, state["arrays"], strict=True):
+            array[...] = saved
+        self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]
+
+    @property
+    def _kept(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that change; the compiled functions hold them, so none may be replaced."""
+        return (self._start_mm, self._passed, self._commanded, self._leads, self._strike, self._release, self._struck)
 
     def _command(self) -> NDArray[np.float64]:
         if self.at_rest:

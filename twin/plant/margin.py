@@ -18,6 +18,7 @@ long as the angle does not reach two. A motor that slips passes two: its margin 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,11 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
 
     It begins at the torque of the current vector where that stands, without what single steps cost it.
     """
+    return _available_torque(motor, stage).copy()
+
+
+@lru_cache(64)
+def _available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     omega = SPEED_STEP_RAD_S * np.arange(SPEEDS)
     net = np.array([pull_out_prediction(motor, stage, w * 60.0 / (2.0 * math.pi)) for w in omega])
     iron = np.array([motor.iron_torque_nm(w) for w in omega])

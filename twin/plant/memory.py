@@ -15,9 +15,12 @@ from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+import isel_twin.plant
 from isel_twin.compiling import njit
-from isel_twin.drives.dynamics import AXIS_PARAMETERS, AXIS_STATE
-from isel_twin.plant import MOST_SAMPLES
+from isel_twin.drives import shaft
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
+from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
 from isel_twin.plant.glide import JOINT
@@ -40,6 +43,7 @@ PLANT = np.dtype(
         ("now", "i8"),  # sub-steps made since power-on
         ("quiet", "i8"),  # windows of standstill so far
         ("frozen", "i8"),  # 1: nothing moves
+        ("frozen_at", "i8"),  # sub-step since which it is so
         ("watched", "i8"),  # 1: there are thresholds of other quantities than position
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # when the last of all leads is over
@@ -47,6 +51,7 @@ PLANT = np.dtype(
         ("uneven", "i8"),  # 1: a screw is not everywhere the same
         ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
         ("sample_at", "i8"),  # sub-step of the next one
+        ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
         ("sampled", "i8"),  # samples that wait to be read
         ("held", "i8"),  # 1: frozen, and a sample has been taken of it: the others would be the same
     ],
@@ -231,3 +236,15 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["speeds"] = parts.available.shape[1]
     memory["fields"] = parts.samples.shape[1]
     return memory
+
+
+drop_stale_code(  # what a record holds, and how many there are, is in the compiled code
+    parts_of,
+    isel_twin.plant.__file__,
+    shaft.__file__,
+    cutting.__file__,
+    feed.__file__,
+    glide.__file__,
+    lead.__file__,
+    thread.__file__,
+)

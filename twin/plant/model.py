@@ -17,6 +17,7 @@ squareness (decision P4).
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable
 
@@ -36,6 +37,23 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     Raises MachineError if the model or the fixture cannot be read, if a joint or body the machine names is missing,
     or if a joint is not described by one number.
     """
+    model = compile_model(machine, visual=visual)
+    _dress(machine, model)
+    return model
+
+
+def dressed(model: mujoco.MjModel, machine: Machine) -> mujoco.MjModel:
+    """What `load_model` would give for a machine, from the `compile_model` of another one that differs from it in guide
+    friction, payload and structure alone: a copy with those, in a fiftieth of the time."""
+    model = copy.copy(model)
+    for axis in machine.axes:
+        model.dof_frictionloss[model.joint(axis.name).dofadr] = axis.guide_friction_n
+    _dress(machine, model)
+    return model
+
+
+def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
+    """The machine's model without the springs of its structure and without payload. Arguments, errors: `load_model`."""
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
     except ValueError as error:
@@ -77,6 +95,11 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
         raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
     if model.nq != model.nv:
         raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
+    return model
+
+
+def _dress(machine: Machine, model: mujoco.MjModel) -> None:
+    """Give a compiled model the springs of its structure and its payload."""
     if machine.imperfections.structure:
         for mode in machine.structure:
             joint = model.joint(mode.joint)
@@ -85,7 +108,6 @@ def load_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
             model.dof_damping[joint.dofadr] = 2.0 * mode.damping_ratio * math.sqrt(mode.stiffness_n_per_m * mass_kg)
     if machine.payload_kg > 0.0:
         _add_payload(model, machine.payload_kg)
-    return model
 
 
 def tool_motion(machine: Machine, model: mujoco.MjModel) -> NDArray[np.float64]:

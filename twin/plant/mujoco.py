@@ -8,9 +8,11 @@ Nut and carriage start in balance: an axis that gravity pulls hangs on the flank
 
 from __future__ import annotations
 
+import copy
 import ctypes
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -21,15 +23,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, axis_states, stored_energy_j
-from isel_twin.drives.stage import Stage
+from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, stored_energy_j
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.servo import CAUSES, cool, forget, servo_parameters
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.stage import AnyStage, Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.plant import PLACES, Samples, Threshold, kernel, memory
 from isel_twin.plant.cutting import CUT, Cut, set_cut
 from isel_twin.plant.feed import supply_state
 from isel_twin.plant.glide import glide, gliding
 from isel_twin.plant.lead import all_behind, no_leads
-from isel_twin.plant.margin import available_torque
+from isel_twin.plant.margin import SPEEDS, available_torque
 from isel_twin.plant.model import left_of_x, load_model, reach, tool_motion
 from isel_twin.plant.thread import SCREW, feel
 
@@ -50,6 +56,17 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 _NOW, _EDGE, _LOST_DOF, _SAMPLED = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof", "sampled"))
 """Places of fields in memory.PLANT."""
 _QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
+
+
+_GRID = ("sample_every", "sample_ahead_ns")
+_STAYS = ("mj_step", "model", "data", "sample_at", *_GRID)
+"""Of memory.PLANT: addresses, and what is no business of a state."""
+_SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
+"""Parts that a state holds: all but the samples, which have been read."""
+_OWN = ("_pushes", "_inertia", "_weight", "_mobility")
+"""Arrays beside the kernel's that change."""
+_DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
+"""What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
 
 
 class PlantError(RuntimeError):
@@ -81,16 +98,22 @@ class MujocoPlant:
     physics = True
 
     def __init__(
-        self, machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int = 4
+        self,
+        machine: Machine,
+        thresholds: Sequence[Threshold],
+        start_mm: NDArray[np.float64],
+        axes: int = 4,
+        model: mujoco.MjModel | None = None,
     ) -> None:
         """Place the carriages at start_mm [3] in machine coordinates, stages off, brakes closed.
 
         axes: number of the controller's axes; those beyond the carriages have no mechanics and follow their command.
+        model: the machine's, if somebody has it (`isel_twin.plant.model.dressed`); it belongs to the plant then.
 
         Raises MachineError if the model does not fit the machine or its time steps are too long for its stiffness.
         """
         self.machine = machine
-        self.model = load_model(machine, visual=False)
+        self.model = load_model(machine, visual=False) if model is None else model
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
         self.data = mujoco.MjData(self.model)
         self.time_ns = 0
@@ -120,16 +143,21 @@ class MujocoPlant:
         self._axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
         self._axes["phases"] = OPEN
         self._axes["fraction"] = 1.0
-        self._axes["idle_fraction"] = [axis.stage.idle_current_fraction for axis in machine.axes]
-        self._axes["idle_delay"] = [round(axis.stage.idle_delay_s / substep_s) for axis in machine.axes]
-        self._axes["full_steps"] = [1.0 / axis.stage.microsteps for axis in machine.axes]
+        self._axes["idle_fraction"] = 1.0
+        for i, axis in enumerate(machine.axes):
+            if isinstance(axis.stage, Stage):  # the current of a servo motor is what its drive needs
+                self._axes["idle_fraction"][i] = axis.stage.idle_current_fraction
+                self._axes["idle_delay"][i] = round(axis.stage.idle_delay_s / substep_s)
+                self._axes["full_steps"][i] = 1.0 / axis.stage.microsteps
+        self._closed = np.array([axis.closed_loop for axis in machine.axes])
         self._axes["margin"] = 1.0
         self._axes["resistance_ohm"] = [a.motor.resistance_ohm + a.stage.extra_resistance_ohm for a in machine.axes]
         self._axes["inductance_h"] = [axis.motor.inductance_h for axis in machine.axes]
         self._axes["own_w"] = [axis.stage.quiescent_w for axis in machine.axes]
         self._axes["supply_factor"] = [axis.stage.supply_factor for axis in machine.axes]
         self._supply = supply_state(machine.supply, self.stages, machine.timing.mujoco_step_ns * 1e-9)
-        self._available = np.stack([available_torque(axis.motor, axis.stage) for axis in machine.axes])
+        self._available = np.zeros((memory.AXES, SPEEDS))
+        self._find_available(1.0)
         self._axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
         pull_n = -self._weight[self._dof].round(6)
         self._axes["zero_m"] = data.qpos[self._dof] - np.sign(pull_n) * self._drives["half_backlash_m"]
@@ -195,11 +223,68 @@ class MujocoPlant:
         )  # fmt: skip
         """What the kernel works on; none of these arrays may be replaced. MuJoCo never moves its own."""
         self._memory = memory.memory_of(self._parts)
+        self._as_built: dict[str, NDArray[Any]] | None = None
+        """The model before it was first changed; None: it has not been."""
         kernel.begin_window(self._memory)
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Neither copy nor pickle: the kernel would go on with the memory of this one, by its address."""
-        raise TypeError("a plant cannot be copied or pickled; build another one: the same calls give the same bits")
+        raise TypeError("a plant cannot be copied or pickled; take `save`, and `restore` into another one")
+
+    def save(self) -> Mapping[str, Any]:
+        """See Plant.save."""
+        return {
+            "parts": {name: getattr(self._parts, name).copy() for name in _SAVED},
+            "own": {name: getattr(self, name).copy() for name in _OWN},
+            "values": (self.time_ns, self.edge, self._power, tuple(self._lost), tuple(a.copy() for a in self._late)),
+            "mujoco": {name: getattr(self.data, name).copy() for name in _DATA} | {"time": self.data.time},
+            "model": None if self._as_built is None else _arrays(self.model),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """See Plant.restore. Every array stays where it is: the kernel knows their addresses."""
+        own = {name: self._plant[name].copy() for name in _STAYS}
+        for name, saved in state["parts"].items():
+            getattr(self._parts, name)[...] = saved
+        for name, saved in state["own"].items():
+            getattr(self, name)[...] = saved
+        self.time_ns, self.edge, self._power, lost, late = state["values"]
+        self._lost = list(lost)
+        self._late = (late[0].copy(), late[1].copy(), late[2].copy())
+        for name, saved in state["mujoco"].items():
+            if name == "time":
+                self.data.time = saved
+            else:
+                getattr(self.data, name)[...] = saved
+        self._set_model(state["model"])
+        same = all(own[name][0] == self._plant[name][0] for name in _GRID)
+        phase = int(own["sample_at"][0])
+        for name, value in own.items():
+            if name != "sample_at" or not same:
+                self._plant[name] = value
+        self._plant["sampled"] = 0
+        if not same:
+            self._plant["held"] = 0
+            self._aim_samples(phase)
+
+    def model_as_built(self) -> mujoco.MjModel:
+        """A copy of the model as it was before anything was changed in it: for another plant of this machine."""
+        model = copy.copy(self.model)
+        for name, array in (self._as_built or {}).items():
+            getattr(model, name)[...] = array
+        return model
+
+    def _set_model(self, arrays: Mapping[str, NDArray[Any]] | None) -> None:
+        """Let the model be as saved; None: as it was built."""
+        if arrays is not None:
+            self._keep_as_built()
+        for name, saved in (arrays or self._as_built or {}).items():
+            getattr(self.model, name)[...] = saved
+
+    def _keep_as_built(self) -> None:
+        """The model is about to be changed."""
+        if self._as_built is None:
+            self._as_built = _arrays(self.model)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """See Plant.advance. Raises PlantError if a joint runs away."""
@@ -246,12 +331,22 @@ class MujocoPlant:
         if stages and not self._power[0]:
             self._axes["still_since"] = self._plant["now"]
             self._axes["fraction"] = 1.0
+            self._forget_faults()
         if not lowering:
             self._axes["fraction"] = 1.0
         self._power = power
         self._axes["lowering"] = lowering
         self._drives["coulomb_nm"] = self._coulomb_nm + (0.0 if brake_released else 1.0) * self._brake_nm
         self._set_phases()
+
+    def reset_drives(self) -> None:
+        """See Plant.reset_drives."""
+        kernel.wake(self._memory)
+        self._forget_faults()
+
+    def _forget_faults(self) -> None:
+        for i in np.flatnonzero(self._closed):
+            forget(self._states[i])
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """See Plant.set_phase_lost. Raises ValueError for anything but "a", "b", "ab" and ""."""
@@ -263,6 +358,7 @@ class MujocoPlant:
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         """See Plant.set_friction."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         dof = self._dof[axis]
         self._axes["friction_n"][axis] = self._friction_n[axis] + extra_n
@@ -271,6 +367,7 @@ class MujocoPlant:
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
         """See Plant.set_obstacle: the joint gets another stop, unless its own comes before."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         joint = self.model.dof_jntid[self._dof[axis]]
         low_m, high_m = self._stops_m[joint]
@@ -283,6 +380,7 @@ class MujocoPlant:
 
     def set_payload(self, place: str, mass_kg: float) -> None:
         """See Plant.set_payload. What is pushed now is pushed on."""
+        self._keep_as_built()
         kernel.wake(self._memory)
         body = self.model.site(PLACES[place]).bodyid[0]
         self.model.body_mass[body] = self._mass_kg[body] + mass_kg
@@ -301,9 +399,16 @@ class MujocoPlant:
             for i, axis in enumerate(self.machine.axes):
                 self._drives["drive_v"][i] = left * axis.stage.drive_v
                 self._drives["return_v"][i] = left * axis.stage.supply_v
+        self._find_available(left)
+
+    def _find_available(self, left: float) -> None:
+        """What the motors can do with this part of their voltage."""
         for i, axis in enumerate(self.machine.axes):
-            stage = replace(axis.stage, supply_v=max(left * axis.stage.supply_v, _LEAST_V))
-            self._available[i] = available_torque(axis.motor, stage)
+            if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
+                stage = axis.stage
+                if left != 1.0:
+                    stage = replace(stage, supply_v=max(left * stage.supply_v, _LEAST_V))
+                self._available[i] = available_torque(axis.motor, stage)
 
     def _remodel(self) -> None:
         """The model has been changed: what follows from it, from MuJoCo's next step on."""
@@ -319,8 +424,8 @@ class MujocoPlant:
         scratch.qpos[:] = self.data.qpos
         mujoco.mj_forward(self.model, scratch)
         mujoco.mj_fullM(self.model, scratch, self._inertia)
-        self._weight = scratch.qfrc_bias.copy()
-        self._mobility = np.linalg.inv(self._inertia)
+        self._weight[:] = scratch.qfrc_bias
+        self._mobility[:] = np.linalg.inv(self._inertia)
         self._axes["mobility_per_kg"] = np.diagonal(self._mobility)[self._dof]
         model = self.model
         stiffness = model.jnt_stiffness[model.dof_jntid]
@@ -408,21 +513,59 @@ class MujocoPlant:
     @property
     def lag(self) -> NDArray[np.float64]:
         """See Plant.lag."""
-        return self.command - self.rotor
+        lag = self.command - self.rotor
+        lag[: memory.AXES] -= self._states["shift"][: self._count]
+        return lag
 
     @property
     def powered(self) -> NDArray[np.bool_]:
         """See Plant.powered."""
         powered = np.full(len(self._commanded), self._power[0])
-        powered[: memory.AXES] = self._axes["phases"] & self._supply["gate"] != OPEN
+        powered[: memory.AXES] = self._live
         return powered[: self._count]
+
+    @property
+    def _live(self) -> NDArray[np.bool_]:
+        """bool [3], which motors are let have current."""
+        live: NDArray[np.bool_] = (self._axes["phases"] & self._supply["gate"] != OPEN) & (self._states["fault"] == 0)
+        return live
 
     @property
     def fault(self) -> NDArray[np.bool_]:
         """See Plant.fault."""
         fault = np.zeros(len(self._commanded), dtype=np.bool_)
-        fault[: memory.AXES] = self._axes["fault"] != 0
+        fault[: memory.AXES] = (self._axes["fault"] != 0) | (self._states["fault"] != 0)
         return fault[: self._count]
+
+    @property
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """See Plant.closed_loop."""
+        return np.append(self._closed, [False] * self._count)[: self._count]
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """See Plant.drive_faults."""
+        faults = zip(self._states["faults"].tolist(), self._states["cause"].tolist(), strict=True)
+        return (*((number, CAUSES[cause]) for number, cause in faults), *[(0, "")] * self._count)[: self._count]
+
+    @property
+    def overloaded(self) -> NDArray[np.bool_]:
+        """See Plant.overloaded."""
+        return np.append(self._states["overloaded"] != 0, [False] * self._count)[: self._count]
+
+    @property
+    def in_position(self) -> NDArray[np.bool_]:
+        """See Plant.in_position."""
+        arrived = (self._states["on"] != 0) & (self._states["arrived"] == self._drives["window_substeps"])
+        return np.where(self.closed_loop, np.append(arrived, [True] * self._count)[: self._count], self.lag == 0.0)
+
+    @property
+    def rotor_speed(self) -> NDArray[np.float64]:
+        """See Plant.rotor_speed."""
+        led = self._leads["end_ns"] > self.time_ns
+        speed = np.where(led, self._leads["pending"] * 1e9 / self._leads["lead_ns"], 0.0)
+        speed[: memory.AXES] = self._states["omega_rad_s"] * self._axes["steps_per_rad"]
+        return speed[: self._count]
 
     @property
     def nut_force_n(self) -> NDArray[np.float64]:
@@ -461,14 +604,18 @@ class MujocoPlant:
         return float(drives + 0.5 * rates @ self._inertia @ rates + springs + self._weight @ joints)
 
     @property
-    def stages(self) -> tuple[Stage, ...]:
+    def stages(self) -> tuple[AnyStage, ...]:
         """See Plant.stages."""
         return tuple(axis.stage for axis in self.machine.axes)
 
     @property
     def current_fraction(self) -> NDArray[np.float64]:
         """See Plant.current_fraction."""
-        return np.where(self._axes["phases"] & self._supply["gate"] == OPEN, 0.0, self._axes["fraction"])
+        fraction = self._axes["fraction"].copy()
+        since = int(self._plant["now"][0] - self._plant["frozen_at"][0]) if self._plant["frozen"][0] else 0
+        for i in np.flatnonzero(self._closed):
+            fraction[i] = math.sqrt(cool(self._drives[i], self._states[i], since))
+        return np.where(self._live, fraction, 0.0)
 
     @property
     def supply_v(self) -> float:
@@ -499,13 +646,23 @@ class MujocoPlant:
         """See Sampled.fits."""
         return interval_ns > 0 and interval_ns % self._substep_ns == 0
 
-    def sample_every(self, interval_ns: int) -> None:
+    def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         """See Sampled.sample_every."""
+        if interval_ns == 0:
+            self._plant["sample_every"] = self._plant["sample_ahead_ns"] = self._plant["sampled"] = 0
+            self._plant["sample_at"] = kernel.NEVER
+            return
         if not self.fits(interval_ns):
             raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
-        every = interval_ns // self._substep_ns
-        self._plant["sample_every"] = every
-        self._plant["sample_at"] = (self._plant["now"] // every + 1) * every
+        self._plant["sample_every"] = interval_ns // self._substep_ns
+        self._plant["sample_ahead_ns"] = from_ns % self._substep_ns
+        self._plant["held"] = 0
+        self._aim_samples(from_ns // self._substep_ns)
+
+    def _aim_samples(self, phase: int) -> None:
+        """The next sample is the first of the grid after now; phase: a sub-step of the grid."""
+        now, every = self._words.item(_NOW), int(self._plant["sample_every"][0])
+        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
 
     def sample_again(self) -> None:
         """See Sampled.sample_again."""
@@ -521,13 +678,15 @@ class MujocoPlant:
         rows = self._samples[: self.samples_waiting]
         self._plant["sampled"] = 0
         joints, commands = self.model.nv, len(self._commanded)
-        ends = np.cumsum([1, joints, joints, commands, commands, memory.AXES, memory.AXES])
-        now, place, rates, commanded, rotor, current, margin, supply_v = np.split(rows.copy(), ends, axis=1)
+        widths = (1, joints, joints, commands, commands, memory.AXES, memory.AXES, 1)
+        ends = itertools.accumulate(widths)
+        columns = (rows[:, end - width : end].copy() for width, end in zip(widths, ends, strict=True))
+        now, place, rates, commanded, rotor, current, margin, supply_v = columns
         count = self._count
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
-            time_ns=now[:, 0].astype(np.int64) * self._substep_ns,
+            time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
             position_mm=_each(self._shape_mm, place),
             velocity_mm_s=_each(self._shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
@@ -538,9 +697,15 @@ class MujocoPlant:
         )
 
     @property
+    def turn_steps(self) -> NDArray[np.float64]:
+        """See Plant.turn_steps."""
+        turns = [float(axis.steps_per_rev) for axis in self.machine.axes]
+        return np.array([*turns, *[1.0] * self._count])[: self._count]
+
+    @property
     def slip_steps(self) -> NDArray[np.float64]:
         """See Plant.slip_steps; one step on an axis that has no motor here."""
-        periods = [axis.steps_per_rev / axis.motor.pole_pairs for axis in self.machine.axes]
+        periods = [axis.slip_steps for axis in self.machine.axes]
         return np.array([*periods, *[1.0] * self._count])[: self._count]
 
     @property
@@ -549,6 +714,19 @@ class MujocoPlant:
         axes = self._axes
         full = (axes["lowering"] != 0) & (axes["phases"] != OPEN) & (axes["fraction"] != axes["idle_fraction"])
         return bool(self._plant["frozen"][0]) and not full.any() and not len(self._late[0])
+
+    # For loops of others, compiled together with the kernel
+
+    @property
+    def memory(self) -> NDArray[np.void]:
+        """MEMORY [1], for compiled code that calls `kernel.advance` itself, of a plant that it keeps alive. `time_ns`,
+        `edge` and all that is made of them stay behind: such a plant is advanced in that way alone."""
+        return self._memory
+
+    @property
+    def shape_mm(self) -> NDArray[np.float64]:
+        """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
+        return self._shape_mm.copy()
 
     def scene(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """The machine as it stands now, with everything there is to see: for pictures and viewers, on a copy."""
@@ -584,7 +762,9 @@ class MujocoPlant:
         return joints_n, nuts_n
 
     def _set_phases(self) -> None:
-        self._axes["phases"] = [_PHASES[lost] if self._power[0] else OPEN for lost in self._lost]
+        lost = ["" if closed else lost for lost, closed in zip(self._lost, self._closed, strict=True)]
+        self._axes["phases"] = [_PHASES[phases] if self._power[0] else OPEN for phases in lost]
+        self._drives["connected"] = [not lost for lost in self._lost]
 
     def _lay_screws(self) -> tuple[NDArray[np.void], bool]:
         """[3] SCREW, the drives told of them; whether one is not the same everywhere."""
@@ -628,6 +808,13 @@ class MujocoPlant:
         )
 
 
+def _arrays(model: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+    """Every number of a model that mj_setConst may change, by name."""
+    names = (name for name in dir(model) if not name.startswith("_"))
+    arrays = {name: array for name in names if isinstance(array := getattr(model, name), np.ndarray)}
+    return {name: array.copy() for name, array in arrays.items() if array.dtype == np.float64 and array.size}
+
+
 def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """The product with each of some vectors [n, k], to the bit as with one of them."""
     products: NDArray[np.float64] = np.matmul(matrix, rows[:, :, None])[..., 0]
@@ -652,7 +839,11 @@ def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
         axis.screw, stiffness_n_per_m=_stiffest_n_per_m(axis), rod_n=math.inf, free_length_m=0.0, middle_m=0.0
     )
     try:
-        return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
+        if isinstance(axis.stage, ServoDrive) and isinstance(axis.motor, ServoMotor):
+            return servo_parameters(axis.motor, axis.stage, stiffest, substep_s)
+        if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
+            return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
+        raise ValueError("motor and stage of two kinds")
     except ValueError as error:
         raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
 

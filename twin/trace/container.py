@@ -26,8 +26,8 @@ MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
     _STATISTICS, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET, _DATA_END,
 ) = range(1, 16)  # fmt: skip
 _COMPRESSION: Final = "zstd"
-_LEVEL: Final = -1
-"""Three times as fast as the library's default, and a tenth larger."""
+_LEVEL: Final = -3
+"""Four times as fast as the library's default, and a quarter larger."""
 _MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, number in its channel, log time, publish time."""
 _ENTRY: Final = np.dtype([("time_ns", "<u8"), ("offset", "<u8")])
@@ -55,8 +55,7 @@ class _Chunk:
         every = {channel: list(entries) for channel, entries in self.entries.items()}
         for channel, single in self.single.items():
             every.setdefault(channel, []).append(np.array(single, dtype=_ENTRY))
-        joined = {channel: np.concatenate(entries) for channel, entries in every.items()}
-        return {channel: e[np.argsort(e["time_ns"], kind="stable")] for channel, e in joined.items()}
+        return {channel: _in_order(entries) for channel, entries in every.items()}
 
     def add(self, channel: int, times_ns: NDArray[Any], size: int) -> None:
         """Messages of `size` bytes each, record included, are about to be appended."""
@@ -154,7 +153,7 @@ class Container:
         self._output.flush()
 
     def _write(self, chunk: _Chunk) -> None:
-        data = bytes(chunk.data)
+        data = chunk.data
         indexes = chunk.indexes()
         span = (
             min(int(entries["time_ns"][0]) for entries in indexes.values()),
@@ -200,6 +199,13 @@ class Container:
         crc = zlib.crc32(footer, zlib.crc32(summary + offsets))
         self._output.write(summary + offsets + footer + struct.pack("<I", crc) + MAGIC)
         self._output.flush()
+
+
+def _in_order(entries: list[NDArray[np.void]]) -> NDArray[np.void]:
+    """All entries of a channel, in the order of time: mostly they are."""
+    every = np.concatenate(entries) if len(entries) > 1 else entries[0]
+    times = every["time_ns"]
+    return every if (times[1:] >= times[:-1]).all() else every[np.argsort(times, kind="stable")]
 
 
 def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:

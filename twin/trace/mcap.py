@@ -71,6 +71,8 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
 
+_JSON: Final = json.JSONEncoder(separators=(",", ":"))
+
 SAMPLES: Final = "/samples"
 """The channel of the samples, see samples.py."""
 
@@ -132,7 +134,7 @@ class RecordingWriter:
         if self.ended:
             return
         number = self._channels.get(channel) or self._register(channel)
-        self._container.message(number, time_ns, json.dumps(content, separators=(",", ":")).encode())
+        self._container.message(number, time_ns, _JSON.encode(content).encode())
         self._grown()
 
     def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:

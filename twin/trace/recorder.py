@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
 from isel_twin.snapshot import snapshot
+from isel_twin.told import StateError
 
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
@@ -107,6 +108,8 @@ class Recorder:
         if kind == "counter":
             if not self.counters_set_ns or self.counters_set_ns[-1] != time_ns:
                 self.counters_set_ns.append(time_ns)
+        elif kind == "restored" and not self._file.closed:
+            raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
         elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:  # a job does that itself
             self.events.append((time_ns, kind, _in_words(what)))
 

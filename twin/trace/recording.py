@@ -25,6 +25,7 @@ from isel_twin.axes import CARRIAGES
 from isel_twin.journal import Received
 from isel_twin.language import create_language
 from isel_twin.position import position_error_mm
+from isel_twin.told import StateError
 from isel_twin.trace.mcap import RecordingWriter
 from isel_twin.trace.runs import described
 from isel_twin.trace.samples import sample_dtype, samples_schema
@@ -93,6 +94,7 @@ class Recording:
         self._motion: Motion | None = None
         self._looks: list[tuple[int, NDArray[np.void]]] = []
         """Samples of changes, which wait for those of the plant that come before them."""
+        self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)
         twin.observe(self._look, interval_ns if self._sampler is None else None)
@@ -112,6 +114,7 @@ class Recording:
     def end(self) -> None:
         """That was all: the last message, with the time it is."""
         self.hand_on()
+        self._ended = True
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
 
     def _take(self, samples: TwinSamples) -> None:
@@ -128,10 +131,12 @@ class Recording:
         """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
         if self._looks:
             looks, self._looks = self._looks, []
-            times_ns = np.concatenate((times_ns, np.array([time_ns for time_ns, _ in looks], dtype=np.int64)))
-            order = np.argsort(times_ns, kind="stable")
-            times_ns = times_ns[order]
-            rows = np.concatenate((rows, *(row for _, row in looks)))[order]
+            look_ns = np.array([time_ns for time_ns, _ in looks], dtype=np.int64)
+            at = np.searchsorted(times_ns, look_ns, side="right")
+            times_ns = np.insert(times_ns, at, look_ns)
+            whole = np.dtype((np.void, self._dtype.itemsize))  # moved as one piece each, not field by field
+            seen = np.concatenate([row.view(whole) for _, row in looks])
+            rows = np.insert(rows.view(whole), at, seen).view(self._dtype)
         self._sink.samples(times_ns, rows, self._schema)
 
     def _note(self, time_ns: int, kind: str, what: Any) -> None:
@@ -150,6 +155,9 @@ class Recording:
             sink.message("/flash", time_ns, {"bytes": len(what), "sha256": hashlib.sha256(what).hexdigest()})
         elif kind == "remark":
             sink.message("/remarks", time_ns, {"text": what})
+        elif kind == "restored":
+            if not self._ended:
+                raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
         else:
             sink.message({"operated": "/operator", "scenario": "/scenario"}[kind], time_ns, what)
 

@@ -212,6 +212,8 @@ class Wiring:
 
     def output(self, name: str, value: int) -> None:
         """A controller output has a new level. `outputs_changed` follows when all of an instant have been told."""
+        if name == "drive_reset" and value and not self._outputs.get(name):
+            self._plant.reset_drives()
         self._outputs[name] = value
         self._cabinet.output(name, value)
         self._look()

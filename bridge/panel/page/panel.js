@@ -218,17 +218,20 @@ function build_axes() {
   $("axes").tBodies[0].replaceChildren(...rows.map((cells, i) => make("tr", { "data-axis": about.axes[i] }, ...cells)));
   const fixed = (value, digits) => value === undefined || value === null ? "–" : value.toFixed(digits);
   updates.push((now) => rows.forEach((cells, i) => {
-    const slip = about.slip_steps[i], lag = slip && i < 3 && about.physics ? 360 * now.lost_steps[i] / slip : null;
+    const slip = about.slip_steps[i], lag = slip && i < 3 && about.physics && !about.closed_loop[i] ? 360 * now.lost_steps[i] / slip : null;
     put(cells[1], String(now.counts[i]));
     put(cells[2], i < 3 ? fixed(now.counts[i] * about.step_mm[i], 3) : "–");
     put(cells[3], fixed(now.position_mm[i], 3));
     put(cells[4], fixed(now.position_error_mm[i], 3));
     put(cells[5], Math.round(now.step_hz[i]).toString());
-    put(cells[6], lag === null ? "–" : Math.abs(lag) < 720 ? `${lag.toFixed(0)}°` : `${(lag / 360).toFixed(0)} turns`);
+    if (about.closed_loop[i]) put(cells[6], `${Math.round(now.following_error[i])} inc`);
+    else put(cells[6], lag === null ? "–" : Math.abs(lag) < 720 ? `${lag.toFixed(0)}°` : `${(lag / 360).toFixed(0)} turns`);
     put(cells[7], fixed(now.margin[i], 2));
     const error = Math.abs(now.position_error_mm[i] || 0);
     cells[4].className = error >= 0.1 ? "lost" : error >= 0.05 ? "off" : "";
-    cells[6].className = lag !== null && Math.abs(lag) >= 180 ? "lost" : "";
+    const off = now.drive_faults[i] && now.drive_faults[i][0] > 0;
+    cells[6].className = off || (lag !== null && Math.abs(lag) >= 180) ? "lost" : "";
+    cells[6].title = off ? now.drive_faults[i][1] : "";
     cells[7].className = now.margin[i] !== null && now.margin[i] !== undefined && now.margin[i] < 0.05 ? "lost" : "";
   }));
 }

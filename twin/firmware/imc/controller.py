@@ -150,8 +150,8 @@ class Imc:
         return TERMINALS
 
     def machine_overrides(self) -> Mapping[str, Any]:
-        """None: the controller fits any stage."""
-        return {}
+        """Pulses are for stepper motors; any stage of theirs will do."""
+        return {"axes.all.drive": "stepper"}
 
     # ---- one instant ------------------------------------------------------------------------------------------------
 

@@ -47,8 +47,8 @@ class Device:
         self.flash = flash or Flash(flash_image.default_settings(profile))
         self.settings = self.flash.settings
         self.inputs = inputs
-        self.limits = LimitSwitches(inputs, lambda: self.settings, profile.debounce_ms * MILLISECOND_NS)
-        self.outputs = Outputs(lambda name, value: events.append(Output(name, value)))
+        self.limits = LimitSwitches(inputs, self._present_settings, profile.debounce_ms * MILLISECOND_NS)
+        self.outputs = Outputs(self._put_out)
         self.safety = State.FAULT
         self.number = 0
         self.axes = 0
@@ -58,6 +58,12 @@ class Device:
         self.port_condition: tuple[int, int, int] | None = None
         """Port, mask, value that ends the next move of a stored program (3.2.7)."""
         self._events = events
+
+    def _present_settings(self) -> Settings:
+        return self.settings
+
+    def _put_out(self, name: str, value: int) -> None:
+        self._events.append(Output(name, value))
 
     # ---- time and counters ------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""The iMC's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
+"""The iMC's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`, `RetimesJobs`.
 
 Goal: every command of the tables in commands.py and every reply code in words, and both directions cut into messages.
 
@@ -24,10 +24,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from isel_twin.firmware.imc import commands, grammar, moves, replies
+from isel_twin.firmware.imc import commands, grammar, moves, replies, retiming
 from isel_twin.firmware.imc.profile import Profile, load_profile
 from isel_twin.firmware.imc.query import AXIS_NAMES, END
-from isel_twin.language import Message, MoveSettings, Pieces, Ranges, encoded, integers, readable
+from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, encoded, integers, readable
 
 CR, LF = bytes([grammar.CR]), bytes([grammar.LF])
 OK = replies.OK.encode()
@@ -83,6 +83,10 @@ class ImcLanguage:
             "acceleration_hz_per_ms": (commands.ACCELERATION.low, commands.ACCELERATION.high),
             "start_stop_hz": (commands.START_STOP_HZ.low, commands.START_STOP_HZ.high),
         }
+        self.defaults: Mapping[str, int] = {
+            "acceleration_hz_per_ms": profile.acceleration_hz_per_ms,
+            "start_stop_hz": profile.start_stop_hz,
+        }
         self._line_bytes = profile.line_bytes
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
@@ -129,6 +133,22 @@ class ImcLanguage:
     def break_off(self) -> bytes:
         """Byte 255."""
         return bytes([grammar.BREAK])
+
+    # ---- jobs with other settings -----------------------------------------------------------------------------------
+
+    def job_moves(self, lines: Sequence[str]) -> Sequence[JobMove]:
+        """Straight moves, whose speeds can be others; arcs, helices, moves until a port and programs keep theirs."""
+        return retiming.job_moves(lines, self.defaults)
+
+    def retimed(
+        self, lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int
+    ) -> Sequence[Sequence[str]]:
+        """`@0j` and `@0J` where they stand or before the moves, speeds in the moves; see retiming.py."""
+        return retiming.retimed(lines, settings, rapid_hz)
+
+    def permanent(self, settings: MoveSettings) -> Sequence[str]:
+        """`@0IL`, so that nothing else is stored that was only tried; `@0Ij`, `@0IJ`, `@0IW` (4.2.3, 4.2.4, 4.2.18)."""
+        return ["@0IL", f"@0Ij{settings.start_stop_hz}", f"@0IJ{settings.acceleration_hz_per_ms}", "@0IW"]
 
     # ---- what goes over the line ------------------------------------------------------------------------------------
 

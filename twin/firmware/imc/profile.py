@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -72,5 +73,7 @@ def load_profile(name: str, settings: Mapping[str, Any]) -> Profile:
     return Profile(**{field.name: as_tuples[field.name] for field in fields(Profile)})
 
 
-def _profiles() -> dict[str, dict[str, Any]]:
+@cache
+def _profiles() -> Mapping[str, dict[str, Any]]:
+    """The file of the package, read once; nobody may change it."""
     return tomllib.loads(files(__package__).joinpath("profiles.toml").read_text("utf-8"))

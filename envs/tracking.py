@@ -1,0 +1,241 @@
+"""One step of path following, compiled: pulses for each axis, drives and machine, and what is then to be seen.
+
+Goal: one call a step, so that an environment costs little more than its physics. A step of h:
+
+    frequencies f_i  --- pulses at u_i = k + 1/2 --->  the kernel's advance  --->  tool p, rotors, margins
+                         u_i' = u_i + f_i h                                          |
+                                                                                     v
+    path P(s)  . . . . . nearest point P(s) within a window about the last one,  deviation |p - P(s)|
+
+u_i is the phase of an axis in steps, its counter the whole number nearest to it: so pulses are evenly spaced within a
+step and from one to the next, however the frequency changes, and the counter is never off by more than half a step.
+
+The nearest point is looked for near the last one only: a path may cross itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from isel_twin.compiling import njit
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.plant import kernel
+from isel_twin.plant.kernel import advance
+from isel_twin.plant.memory import AXES, parts_of
+
+PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""How far ahead on the path the points lie that are to be seen."""
+SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2
+"""Numbers in an observation."""
+DONE, OUTSIDE, LOST = 1, 2, 4
+"""What `take_step` returns: bits, 0 if the episode goes on."""
+STOPS_HZ = 300.0
+"""Step frequency from which every axis can stop at once: at the end of the path it must be no higher."""
+BACK_MM = 1.0
+"""How far back on the path, and beyond what a step can go ahead, the nearest point is looked for."""
+
+TRACK = np.dtype(
+    [
+        ("step_ns", "i8"),
+        ("tolerance_mm", "f8"),
+        ("reach_mm", "f8"),  # the way that the tool can go in a step
+        ("time_limit_s", "f8"),
+        ("time_weight", "f8"),  # of the reward, a second
+        ("deviation_weight", "f8"),  # a second
+        ("abort_penalty", "f8"),
+        ("until_ns", "i8"),  # time of the plant
+        ("began_ns", "i8"),
+        ("piece", "i8"),  # of the path, the one that the tool is nearest to
+        ("way_mm", "f8"),  # s
+        ("deviation_mm", "f8"),
+        ("reward_progress", "f8"),
+        ("reward_time", "f8"),
+        ("reward_deviation", "f8"),
+        ("reward_abort", "f8"),
+    ],
+    align=True,
+)
+"""State and settings of an episode."""
+
+LANE = np.dtype(
+    [
+        ("highest_hz", "f8"),
+        ("steps_per_mm", "f8"),
+        ("half_slip", "f8"),  # steps between counter and rotor from which steps are lost
+        ("origin_mm", "f8"),  # tool at the start of the path, in machine coordinates
+        ("counter", "i8"),  # steps from there
+        ("fraction", "f8"),  # u - counter
+        ("rate_hz", "f8"),  # f
+    ],
+    align=True,
+)
+"""State of an axis."""
+
+
+@njit(nogil=True, error_model="numpy")
+def _within(value):
+    """The value, cut to -1 .. 1; -1 if it is not a number."""
+    return 1.0 if value > 1.0 else value if value > -1.0 else -1.0
+
+
+@njit(nogil=True, error_model="numpy")
+def _next_s(lane, k):
+    """When the pulse k (0, 1, ...) of a step comes, counted from its start."""
+    if lane.rate_hz == 0.0:
+        return math.inf
+    sign = math.copysign(1.0, lane.rate_hz)
+    return (k + 0.5 - sign * lane.fraction) / abs(lane.rate_hz)
+
+
+@njit(nogil=True, error_model="numpy")
+def lay_pulses(lanes, start_ns, step_ns, t_ns, delta):
+    """Lay the pulses of a step, in time order, into t_ns [n] and delta int32 [n, 3]; return how many there are."""
+    step_s = 1e-9 * step_ns
+    made_0, made_1, made_2, n = 0, 0, 0, 0
+    next_0, next_1, next_2 = _next_s(lanes[0], 0), _next_s(lanes[1], 0), _next_s(lanes[2], 0)
+    while n < t_ns.shape[0]:
+        first_s = min(next_0, next_1, next_2)
+        if not first_s <= step_s:
+            break
+        t_ns[n] = start_ns + min(max(round(first_s * 1e9), 1), step_ns)
+        delta[n, 0] = delta[n, 1] = delta[n, 2] = 0
+        if next_0 == first_s:
+            made_0 += 1
+            delta[n, 0] = 1 if lanes[0].rate_hz > 0.0 else -1
+            next_0 = _next_s(lanes[0], made_0)
+        if next_1 == first_s:
+            made_1 += 1
+            delta[n, 1] = 1 if lanes[1].rate_hz > 0.0 else -1
+            next_1 = _next_s(lanes[1], made_1)
+        if next_2 == first_s:
+            made_2 += 1
+            delta[n, 2] = 1 if lanes[2].rate_hz > 0.0 else -1
+            next_2 = _next_s(lanes[2], made_2)
+        n += 1
+    for i in range(AXES):
+        lane = lanes[i]
+        made = made_0 if i == 0 else made_1 if i == 1 else made_2
+        change = made if lane.rate_hz > 0.0 else -made
+        lane.counter += change
+        lane.fraction += lane.rate_hz * step_s - change
+    return n
+
+
+@njit(nogil=True, error_model="numpy")
+def find(path, track, x, y, z):
+    """Find the nearest point of the path [m, 4] to a place, near the last one; return it: X, Y, Z.
+
+    Sets piece, way and deviation of the track.
+    """
+    low_mm, high_mm = track.way_mm - BACK_MM, track.way_mm + BACK_MM + track.reach_mm
+    j = track.piece
+    while j > 0 and path[j, 3] > low_mm:
+        j -= 1
+    least, place_x, place_y, place_z = math.inf, path[j, 0], path[j, 1], path[j, 2]
+    piece, way_mm = track.piece, track.way_mm
+    while j < path.shape[0] - 1 and path[j, 3] < high_mm:
+        a_x, a_y, a_z = path[j, 0], path[j, 1], path[j, 2]
+        d_x, d_y, d_z = path[j + 1, 0] - a_x, path[j + 1, 1] - a_y, path[j + 1, 2] - a_z
+        share = ((x - a_x) * d_x + (y - a_y) * d_y + (z - a_z) * d_z) / (d_x * d_x + d_y * d_y + d_z * d_z)
+        share = min(1.0, max(0.0, share))
+        p_x, p_y, p_z = a_x + share * d_x, a_y + share * d_y, a_z + share * d_z
+        square = (x - p_x) * (x - p_x) + (y - p_y) * (y - p_y) + (z - p_z) * (z - p_z)
+        if square < least:
+            least, place_x, place_y, place_z, piece = square, p_x, p_y, p_z, j
+            way_mm = path[j, 3] + share * (path[j + 1, 3] - path[j, 3])
+        j += 1
+    track.piece, track.way_mm, track.deviation_mm = piece, way_mm, math.sqrt(least)
+    return place_x, place_y, place_z
+
+
+@njit(nogil=True, error_model="numpy")
+def look(memory, track, lanes, shape_mm, path, observation):
+    """See where everything is: `observation` [SIZE] as the environment has it. The margins begin anew."""
+    parts = parts_of(memory)
+    x = y = z = 0.0
+    for j in range(shape_mm.shape[1]):
+        x += shape_mm[0, j] * parts.place[j]
+        y += shape_mm[1, j] * parts.place[j]
+        z += shape_mm[2, j] * parts.place[j]
+    x, y, z = x - lanes[0].origin_mm, y - lanes[1].origin_mm, z - lanes[2].origin_mm
+    place_x, place_y, place_z = find(path, track, x, y, z)
+    for i in range(AXES):
+        lane, axis = lanes[i], parts.axes[i]
+        tool = x if i == 0 else y if i == 1 else z
+        nearest = place_x if i == 0 else place_y if i == 1 else place_z
+        speed = 0.0
+        for j in range(shape_mm.shape[1]):
+            speed += shape_mm[i, j] * parts.qvel[j]
+        for k in range(AXES):  # carriages as the sub-steps see them
+            dof = parts.axes[k].dof
+            speed += shape_mm[i, dof] * (parts.axes[k].v_m_s - parts.qvel[dof])
+        lag = parts.commanded[i] - parts.states[i].theta_rad * axis.steps_per_rad
+        observation[i] = _within((tool - nearest) / track.tolerance_mm)
+        observation[AXES + i] = _within(speed * lane.steps_per_mm / lane.highest_hz)
+        observation[2 * AXES + i] = lane.rate_hz / lane.highest_hz
+        observation[3 * AXES + i] = _within(lag / lane.half_slip)
+        observation[4 * AXES + i] = _within((lane.counter / lane.steps_per_mm - nearest) / (2.0 * track.tolerance_mm))
+        observation[5 * AXES + i] = axis.margin
+        axis.margin = 1.0
+    j = track.piece
+    for k in range(len(PREVIEW_MM)):
+        ahead_mm = PREVIEW_MM[k]
+        while j < path.shape[0] - 2 and path[j + 1, 3] < track.way_mm + ahead_mm:
+            j += 1
+        share = min(1.0, (track.way_mm + ahead_mm - path[j, 3]) / (path[j + 1, 3] - path[j, 3]))
+        for i in range(AXES):
+            nearest = place_x if i == 0 else place_y if i == 1 else place_z
+            point = path[j, i] + share * (path[j + 1, i] - path[j, i])
+            observation[(6 + k) * AXES + i] = _within((point - nearest) / ahead_mm)
+    observation[SIZE - 2] = 1.0 - track.way_mm / path[path.shape[0] - 1, 3]
+    left_s = track.time_limit_s - 1e-9 * (track.until_ns - track.began_ns)
+    observation[SIZE - 1] = _within(max(left_s / track.time_limit_s, 0.0))
+
+
+@njit(nogil=True, error_model="numpy")
+def begin(memory, tracks, lanes, shape_mm, path, observation):
+    """See where everything is at the start; arguments as those of `take_step`."""
+    look(memory, tracks[0], lanes, shape_mm, path, observation)
+
+
+@njit(nogil=True, error_model="numpy")
+def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, action, observation):
+    """Make a step of the environment; return 0 or bits of DONE, OUTSIDE and LOST, or -1 for an action that is none.
+
+    memory [1] MEMORY of a plant without thresholds; tracks [1] TRACK; lanes [3] LANE; shape_mm [3, nv], what the joints
+    move the tool; path [m, 4]; t_ns [n], delta int32 [n, 3] scratch for pulses; no_leads int64 [0]; action float64 [3],
+    frequencies over the highest; observation [SIZE], to be filled.
+    """
+    track, parts = tracks[0], parts_of(memory)
+    for i in range(AXES):
+        if not math.isfinite(action[i]):
+            return -1
+    for i in range(AXES):
+        lanes[i].rate_hz = lanes[i].highest_hz * _within(action[i])
+    n = lay_pulses(lanes, track.until_ns, track.step_ns, t_ns, delta)
+    track.until_ns += track.step_ns
+    advance(memory, track.until_ns, t_ns[:n], delta[:n], no_leads, 0)
+    before_mm = track.way_mm
+    look(memory, track, lanes, shape_mm, path, observation)
+    length_mm = path[path.shape[0] - 1, 3]
+    over, stands = 0, True
+    if not track.deviation_mm <= track.tolerance_mm or parts.plant[0].lost_dof >= 0:
+        over |= OUTSIDE
+    for i in range(AXES):
+        lag = parts.commanded[i] - parts.states[i].theta_rad * parts.axes[i].steps_per_rad
+        if not abs(lag) < lanes[i].half_slip:
+            over |= LOST
+        stands = stands and abs(lanes[i].rate_hz) <= STOPS_HZ
+    if over == 0 and stands and length_mm - track.way_mm <= track.tolerance_mm:
+        over = DONE
+    step_s, share = 1e-9 * track.step_ns, min(1.0, track.deviation_mm / track.tolerance_mm)
+    track.reward_progress = track.way_mm - before_mm
+    track.reward_time = -track.time_weight * step_s
+    track.reward_deviation = -track.deviation_weight * step_s * share * share
+    track.reward_abort = -track.abort_penalty if over & (OUTSIDE | LOST) else 0.0
+    return over
+
+
+drop_stale_code(take_step, kernel.__file__, *kernel.CONTAINED)

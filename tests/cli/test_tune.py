@@ -1,0 +1,144 @@
+"""`isel-twin tune`: from a job to its faster self, by the command line."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from isel_twin.cli import main
+from isel_twin.cli.tune import _Table
+from isel_twin.warm import warm_up
+
+JOB = """@07
+@0d5000,5000,5000
+@0R7
+@0M9600,9000,0,30,0,30,0,30    # a rapid way
+@0A320,1000,0,30,0,30,0,30
+@0M0,9000,0,30,0,30,0,30
+"""
+SMALL = ("--trials", "6", "--repetitions", "1", "--confirm", "3", "--acceleration", "100:400", "--start-stop", "300")
+
+
+@pytest.fixture
+def tune(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    """tune(words...) -> exit code, standard output, standard error; in a folder with `job.txt`."""
+    warm_up("mujoco")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.txt").write_text(JOB)
+
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as caught:
+            main([*words])
+        assert isinstance(caught.value.code, int)
+        said = capsys.readouterr()
+        return caught.value.code, said.out, said.err
+
+    return call
+
+
+@pytest.mark.slow
+def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
+    code, out, err = tune("tune", "job.txt", *SMALL, "--picture", "front.svg")
+    assert (code, err) == (0, "")
+    assert "3 machines that no trial has seen" in out
+    assert "permanent in the controller by: @0IL  @0Ij300  @0IJ" in out
+    assert (tmp_path / "front.svg").read_text().startswith("<?xml")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "job.txt", "job.tuned.txt", "job.permanent.txt", "job.tune.db", "front.svg"
+    }  # fmt: skip
+    text = (tmp_path / "job.tuned.txt").read_text()
+    assert "@0A320,1000,0,30,0,30,0,30\n" in text, "a feed"
+    assert "# a rapid way" in text
+    assert tune("run", "job.tuned.txt", "--robust", "3", "--seed", "9")[0] == 0
+    assert tune("run", "job.permanent.txt", "--plant", "kinematic", "--flash", "f.bin")[0] == 0
+
+    # once more: nothing is tried again, and it is the same
+    code, told, _ = tune("tune", "job.txt", *SMALL, "--json", "--workers", "2")
+    *trials, summary = map(json.loads, told.splitlines())
+    assert code == 0
+    assert [trial["trial"] for trial in trials] == [0, 1, 2, 3, 4, 5]
+    assert summary["saved"] > 0.25
+    assert summary["confirmed"]["margin"] >= 0.2
+    assert f"tuned: {summary['tuned']['time_s']:.3f} s, {100 * summary['saved']:.1f} % less" in out
+    assert (tmp_path / "job.tuned.txt").read_text() == text
+
+    # its database is of this job
+    (tmp_path / "job.txt").write_text(JOB.replace("9000", "9500"))
+    code, out, err = tune("tune", "job.txt", *SMALL)
+    assert (code, out) == (2, "")
+    assert err.startswith("isel-twin: job.tune.db: study 'tune' is of another job; choose another name or ")
+
+
+def test_ctrl_c_keeps_what_has_been_tried(tune: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = _Table.tried
+
+    def interrupted(self: _Table, one: Any) -> None:
+        tried(self, one)
+        if one.number == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_Table, "tried", interrupted)
+        code, out, err = tune("tune", "job.txt", *SMALL)
+    assert code == 130
+    assert err == "isel-twin: job.txt: interrupted after 2 of 6 trials; the same command goes on\n"
+    assert " trial   time / s    saved   margin  settings" in out
+    assert {path.name for path in tmp_path.iterdir()} == {"job.txt", "job.tune.db"}
+    code, out, _ = tune("tune", "job.txt", "--trials", "3", *SMALL[2:])
+    assert "goes on after 2 trials" in out
+    assert code == 0
+
+
+def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> None:
+    code, _, err = tune("tune", "job.txt", *SMALL[2:], "--trials", "1", "--margin", "0.99")
+    assert code == 1
+    assert err == (
+        "isel-twin: job.txt: no setting keeps the margin on all machines; a smaller --margin, or more --trials, may\n"
+    )
+    assert not (tmp_path / "job.tuned.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("-", "-: the tuned job stands beside the job; name a file"),
+        ("missing.txt", "missing.txt: there is no such file"),
+        ("job.txt --trials 0", "--trials 0: must be a whole number from 1"),
+        ("job.txt --confirm 0", "--confirm 0: must be a whole number from 1"),
+        ("job.txt --margin 20", "--margin 20: must be from 0 to 1"),
+        ("job.txt --speed fast", "--speed fast: must be LOW:HIGH, for example 5000:20000"),
+        ("job.txt --speed 5:50000", "speed_hz 5:50000: imc-s8 takes 30 to 40000"),
+        ("job.txt --storage nonsense://x", "nonsense://x: cannot be used as a storage: Can't load plugin: *"),
+        ("job.txt --picture o.xyz", "--picture o.xyz: the name must end in one of *"),
+        ("job.txt --out job.txt", "job.txt: is named twice in this call; choose another name for what is written"),
+        ("job.txt --machine none", "unknown machine 'none'*"),
+        ("job.txt --controller ismif", "*the language of ismif cannot bring settings into a job; isel_twin.envs *"),
+        ("none.txt", "there is no move in the job that settings could be brought to"),
+        ("wrong.txt --storage w.db", "wrong.txt: line 2: *; a job has to run before it can be tuned: isel-twin run *"),
+    ],
+)
+def test_what_cannot_be_done_is_told_in_a_line(tune: Any, tmp_path: Path, words: str, line: str) -> None:
+    (tmp_path / "none.txt").write_text("@07\n@0R7\n")
+    (tmp_path / "wrong.txt").write_text("@07\n@0M1,9000\n")
+    code, out, err = tune("tune", *words.split())
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    said = err.removeprefix("isel-twin: ").rstrip("\n")
+    begin, star, end = line.partition("*")
+    if line.startswith("*"):
+        assert end.rstrip("*") in said
+    else:
+        assert said.startswith(begin), said
+        assert end.rstrip("*") in said if star else said == line
+    assert not list(tmp_path.glob("*.tuned.txt"))
+
+
+def test_without_optuna_the_extra_is_named(tune: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    assert tune("tune", "job.txt") == (2, "", "isel-twin: a study needs optuna: pip install 'isel-twin[tune]'\n")

@@ -1,0 +1,98 @@
+"""`isel-twin plc assemble|disassemble|explain|load`: programs of the PLC in a controller."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli.options import STANDARD_INPUT, ControllerName, check_writable, is_standard_input
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.plc import Program
+
+plc = App(name="plc", help="Programs of a controller's PLC: STEP 5 text to bytes and back, explained, loaded.")
+
+Source = Annotated[Path, Parameter(help='STEP 5 text, or an image that was assembled; "-" is standard input.')]
+
+
+@plc.command
+def assemble(
+    source: Source,
+    *,
+    output: Annotated[Path | None, Parameter(help="File for the image; without it the bytes are printed.")] = None,
+) -> int:
+    """Assemble a program: text, one instruction a line, to the image that a controller is loaded with.
+
+    Without --output the bytes are printed in hexadecimal.
+    """
+    check_writable(output, kept=(source,))
+    image = _program(source).image
+    if output is None:
+        print(image.hex(" ").upper())
+        return 0
+    from isel_twin.files import atomic_write
+
+    with call_errors(output):
+        atomic_write(output, image)
+    print(f"{output}: {len(image)} bytes")
+    return 0
+
+
+@plc.command
+def disassemble(source: Source) -> int:
+    """Print the text of an image; assembled again it gives the same bytes."""
+    from isel_twin.firmware.plc.assembler import disassemble as text_of
+
+    with call_errors(source):
+        print(text_of(_program(source)), end="")
+    return 0
+
+
+@plc.command
+def explain(source: Source) -> int:
+    """Print a program, each instruction with what it does in a few words."""
+    from isel_twin.firmware.plc.assembler import explain as explained
+
+    with call_errors(source):
+        rows = explained(_program(source))
+    width = max(len(line) for line, _ in rows)
+    for line, words in rows:
+        print(f"{line:{width}}  {words}")
+    return 0
+
+
+@plc.command
+def load(source: Source, *, controller: ControllerName) -> int:
+    """Print the lines of a job that loads a program into a controller, for `isel-twin run` or a host."""
+    from isel_twin.language import LoadsPlc, create_language
+
+    with call_errors():
+        language = create_language(controller)
+    if not isinstance(language, LoadsPlc):
+        raise CallError(f"controller {controller!r} cannot be loaded with a PLC program")
+    for line in language.plc_lines(_program(source).image):
+        print(line)
+    return 0
+
+
+def _program(source: Path) -> Program:
+    """The program of a file, text or image. Raises CallError."""
+    from isel_twin.firmware.plc.assembler import AssemblyError
+    from isel_twin.firmware.plc.assembler import assemble as assembled
+    from isel_twin.firmware.plc.image import MAGIC, Program
+
+    name = "-" if is_standard_input(source) else str(source)
+    with call_errors(source):
+        data = sys.stdin.buffer.read() if str(source) == STANDARD_INPUT else source.read_bytes()
+    try:
+        return Program.read(data) if data.startswith(MAGIC) else assembled(data.decode())
+    except AssemblyError as error:
+        raise CallError(f"{name}:{error.line}: {error}") from None
+    except UnicodeDecodeError:
+        raise CallError(f"{name}: neither STEP 5 text nor an image of a program") from None
+    except ValueError as error:
+        raise CallError(f"{name}: {error}") from None

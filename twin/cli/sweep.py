@@ -1,0 +1,242 @@
+"""`isel-twin sweep`: a table of what a job does while machine, settings, job, scenario and seed vary."""
+
+from __future__ import annotations
+
+import functools
+import json as json_module
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, call_errors
+from isel_twin.cli import outputs
+from isel_twin.cli.options import check_writable
+
+if TYPE_CHECKING:
+    from isel_twin.studies.plan import Plan
+    from isel_twin.studies.row import Point
+    from isel_twin.studies.run import Crew
+    from isel_twin.studies.sensitivity import Index
+    from isel_twin.studies.table import Table
+
+
+def sweep(
+    plan: Annotated[Path, Parameter(help="What stays the same and what varies (TOML), see docs/sweeps.md.")],
+    out: Annotated[Path | None, Parameter(help="The table (Parquet); without it PLAN.parquet beside the plan.")] = None,
+    workers: Annotated[int | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
+    cluster: Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")] = None,
+    sensitivity: Annotated[
+        Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")
+    ] = None,
+    json: Annotated[bool, Parameter(help="One line of JSON a row as it comes, and one for all.")] = False,
+) -> int:
+    """Make a job again and again while parameters of machine, settings, job and scenario vary; a table of the rows.
+
+    Rows go to the table as they come. Called again, it makes the rows that are missing: after Ctrl-C or a crash,
+    and after values, samples or seeds have been added to the plan.
+
+    Exit code 0 if the table is whole, whatever its rows say; 1 if a row could not be computed, or is missing; 2 for a
+    call that cannot be carried out.
+    """
+    if workers is not None and workers < 1:
+        raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
+    if workers is not None and cluster is not None:
+        raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
+    from isel_twin.studies.plan import load_plan
+    from isel_twin.studies.points import points
+    from isel_twin.studies.table import Table, journal_of
+
+    with call_errors(plan):
+        read = load_plan(plan)
+        wanted = points(read)
+    file = out if out is not None else plan.with_suffix(".parquet")
+    if sensitivity is not None:
+        from isel_twin.studies.sensitivity import check_picture
+
+        check_picture(sensitivity, read)
+    call = read.call
+    check_writable(file, journal_of(file), sensitivity, kept=(plan, call.scenario))
+    _try_out(read)
+    with Table(file, read, wanted) as table:
+        code = _fill(table, read, _crew(workers, cluster, len(table.missing())), json)
+    rows = [table.rows[point.id] for point in wanted if point.id in table.rows]
+    _tell(read, rows, len(wanted), file, json)
+    if code:
+        return code
+    if sensitivity is not None:
+        from isel_twin.studies.sensitivity import draw, indices
+
+        found = indices(read, rows)
+        with call_errors(sensitivity):
+            draw(sensitivity, read, rows, found)
+        _tell_indices(found, sensitivity, json)
+    return 1 if len(rows) < len(wanted) or any(row["error"] is not None for row in rows) else 0
+
+
+def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
+    from isel_twin.studies import run
+
+    if address is not None:
+        return run.cluster(address)
+    return run.local(max(1, min(workers if workers is not None else _processors(), missing)))
+
+
+def _processors() -> int:
+    """That this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def _try_out(plan: Plan) -> None:
+    """Find out what is wrong with scenario and job before a long sweep. Raises CallError."""
+    import dataclasses
+
+    twin = dataclasses.replace(plan.call, plant="kinematic").build()
+    names = {switch.name for switch in twin.machine.switches} | {"all"}
+    if unknown := sorted(set(plan.work.bounds.may_strike) - names):
+        raise CallError(f"{plan.file}: sweep.may_strike: {unknown[0]!r}; allowed: {', '.join(sorted(names))}")
+
+
+def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
+    """Make the missing rows; an exit code if somebody stops it, else 0."""
+    from isel_twin.cli.run import interruption
+    from isel_twin.studies.row import MismatchError, compute
+    from isel_twin.studies.run import Lost, finished
+
+    missing = table.missing()
+    had = len(table.rows)
+    if had and missing and not json:
+        outputs.say(f"{table.file}: goes on after {had} rows; {len(missing)} are missing")
+    why = ""
+    with ExitStack() as stack:
+        shown = stack.enter_context(_Progress(len(missing) + had, had, json))
+        stopped = stack.enter_context(interruption())
+        work = functools.partial(compute, plan.work)
+        try:
+            for index, outcome in finished(work, missing, crew, lambda: bool(stopped)):
+                if isinstance(outcome, Lost):
+                    why = why or outcome.why
+                elif outcome is not None:
+                    row = table.add(missing[index], outcome)
+                    shown.row(row)
+        except (MismatchError, OSError, CallError) as error:
+            if isinstance(error, CallError) and error.option:
+                raise
+            raise CallError(f"{error}; {_resume(table, missing)}") from error
+    if stopped:
+        outputs.say(f"{table.file}: interrupted; {_resume(table, missing)}")
+        return 128 + stopped[0]
+    if why:
+        outputs.say(f"{table.file}: {why}; {_resume(table, missing)}")
+    return 0
+
+
+def _resume(table: Table, missing: Sequence[Point]) -> str:
+    left = sum(point.id not in table.rows for point in missing)
+    return f"{len(table.rows)} rows are in the table, {left} are missing; the same call goes on from there"
+
+
+class _Progress:
+    """A bar with the time left on a terminal; with --json the rows. A context manager."""
+
+    def __init__(self, total: int, had: int, json: bool) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._json = json
+        messages = Console(stderr=True)
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        self._bar = Progress(
+            *columns,
+            console=messages,
+            transient=True,
+            disable=json or not messages.is_terminal,
+            speed_estimate_period=600.0,
+        )
+        self._task = self._bar.add_task("rows", total=total, completed=had)
+        self._failed = 0
+
+    def __enter__(self) -> _Progress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def row(self, row: dict[str, Any]) -> None:
+        """A row has come."""
+        self._failed += row["ok"] is not True
+        self._bar.update(self._task, advance=1, description=f"rows, {self._failed} not well")
+        if self._json:
+            print(json_module.dumps(row), flush=True)
+
+
+def _tell(plan: Plan, rows: Sequence[dict[str, Any]], wanted: int, file: Path, json: bool) -> None:
+    """What has become of it."""
+    failed = [row for row in rows if row["ok"] is False]
+    errors = [row for row in rows if row["error"] is not None]
+    if json:
+        counts = {"rows": len(rows), "ok": len(rows) - len(failed) - len(errors), "failed": len(failed)}
+        more = {"errors": len(errors), "missing": wanted - len(rows), "table": str(file)}
+        print(json_module.dumps({"summary": True, **counts, **more}), flush=True)
+        return
+    print(f"{file}: {len(rows)} of {wanted} rows, {_share(len(failed), len(rows) - len(errors))} not well")
+    if errors:
+        print(f"  {len(errors)} could not be computed, the first: {errors[0]['error']}")
+    grouped = [parameter.name for parameter in plan.parameters if not parameter.sampled]
+    for name in grouped:
+        by_value: dict[Any, list[dict[str, Any]]] = {}
+        for row in rows:
+            if row["error"] is None:
+                by_value.setdefault(row[name], []).append(row)
+        if not 1 < len(by_value) <= MOST_GROUPS:
+            continue
+        width = max(len(_shown(value)) for value in by_value)
+        for value, some in by_value.items():
+            bad = [row for row in some if row["ok"] is False]
+            rules = _counted([rule for row in bad for rule in row["failure"].split()])
+            print(f"  {name} = {_shown(value):<{width}}  {_share(len(bad), len(some))} not well{rules}")
+
+
+def _tell_indices(found: Sequence[Index], picture: Path, json: bool) -> None:
+    """What each outcome depends on, the most first."""
+    import dataclasses
+
+    if json:
+        told = [dataclasses.asdict(index) for index in found]
+        print(json_module.dumps({"sensitivity": told, "picture": str(picture)}), flush=True)
+        return
+    print(f"{picture}: what the outcome depends on (part of the variance)")
+    for outcome in dict.fromkeys(index.outcome for index in found):
+        some = sorted((i for i in found if i.outcome == outcome), key=lambda i: -max(i.first, i.total or 0.0))
+        each = [
+            f"{i.parameter} {i.first:.2f}" + ("" if i.total is None else f" (with others {i.total:.2f})") for i in some
+        ]
+        print(f"  {outcome}: {', '.join(each)}")
+
+
+MOST_GROUPS = 12
+"""Values of a parameter that are told one by one."""
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _counted(words: Sequence[str]) -> str:
+    counts = {word: words.count(word) for word in dict.fromkeys(words)}
+    return f" ({', '.join(f'{word} {count}' for word, count in counts.items())})" if counts else ""
+
+
+def _share(bad: int, total: int) -> str:
+    """So many of so many, and where the true part lies with 95 % certainty (E. B. Wilson, 1927)."""
+    if not total:
+        return "0"
+    from isel_twin.studies import wilson
+
+    low, high = wilson(bad, total)
+    return f"{bad} of {total} ({100.0 * bad / total:.0f} %, {100.0 * low:.0f} to {100.0 * high:.0f} %)"

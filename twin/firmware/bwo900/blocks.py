@@ -1,0 +1,110 @@
+"""What an executed block is to the path: its elements in machine coordinates, and what happens before and after them.
+
+    interpreter --- PathBlock ---> contour (G12, G123) ---> radius correction (G41, G42) ---> path, real time
+
+Everything on this way takes blocks and gives blocks, in order, and changes elements only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from isel_twin.firmware.bwo900.elements import XY, Element, Plane, Point
+from isel_twin.firmware.bwo900.syntax import Text
+
+__all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
+
+
+class BlockEnd(Enum):
+    """How a block's path ends."""
+
+    CONTINUOUS = "no stop: the next block joins"
+    FEED_STOP = "speed 0, without waiting for the axes"
+    EXACT_STOP = "speed 0, and the following error within its window"
+
+
+class Stop(Enum):
+    """What happens after a block's post functions."""
+
+    NONE = ""
+    SYNCHRONISE = "M01: analysis waits until the block has been executed"
+    MEASURING_STOP = "M00: until Start; tool data are read again"
+    END = "M30: end of the program"
+    REPEAT = "M29: from its first block again"
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Tool radius correction of a block: side +1 left (G41), -1 right (G42), 0 off; radius in mm, never negative."""
+
+    side: int = 0
+    radius_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
+
+    code: int
+    extensions: tuple[float, ...] = ()
+    halt: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PathBlock:
+    """One block of a program, or of a cycle, that has been analysed."""
+
+    program: str
+    number: int
+    """Of the block; of the block that called, within a cycle."""
+    column: int = 0
+    start: Point = (0.0, 0.0, 0.0)
+    """Where it begins, in machine coordinates, before any radius correction."""
+    elements: tuple[Element, ...] = ()
+    """None: no path."""
+    plane: Plane = XY
+    rapid: bool = False
+    feed_mm_min: float | None = None
+    """Path feed; None with rapid."""
+    end_feed_mm_min: float | None = None
+    """Feed that the block ends with (`f`)."""
+    override: bool = True
+    """False: G63, 100 %."""
+    end: BlockEnd = BlockEnd.CONTINUOUS
+    correction: Correction = Correction()
+    chamfer_mm: float | None = None
+    """G12 with P70: at the corner to the next path."""
+    rounding_mm: float | None = None
+    """G12 with P71."""
+    three_points: bool = False
+    """G123: its only element is a line; the next one decides what becomes of both."""
+    pre: tuple[Machine, ...] = ()
+    post: tuple[Machine, ...] = ()
+    dwell_s: float | None = None
+    """G04: after the path, before the post functions."""
+    speeds: Mapping[int, float] = field(default_factory=dict)
+    """S words: spindle 1 to 8, in 1/min."""
+    tool: int | None = None
+    """T word."""
+    parameters: tuple[tuple[int, float | None], ...] = ()
+    """Parameters that are written when the block is executed: number, value."""
+    text: Text | None = None
+    stop: Stop = Stop.NONE
+    main: bool = True
+    """A block of the program; False: an intermediate one, of a cycle or a subprogram's."""
+
+    @property
+    def finish(self) -> Point:
+        """Where it ends."""
+        return self.elements[-1].end if self.elements else self.start
+
+    @property
+    def length_mm(self) -> float:
+        """Of its path."""
+        return sum(element.length_mm for element in self.elements)
+
+
+NO_CORRECTION: Final = Correction()

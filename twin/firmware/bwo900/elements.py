@@ -1,0 +1,149 @@
+"""What a program makes of its blocks: lines and arcs, and what happens between them.
+
+Positions are tuples of mm, one an axis, as many as the control has axes; the first three are X, Y, Z. An arc lies in a
+plane of two of them, and the others run evenly with its angle: a helix.
+
+    plane seen against its third axis:    second ^    counter-clockwise: sweep > 0
+                                                 +---> first
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, TypeAlias
+
+__all__ = ["XY", "YZ", "ZX", "Arc", "Element", "Line", "Plane", "Point"]
+
+Point: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A plane of two axes, numbers from 0, and the axis across it (manual, G17 to G19, q152 to q154)."""
+
+    first: int
+    second: int
+    third: int
+
+    def of(self, point: Point) -> tuple[float, float]:
+        """A point's two coordinates in the plane."""
+        return point[self.first], point[self.second]
+
+    def into(self, point: Point, u: float, v: float) -> Point:
+        """The point with other coordinates in the plane."""
+        changed = list(point)
+        changed[self.first], changed[self.second] = u, v
+        return tuple(changed)
+
+
+XY: Final = Plane(0, 1, 2)
+"""G17"""
+ZX: Final = Plane(2, 0, 1)
+"""G18"""
+YZ: Final = Plane(1, 2, 0)
+"""G19"""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line."""
+
+    start: Point
+    end: Point
+
+    @cached_property
+    def length_mm(self) -> float:
+        """Its length over all axes."""
+        return math.dist(self.start, self.end)
+
+    def point(self, share: float) -> Point:
+        """The point at a share of its length, 0 to 1; its ends are exact."""
+        if share == 1.0:
+            return self.end
+        return tuple(a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
+
+    def tangent(self, share: float = 0.0) -> Point:
+        """Unit vector along it; zeros if it has no length."""
+        length = self.length_mm or 1.0
+        return tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True))
+
+    def reversed(self) -> Line:
+        """The same, the other way."""
+        return Line(self.end, self.start)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """An arc in a plane around `centre` (first, second axis), sweep_rad counter-clockwise; other axes run with it.
+
+    Radii at start and end may differ a little: the radius runs evenly with the angle, so that both ends are exact.
+    """
+
+    start: Point
+    end: Point
+    plane: Plane
+    centre: tuple[float, float]
+    sweep_rad: float
+
+    @cached_property
+    def radius_mm(self) -> float:
+        """At the start."""
+        return math.dist(self.plane.of(self.start), self.centre)
+
+    @cached_property
+    def end_radius_mm(self) -> float:
+        """At the end."""
+        return math.dist(self.plane.of(self.end), self.centre)
+
+    @cached_property
+    def start_rad(self) -> float:
+        """Angle of the start, from the first axis."""
+        u, v = self.plane.of(self.start)
+        return math.atan2(v - self.centre[1], u - self.centre[0])
+
+    @cached_property
+    def length_mm(self) -> float:
+        """Its length over all axes, with the mean radius."""
+        mean = (self.radius_mm + self.end_radius_mm) / 2.0
+        rise = [b - a for i, (a, b) in enumerate(zip(self.start, self.end, strict=True)) if i not in self._in_plane]
+        return math.hypot(mean * self.sweep_rad, self.end_radius_mm - self.radius_mm, *rise)
+
+    @property
+    def _in_plane(self) -> tuple[int, int]:
+        return self.plane.first, self.plane.second
+
+    def point(self, share: float) -> Point:
+        """The point at a share of its angle, 0 to 1; its ends are exact."""
+        if share == 0.0:
+            return self.start
+        if share == 1.0:
+            return self.end
+        radius = self.radius_mm + share * (self.end_radius_mm - self.radius_mm)
+        angle = self.start_rad + share * self.sweep_rad
+        along = tuple(a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
+        u, v = self.centre
+        return self.plane.into(along, u + radius * math.cos(angle), v + radius * math.sin(angle))
+
+    def tangent(self, share: float = 0.0) -> Point:
+        """Unit vector along it at a share of its angle."""
+        radius = self.radius_mm + share * (self.end_radius_mm - self.radius_mm)
+        angle, grows = self.start_rad + share * self.sweep_rad, self.end_radius_mm - self.radius_mm
+        turn = radius * self.sweep_rad
+        slope = tuple(b - a for a, b in zip(self.start, self.end, strict=True))
+        slope = self.plane.into(
+            slope,
+            grows * math.cos(angle) - turn * math.sin(angle),
+            grows * math.sin(angle) + turn * math.cos(angle),
+        )
+        length = math.hypot(*slope) or 1.0
+        return tuple(s / length for s in slope)
+
+    def reversed(self) -> Arc:
+        """The same, the other way."""
+        return Arc(self.end, self.start, self.plane, self.centre, -self.sweep_rad)
+
+
+Element: TypeAlias = Line | Arc
+"""One piece of a path."""

@@ -1,0 +1,163 @@
+"""Messages of the control: number, effect, and what they say (manual, chapter 9).
+
+    A     shown, no more           KS    the channel stops, Start goes on
+    KA    the channel breaks off   SA    the system breaks off: drives off
+
+A message of a program names program, block and column: where in the text of the block it is to be looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Final
+
+__all__ = ["MESSAGES", "Effect", "Message", "ProgramError", "message"]
+
+
+class Effect(Enum):
+    """What a message does."""
+
+    SHOWN = "A"
+    STOP = "KS"
+    CHANNEL_ABORT = "KA"
+    SYSTEM_ABORT = "SA"
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly."""
+
+    number: int
+    effect: Effect
+    text: str
+    program: str = ""
+    block: int = 0
+    column: int = 0
+    detail: str = ""
+
+    def __str__(self) -> str:
+        place = " ".join(
+            part
+            for part in (
+                self.program,
+                f"N{self.block}" if self.block else "",
+                f"column {self.column}" if self.column else "",
+            )
+            if part
+        )
+        detail = f" ({self.detail})" if self.detail else ""
+        return f"M{self.number}{f' {place}' if place else ''}: {self.text}{detail}"
+
+
+class ProgramError(Exception):
+    """A program cannot go on: a message, and the column where known (from 1)."""
+
+    def __init__(self, number: int, detail: str = "", column: int = 0) -> None:
+        super().__init__(f"M{number}: {detail}")
+        self.number, self.detail, self.column = number, detail, column
+
+    def __reduce__(self) -> tuple[type[ProgramError], tuple[int, str, int]]:
+        return (ProgramError, (self.number, self.detail, self.column))
+
+
+def message(
+    number: int, *, program: str = "", block: int = 0, column: int = 0, detail: str = "", effect: Effect | None = None
+) -> Message:
+    """The message of that number; one that is not in the table breaks the channel off, as those of cycles do."""
+    known = MESSAGES.get(number) or Message(number, Effect.CHANNEL_ABORT, "message of a cycle or of the PLC")
+    said = replace(known, program=program, block=block, column=column, detail=detail)
+    return said if effect is None else replace(said, effect=effect)
+
+
+_A, _KS, _KA, _SA = Effect.SHOWN, Effect.STOP, Effect.CHANNEL_ABORT, Effect.SYSTEM_ABORT
+
+_TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
+    1008: (_KA, "the reference points have not been approached"),
+    1009: (_A, "AUTO and POS are changed by way of HAND only"),
+    1050: (_KA, "tool group not found in the tool table"),
+    1053: (_KA, "the life of the tool group is over"),
+    1106: (_A, "a program is overwritten"),
+    1107: (_A, "there is such a program, it is not overwritten"),
+    1110: (_A, "wrong identifier of a file"),
+    1111: (_A, "a line that has been read makes no sense"),
+    1112: (_A, "there is no such channel"),
+    1113: (_A, "a line of more than 400 characters"),
+    1114: (_A, "the check character is missing"),
+    1115: (_A, "wrong check character"),
+    1151: (_KA, "tool radius too large"),
+    1152: (_KA, "radius of a circle too small"),
+    1153: (_KA, "tool radius correction: approach or departure impossible"),
+    1154: (_KA, "tool radius correction impossible for a line"),
+    1155: (_KA, "tool radius correction impossible for a circle"),
+    1156: (_KA, "tool radius correction: the circles do not meet"),
+    1157: (_KA, "too many blocks without a path"),
+    1158: (_KA, "G12 impossible"),
+    1159: (_KA, "no path"),
+    1202: (_KA, "number too large"),
+    1203: (_KA, "division by zero"),
+    1207: (_KA, "too many axes"),
+    1208: (_KA, "more than 32 parameters in a block"),
+    1209: (_KA, "more than 10 brackets inside each other"),
+    1210: (_KA, "a bracket is missing"),
+    1211: (_KA, "syntax"),
+    1212: (_KA, "root of a negative number"),
+    1213: (_KA, "function without a value"),
+    1214: (_KA, "no operation of a parameter"),
+    1215: (_KA, "syntax"),
+    1216: (_KA, "unknown axis"),
+    1217: (_KA, "M25 without M24"),
+    1218: (_KA, "M24"),
+    1219: (_KA, "call of a subprogram"),
+    1220: (_KA, "too many subprograms inside each other"),
+    1221: (_KA, "parameter without a value"),
+    1222: (_KA, "too many functions in a block"),
+    1223: (_KA, "contour"),
+    1224: (_KA, "there is no such spindle"),
+    1225: (_KA, "no tool group is defined"),
+    1226: (_KA, "contour: the next block with a path is missing"),
+    1227: (_KA, "number of an M function too large"),
+    1228: (_KA, "M function and its definition do not agree"),
+    1229: (_KA, "M01 is not allowed here"),
+    1230: (_KA, "no feed is programmed"),
+    1231: (_KA, "circle without a path"),
+    1232: (_KA, "G or M functions that exclude each other"),
+    1233: (_KA, "circle without R and without I, J, K"),
+    1234: (_KS, "radius smaller than half the chord; it is corrected"),
+    1235: (_KA, "spline impossible"),
+    1237: (_KA, "circle dynamics: the allowed deviation is larger than the radius"),
+    1238: (_KA, "centre does not fit start and end"),
+    1240: (_KA, "no valid workspace is defined (P8555)"),
+    1249: (_KA, "wrong start state (P8830, P8853)"),
+    1252: (_KA, "program not found"),
+    1255: (_KA, "block not found"),
+    1256: (_A, "the memory for programs is full"),
+    1271: (_KA, "a block without a number"),
+    1290: (_A, "block numbers do not rise"),
+    1300: (_KA, "parameter deleted or never set"),
+    1302: (_KA, "number of a parameter too large"),
+    1304: (_KA, "parameter is write-protected"),
+    1305: (_KA, "there is no such channel"),
+    1307: (_KA, "unknown symbol"),
+    1321: (_KA, "the control is not in HAND"),
+    1322: (_KA, "the control is not in AUTO"),
+    2001: (_SA, "following error too large"),
+    2010: (_SA, "a drive has switched itself off"),
+    2022: (_A, "an axis does not get into position"),
+    2052: (_KA, "coordinates are not defined"),
+    2101: (_KA, "hardware limit +"),
+    2102: (_KA, "hardware limit -"),
+    2103: (_KA, "software limit +"),
+    2104: (_KA, "software limit -"),
+    2110: (_A, "approach the reference point"),
+    3001: (_SA, "emergency stop"),
+    3002: (_SA, "drives off"),
+    3501: (_A, "change to AUTO is locked"),
+    3502: (_A, "start is locked"),
+}
+
+MESSAGES: Final[Mapping[int, Message]] = {
+    number: Message(number, effect, text) for number, (effect, text) in _TEXTS.items()
+}
+"""Those that the twin gives, by number; cycles add theirs (8000 to 8999)."""

@@ -1,0 +1,65 @@
+"""The GMI99 interpolation card for servo drives: six axes, set points every 4 ms, DIN 19244, after its manual.
+
+    controller.py   host, inputs and clock: implements isel_twin.controller.Controller
+    link.py         frames both ways, DIL switches
+    commands.py     every command, as one table; instruction.py: one with its parameters
+    queue.py        order, barriers, buffer of 100 moves, programs in progress; waiting.py: what takes time
+    path.py         moves to set points: planner.py, circle.py; hold, go on, break off
+    actions.py      commands that set, wait, make ready    queries.py    T
+    corrections.py  G: zero points and corrections         directly.py   p10: direct inputs and outputs
+    programming.py  p: programs; store.py: the program store
+    images.py       process images, flags, data words      plc.py        the border to a PLC
+    drives.py       what belongs to the drives; indexer.py: their own motion
+    settings.py     what a host sets, and the flash image
+    device.py       the card, in which all these meet
+
+docs/gmi99.md has the commands and what is not emulated, docs/decisions.md G1... what the manual leaves open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from isel_twin.controller import takes
+from isel_twin.firmware.gmi99.controller import Gmi99
+from isel_twin.firmware.gmi99.drives import TURN
+from isel_twin.firmware.gmi99.link import Dil
+from isel_twin.parameters import Limits
+
+__all__ = ["Gmi99", "create"]
+
+POT_PERCENT = 0, 125
+TURNS = 4, 10_000_000
+
+
+@takes(
+    {
+        "dil_switches": (),
+        "host_parity": ("even", "none"),
+        "override_pot_percent": Limits("%", *POT_PERCENT, whole=True),
+        "drive_increments_per_rev": Limits("", *TURNS, whole=True),
+    }
+)
+def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gmi99:
+    """Entry point of `isel_twin.controllers`.
+
+    Settings: `dil_switches`, eight characters, switch 1 first, 1 on (default 11111111: address 224, variant E, 38400
+    Bd); `host_parity`, even (default) or none; `override_pot_percent`, where the potentiometer stands, 0 .. 125 (100);
+    `drive_increments_per_rev`, increments from one zero pulse of the encoders to the next (5000).
+    Raises ValueError for a wrong one.
+    """
+    pot = settings.get("override_pot_percent", 100)
+    if isinstance(pot, bool) or not isinstance(pot, int) or not POT_PERCENT[0] <= pot <= POT_PERCENT[1]:
+        raise ValueError(f"{name}: override_pot_percent is {pot!r}; allowed: a whole number from 0 to 125")
+    turn = settings.get("drive_increments_per_rev", TURN)
+    if isinstance(turn, bool) or not isinstance(turn, int) or not TURNS[0] <= turn <= TURNS[1]:
+        raise ValueError(f"{name}: drive_increments_per_rev is {turn!r}; allowed: a whole number from {TURNS[0]} on")
+    parity = settings.get("host_parity", "even")
+    if parity not in ("even", "none"):
+        raise ValueError(f"{name}: host_parity is {parity!r}; allowed: even, none")
+    try:
+        dil = Dil(str(settings.get("dil_switches", "11111111")))
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    return Gmi99(flash, dil, parity="E" if parity == "even" else "N", override_pot_percent=pot, turn=turn)

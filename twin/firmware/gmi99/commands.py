@@ -1,0 +1,131 @@
+"""Every command of the manual, as one table: letter, section, kind, what it does.
+
+    <address> <command> [<P1> [<P2> [<P3>]]]        P: 24 bits, low byte first; what is left out is 0
+
+    normal        carried out in the order of arrival, when no motion is under way           E5h
+    synchronous   in the same order, without parting the moves before and behind it: (F)     E5h
+    move          in the same order; joins with moves before and behind it                   E5h, or buffer full
+    immediate     at once, also while others wait                                            E5h, or an answer
+
+A command in a long record whose letter is unknown, or whose length cannot be right, has no effect and no answer (G4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from isel_twin.firmware.gmi99 import actions, corrections, directly, programming
+from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+    from isel_twin.firmware.gmi99.waiting import Wait
+
+__all__ = ["COMMANDS", "Command", "Kind", "command_of", "parse"]
+
+Handler = Callable[["Card", "Instruction"], "Generator[Wait, None, None] | None"]
+
+PLC_DATA_BYTES = 128
+
+
+class Kind(Enum):
+    """How a command takes its turn; see the module."""
+
+    NORMAL = "normal"
+    SYNCHRONOUS = "synchronous"
+    MOVE = "move"
+    IMMEDIATE = "immediate"
+
+
+def parse(code: int, content: bytes) -> Instruction | None:
+    """A command and the bytes behind it; None if there is no such command or the length cannot be right."""
+    if code & MOVE_BIT:
+        count = (code & 0x3F).bit_count()
+        return Instruction(code, _numbers(content, signed_=True)) if len(content) == 3 * count else None
+    if chr(code) not in COMMANDS:
+        return None
+    if code == ord("a"):
+        raw = content[3:]
+        fits = len(content) >= 3 and 1 <= len(raw) <= PLC_DATA_BYTES
+        return Instruction(code, _numbers(content[:3].ljust(9, b"\0")), raw) if fits else None
+    if len(content) % 3 or len(content) > 9:
+        return None
+    return Instruction(code, _numbers(content.ljust(9, b"\0"), signed_=code == ord("V")))
+
+
+def _numbers(content: bytes, *, signed_: bool = False) -> tuple[int, ...]:
+    return tuple(int.from_bytes(content[at : at + 3], "little", signed=signed_) for at in range(0, len(content), 3))
+
+
+@dataclass(frozen=True)
+class Command:
+    """A row of the table."""
+
+    section: str
+    words: str
+    run: Handler
+    kind: Callable[[Instruction], Kind]
+
+
+def _always(kind: Kind) -> Callable[[Instruction], Kind]:
+    return lambda instruction: kind
+
+
+def _g_kind(instruction: Instruction) -> Kind:
+    low = instruction.p1 & 0xFF
+    if low in (2, 3, 90, 91) or (53 <= low <= 57 and instruction.p3 == 0):
+        return Kind.SYNCHRONOUS
+    return Kind.NORMAL
+
+
+def _o_kind(instruction: Instruction) -> Kind:
+    return Kind.IMMEDIATE if instruction.p1 == 2 else Kind.NORMAL
+
+
+def _p_kind(instruction: Instruction) -> Kind:
+    if instruction.p1 == 11:
+        return Kind.IMMEDIATE
+    flying = instruction.p1 == 10 and instruction.p2 in (directly.SETO, directly.RESO)
+    return Kind.SYNCHRONOUS if flying else Kind.NORMAL
+
+
+DUPLICATE = "X"
+"""Axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10."""
+
+_NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
+
+COMMANDS: Mapping[str, Command] = {
+    "a": Command("3.1.1", "data of a PLC program", programming.plc_data, _NORMAL),
+    "B": Command("3.1.1", "acceleration", actions.acceleration, _NORMAL),
+    "c": Command("3.1.2", "register", actions.register, _IMMEDIATE),
+    "d": Command("3.1.1", "data word of the PLC", actions.data_word, _NORMAL),
+    "f": Command("3.1.1", "speed", actions.feed, _SYNCHRONOUS),
+    "G": Command("3.1.1", "G function", corrections.g_function, _g_kind),
+    "H": Command("3.1.1", "auxiliary function", actions.auxiliary, _NORMAL),
+    "M": Command("3.1.1", "top speed", actions.top_speed, _NORMAL),
+    "m": Command("3.1.1", "M function", actions.m_function, _NORMAL),
+    "N": Command("3.1.2", "parameter", actions.parameter, _IMMEDIATE),
+    "O": Command("3.1.1", "set the position counter", actions.set_position, _NORMAL),
+    "o": Command("3.1.1", "override", actions.override, _o_kind),
+    "p": Command("3.1.1", "programming", programming.programming, _p_kind),
+    "Q": Command("3.1.1", "reference", actions.reference, _NORMAL),
+    "q": Command("3.1.2", "report again", actions.report_again, _IMMEDIATE),
+    "R": Command("3.1.1", "reduced speed", actions.reduced_speed, _NORMAL),
+    "r": Command("3.1.1", "reset of the firmware", actions.reset, _NORMAL),
+    "s": Command("3.1.1", "save", actions.save, _NORMAL),
+    "T": Command("3.1.2", "ask", actions.no_action, _IMMEDIATE),
+    "V": Command("3.1.1", "move the first three axes", actions.move, _always(Kind.MOVE)),
+    "W": Command("3.1.1", "tool speed control", actions.tool_speed, _NORMAL),
+    DUPLICATE: Command("3.1.1", "axis duplication", actions.duplicate, _NORMAL),
+}
+"""By letter. The general motion command is `MOVE`; short records are in controller.py."""
+
+MOVE = Command("3.1.1", "move", actions.move, _always(Kind.MOVE))
+
+
+def command_of(instruction: Instruction) -> Command:
+    """The row of an instruction."""
+    return MOVE if instruction.code & MOVE_BIT else COMMANDS[chr(instruction.code)]

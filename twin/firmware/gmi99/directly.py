@@ -1,0 +1,64 @@
+"""Direct inputs and outputs, `p10;opcode;operand` (6.1.2).
+
+An operand counts the bits of the first 12 bytes of E or A, of the first 32 flag bytes (G15). Outputs act at once, not
+at the end of a pass of the PLC.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
+from isel_twin.firmware.gmi99.waiting import Wait
+from isel_twin.units import MILLISECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+
+WOSI, WORI, WOSO, WORO, WOSF, WORF, WAIT, SETO, RESO, INVO, CLAO = 2, 3, 6, 7, 10, 11, 14, 16, 17, 24, 26
+WORDS = {
+    WOSI: "wait until input is set",
+    WORI: "wait until input is reset",
+    WOSO: "wait until output is set",
+    WORO: "wait until output is reset",
+    WOSF: "wait until flag is set",
+    WORF: "wait until flag is reset",
+    WAIT: "wait, tenths of a second",
+    SETO: "output on",
+    RESO: "output off",
+    INVO: "invert output",
+    CLAO: "all outputs off",
+}
+BITS = 96
+"""Of inputs and outputs; there are 256 flags and tenths of a second."""
+TENTH_NS = 100 * MILLISECOND_NS
+
+
+def direct(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
+    """`p10`: P2 opcode, P3 operand."""
+    code, operand = instruction.p2, instruction.p3
+    if code not in WORDS:
+        raise OutOfRangeError(f"there is no direct command {code}")
+    most = 1 if code == CLAO else 256 if code in (WOSF, WORF, WAIT) else BITS
+    if operand >= most:
+        raise OutOfRangeError(f"the operand of {code} is {operand}; it must be below {most}")
+    if code in (SETO, RESO):
+        card.images.set_output_bit(operand, code == SETO)
+    elif code == INVO:
+        card.images.set_output_bit(operand, not card.images.output_bit(operand))
+    elif code == CLAO:
+        card.images.clear_outputs()
+    else:
+        return _wait(card, code, operand)
+    return None
+
+
+def _wait(card: Card, code: int, operand: int) -> Generator[Wait, None, None]:
+    if code == WAIT:
+        yield Wait(at_ns=card.now_ns + operand * TENTH_NS)
+        return
+    images = card.images
+    bit = images.input_bit if code in (WOSI, WORI) else images.output_bit if code in (WOSO, WORO) else images.flag_bit
+    wanted = code in (WOSI, WOSO, WOSF)
+    yield Wait(until=lambda: bit(operand) == wanted)

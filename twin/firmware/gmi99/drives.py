@@ -1,0 +1,404 @@
+"""What belongs to the drives at the card's slots: status, readiness, reference run, faults, limit switches, E-stop.
+
+The drives' own manual is not to be had: what they do is decision G16 to G20. A drive at slot i has address i, sixteen
+inputs and outputs, an encoder, and an indexer of its own for the reference run:
+
+    speed     -10000 Hz until the motor-end switch is struck, brake
+              ______
+                    \\      ___ +2000 Hz until it is free: the encoder is latched at that edge
+                     \\____/   \\__ on to the next zero pulse of the encoder, where the counter becomes 0
+
+The indexer of the card is ready (IDXOFF = 0) when every drive of the mask N10 has supply, no fault, and has been
+referenced or zeroed since the last time it lost one of them.
+
+    E-stop, supply lost   stages off, set points end, queue and program are dropped, not ready
+    drive fault           the same but for the stages: that drive has switched itself off; the others brake
+    limit switch struck   not in a reference run: all axes brake at 4 B; queue and program are dropped, not ready
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from isel_twin.controller import DriveInput, Drives
+from isel_twin.firmware.gmi99 import planner
+from isel_twin.firmware.gmi99.indexer import Indexer, at_rest, braked
+from isel_twin.firmware.gmi99.settings import SLOTS
+from isel_twin.firmware.gmi99.waiting import Wait
+from isel_twin.motion import SetPointRun
+from isel_twin.units import MILLISECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+
+MECHANICAL = 3
+"""Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""
+POWER_WAIT_NS = 500 * MILLISECOND_NS
+"""How long Q waits for the supply after it has asked for it."""
+FAULT_NS = 20 * MILLISECOND_NS
+"""How long it waits for drives that are to forget their faults."""
+SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
+SEARCH_LENGTH = 480_000
+"""Increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um."""
+FREE_LENGTH = 20_000
+TURN = 5000
+"""Increments from zero pulse to zero pulse, unless the machine file says otherwise."""
+DRIVE_ACCELERATION = 100_000.0
+"""Increments/s^2 of a drive's own indexer."""
+LIMIT_SHARPNESS = 4
+
+TERMINALS: Mapping[str, tuple[str, ...]] = {
+    "slot0.estop": ("estop_1", "estop_2", "overtemperature"),
+    "slot0.power": ("power_ok",),
+    "e0.0": ("power_ok",),
+    "e0.1": ("start",),
+    "e0.2": ("stop",),
+    "e0.3": ("hood_automatic",),
+    "e0.4": ("hood_setup",),
+    "e0.5": ("key",),
+    "e0.6": ("probe",),
+    "e0.7": ("spindle",),
+    **{f"e1.{bit}": (f"user_{bit}",) for bit in range(6)},
+    **{f"e{2 * slot + 1}.{6 + end}": (f"limit_{'xyz'[slot]}{end + 1}",) for slot in range(3) for end in (0, 1)},
+}
+"""Where the contacts of machine and cabinet lead to: inputs of drives, E-stop and supply of all of them (G19)."""
+_INPUT = re.compile(r"e([0-9]+)\.([0-7])")
+_FAULT = re.compile(r"slot([0-9])\.fault")
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a drive says of itself (FB 254.10)."""
+
+    reference_missing: bool = True
+    indexer_runs: bool = False
+    i2t: bool = False
+    estop: bool = False
+    in_position: bool = True
+    blocked: bool = False
+
+    @property
+    def register(self) -> int:
+        """As the status register of 6.1.3."""
+        return (
+            self.reference_missing
+            | self.indexer_runs << 1
+            | self.i2t << 2
+            | self.estop << 3
+            | self.in_position << 4
+            | self.blocked << 9
+        )
+
+
+class DriveBank:
+    """All drives; see the module."""
+
+    def __init__(self, card: Card, turn: int) -> None:
+        self._card = card
+        self._turn = turn
+        self.asked: Drives | None = None
+        self.ready = False
+        """IDXOFF is 0."""
+        self.enabled = False
+        """Stages are on."""
+        self.searching = 0
+        """Axes that search or leave their switch (FB 254.3)."""
+        self.run: SetPointRun | None = None
+        """Motion the drives make by themselves."""
+        self._zeroed = [False] * SLOTS
+        self._faulty = [False] * SLOTS
+        self._estop = True
+        self._power = False
+        self._switches: dict[tuple[int, int], bool] = {}
+        """(slot, 0: motor end, 1: far end) -> struck; those that are wired."""
+        self._serial = 0
+        self._referencing = False
+        self._edge = False
+        """A switch has changed since the reference run was last gone on with."""
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def estop(self) -> bool:
+        """An E-stop of the drives."""
+        return self._estop
+
+    @property
+    def at_rest(self) -> bool:
+        """No drive moves by itself."""
+        return self.run is None
+
+    def status(self, slot: int) -> Status:
+        """Status of the drive at a slot."""
+        return Status(
+            reference_missing=not self._zeroed[slot],
+            indexer_runs=bool(self.searching >> slot & 1),
+            i2t=self.is_overloaded(slot),
+            estop=self._estop,
+            in_position=self._is_in_position(slot),
+            blocked=not self.enabled or self._faulty[slot],
+        )
+
+    def drive_inputs(self) -> Sequence[DriveInput]:
+        """Faults of the drives that have a motor."""
+        return [DriveInput(f"slot{slot}.fault", slot, "fault") for slot in range(MECHANICAL)]
+
+    def is_overloaded(self, slot: int) -> bool:
+        """I2t of a drive."""
+        return self.asked is not None and bool(self.asked.overloaded[slot])
+
+    def _is_in_position(self, slot: int) -> bool:
+        return self.asked is None or self.asked.in_position[slot]
+
+    def in_position(self, mask: int) -> Generator[Wait, None, None]:
+        """Wait until the axes are in position."""
+        axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
+        yield Wait(at_ns=self._card.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
+        while not all(map(self._is_in_position, axes)):
+            yield Wait(at_ns=self._card.path.grid_ns(self._card.now_ns + 1))
+
+    # ---- inputs -----------------------------------------------------------------------------------------------------
+
+    def set_input(self, terminal: str, level: bool) -> None:
+        """A level changes; those at power-on come the same way, before anything else."""
+        if terminal == "slot0.estop":
+            self._estop = not level
+            if self._estop:
+                self.lose("E-stop", stages=True)
+        elif terminal == "slot0.power":
+            self._power = level
+            if not level:
+                self.lose("the drives have no supply", stages=True)
+        elif (match := _FAULT.fullmatch(terminal)) is not None:
+            slot = int(match[1])
+            self._faulty[slot] = level
+            if level:
+                self._zeroed[slot] = False
+                self.lose(f"the drive at slot {slot} has switched itself off", stages=False)
+        elif (match := _INPUT.fullmatch(terminal)) is not None:
+            byte, bit = int(match[1]), int(match[2])
+            self._card.images.set_drive_input(byte, bit, level)
+            if byte % 2 and bit >= 6 and byte // 2 < SLOTS:
+                self._switch(byte // 2, bit - 6, struck=not level)
+
+    def _switch(self, slot: int, end: int, *, struck: bool) -> None:
+        known = (slot, end) in self._switches
+        self._switches[slot, end] = struck
+        self._edge = True
+        if not struck or not known:
+            return
+        run = self._card.path.run
+        if run is not None and not self._card.path.ghost and self._speed(run, slot) * (1 if end else -1) > 0:
+            self.lose(f"limit switch of slot {slot}", stages=False)
+
+    def _speed(self, run: SetPointRun, slot: int) -> int:
+        """Increments in the tick that is being led to, or the next one."""
+        k = min(run.count(self._card.now_ns), run.last - 1)
+        return int(run.plan.deltas(max(k - 1, run.first), k + 1)[:, slot].sum()) if k >= run.first else 0
+
+    def struck_ahead(self, way: Sequence[int]) -> int | None:
+        """The slot whose limit switch is struck and which would move further onto it."""
+        for (slot, end), struck in self._switches.items():
+            if struck and way[slot] * (1 if end else -1) > 0:
+                return slot
+        return None
+
+    # ---- losing readiness -------------------------------------------------------------------------------------------
+
+    def lose(self, why: str, *, stages: bool) -> None:
+        """Not ready any more: motion ends, queue and program are dropped; `stages`: they are off."""
+        was_ready, self.ready = self.ready, False
+        path = self._card.path
+        if stages:
+            self._zeroed = [False] * SLOTS
+            path.cut()
+            self._end_run()
+            self._enable(on=False)
+        elif path.run is not None and not path.ghost:
+            run = path.release()
+            k = self._next_tick(run)
+            sharp = LIMIT_SHARPNESS * 1000.0 * self._card.settings.b_hz_per_ms[0]
+            self.run = replace(run, plan=braked(run.plan, k, run.period_ns, sharp))
+        else:
+            path.cut()
+            self.brake()
+        if was_ready:
+            self._card.refuse(why)
+        self._card.drop()
+
+    def _enable(self, *, on: bool) -> None:
+        self.enabled = on
+        self._card.output("stages", int(on))
+        self._card.output("brake", int(on))
+
+    def brake(self) -> None:
+        """A reference run ends with its ramp."""
+        if self.run is not None and isinstance(self.run.plan, Indexer):
+            self.run = replace(self.run, plan=self.run.plan.stopped(self._next_tick(self.run)))
+
+    def _end_run(self) -> None:
+        if self.run is not None:
+            self._card.take_in(self.run.displacement(self._card.now_ns), ghost=False)
+            self.run = None
+
+    def advance(self) -> None:
+        """The end of a motion of the drives is taken in."""
+        if self.run is not None and not self._referencing and self._card.now_ns >= self.run.end_ns:
+            self._end_run()
+
+    # ---- becoming ready ---------------------------------------------------------------------------------------------
+
+    def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
+        """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
+        card = self._card
+        if self._estop:
+            card.refuse("Q: E-stop")
+            return
+        card.output("power_request", 1)
+        card.output("power_request", 0)
+        if not self._power:
+            yield Wait(until=lambda: self._power, at_ns=card.now_ns + POWER_WAIT_NS)
+        if not self._power:
+            card.refuse("Q: the drives have no supply")
+            return
+        axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
+        if any(self._faulty):
+            card.output("drive_reset", 1)
+            card.output("drive_reset", 0)
+            yield Wait(until=lambda: not any(self._faulty), at_ns=card.now_ns + FAULT_NS)
+        if not self.enabled:
+            self._enable(on=True)
+        if run:
+            found = yield from self._reference([slot for slot in axes if slot < MECHANICAL])
+            axes = [slot for slot in axes if slot >= MECHANICAL or slot in found]
+        for slot in axes:
+            card.set_counter(slot, 0)
+            self._zeroed[slot] = True
+        if not indexer:
+            return
+        wanted = card.settings.axis_mask
+        self.ready = not any(self._faulty[slot] for slot in range(SLOTS) if wanted >> slot & 1) and all(
+            self._zeroed[slot] for slot in range(SLOTS) if wanted >> slot & 1
+        )
+
+    def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
+        """The reference run of some axes at once; return those that have found their place."""
+        card = self._card
+        self._serial += 1
+        self._referencing = True
+        plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
+        self.run = SetPointRun(plan, planner.PERIOD_NS, card.path.grid_ns(card.now_ns))
+        runs = {slot: self._axis(slot, card.counts_now[slot]) for slot in axes}
+        found: list[int] = []
+        for slot in axes:
+            self._zeroed[slot] = False
+            self.searching |= 1 << slot
+        try:
+            while runs:
+                self._edge = False
+                for slot, steps in list(runs.items()):
+                    try:
+                        next(steps)
+                    except StopIteration as end:
+                        del runs[slot]
+                        self.searching &= ~(1 << slot)
+                        if end.value:
+                            found.append(slot)
+                        else:
+                            card.refuse(f"the reference run of slot {slot} has failed")
+                if runs:
+                    yield Wait(until=lambda: self._edge, at_ns=self._next_stand_ns())
+            if card.now_ns < self.run.end_ns:
+                yield Wait(at_ns=self.run.end_ns)
+            self._end_run()
+        finally:
+            self.searching = 0
+            self._referencing = False
+        return found
+
+    def _next_stand_ns(self) -> int:
+        """When the next axis stands that moves now."""
+        plan, _ = self._indexer()
+        assert self.run is not None
+        times = (self.run.start_ns + plan.stands_at(slot) * self.run.period_ns for slot in range(SLOTS))
+        return min((t_ns for t_ns in times if t_ns > self._card.now_ns), default=self._card.now_ns + 1)
+
+    def _axis(self, slot: int, base: int) -> Generator[None, None, bool]:
+        """What the drive at a slot does in a reference run: gone on with after everything that happens."""
+        near, far = (slot, 0), (slot, 1)
+        if near not in self._switches:
+            return False
+        if not self._switches[near]:
+            self._plan_to(slot, -SEARCH_LENGTH, SEARCH_HZ)
+            while not self._switches[near]:
+                if self._stands(slot) or self._switches.get(far, False):
+                    self._plan_brake(slot)
+                    return False
+                yield
+            self._plan_brake(slot)
+            while not self._stands(slot):
+                yield
+        self._plan_to(slot, FREE_LENGTH, FREE_HZ)
+        while self._switches[near]:
+            if self._stands(slot):
+                return False
+            yield
+        zero = self.encoder(slot) - base + self._turn - self._past_zero_pulse(slot)
+        self._plan_brake(slot)
+        while not self._stands(slot):
+            yield
+        self._plan_place(slot, zero)
+        while not self._stands(slot):
+            yield
+        return True
+
+    def encoder(self, slot: int) -> int:
+        """Measured position of a drive; the set point where nothing measures."""
+        if self.asked is not None and slot < len(self.asked.encoder):
+            return self.asked.encoder[slot]
+        return self._card.counts_now[slot]
+
+    def _past_zero_pulse(self, slot: int) -> int:
+        pulses = () if self.asked is None else self.asked.past_zero_pulse
+        return pulses[slot] % self._turn if slot < len(pulses) else 0
+
+    def _stands(self, slot: int) -> bool:
+        if self.run is None:
+            return True
+        return isinstance(self.run.plan, Indexer) and self.run.plan.stands(slot, self.run.count(self._card.now_ns))
+
+    def _plan_to(self, slot: int, way: float, speed: float) -> None:
+        plan, k = self._indexer()
+        self._replan(plan.to(slot, k, plan.displacement(k)[slot] + way, speed))
+
+    def _plan_place(self, slot: int, place: float) -> None:
+        plan, k = self._indexer()
+        self._replan(plan.to(slot, k, place, FREE_HZ))
+
+    def _plan_brake(self, slot: int) -> None:
+        if self.run is not None:
+            plan, k = self._indexer()
+            self._replan(plan.braked(slot, k))
+
+    def _indexer(self) -> tuple[Indexer, int]:
+        assert self.run is not None
+        assert isinstance(self.run.plan, Indexer)
+        return self.run.plan, self._next_tick(self.run)
+
+    def _replan(self, plan: Indexer) -> None:
+        assert self.run is not None
+        self.run = replace(self.run, plan=plan)
+
+    def _next_tick(self, run: SetPointRun) -> int:
+        """The tick at or after now."""
+        return max(0, -((run.start_ns - self._card.now_ns) // run.period_ns))
+
+    # ---- the host, through the card -------------------------------------------------------------------------------
+
+    def information(self, slot: int) -> int:
+        """Information character of a drive's status, its bits as those of the card (G16)."""
+        moves = bool(self.searching >> slot & 1)
+        return self._estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6

@@ -1,0 +1,171 @@
+"""What the card remembers of its surroundings: process images, flags, data words, registers (6, 6.1.1, 6.2).
+
+    E 48 bytes   inputs       M 256 bytes   flags; MB0..19 couple card and PLC, MB30.. are free
+    A 48 bytes   outputs      D 256 bytes   data words DW0..127; DW0..39 are the registers R00..19, DW0..79 are kept
+
+    no I/O cards                    E, A: drives 0..23
+    I/O cards, mode 0 (default)     E, A: cards 0..23, drives 24..47
+    I/O cards, mode 1 (FB 254.2)    E, A: drives 0..23, cards 24..47
+
+Of a group of 24 bytes the first 12 are digital, slot i having bytes 2i and 2i + 1, the others analog.
+
+Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (G9). A register is 32 bits, at byte 4i of D.
+
+Who may change a flag
+---------------------
+FIRMWARE_OWNS says which bits of the flags belong to the firmware; host (`p11`) and PLC may change the others, the PLC
+some of them one way only. It works on a copy and hands back what it wants changed (`write_flags`), so that a bit the
+firmware has set meanwhile is not lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+__all__ = ["Images"]
+
+GROUP = 24
+DIGITAL = 12
+STATIC_BYTES = 160
+"""DW0..79 survive the mains (3.1.1 d)."""
+REGISTERS = 20
+
+# Flags that couple card and PLC, as (byte, bit) (6.1.1).
+STOP = 0, 0
+BREAK_OFF = 0, 1
+PROGRAM_RUNS = 0, 2
+INDEXER_RUNS = 0, 3
+NO_ESTOP = 0, 4
+NOT_READY = 0, 7
+PROGRAM_ENDED = 1, 0
+I2T = 1, 1
+READY = 1, 2
+SYNCHRONISATION = 1, 3
+PROGRAM_NUMBER = 2
+"""A byte, like those below."""
+REPORT_AGAIN = 3, 1
+ANALOG = 3, 2
+STOP_SUPPRESSED = 3, 3
+FROZEN = 3, 4
+WAITS_FOR_POSITION = 3, 5
+REDUCED = 3, 6
+MESSAGE = 4
+FIRST_M = 6
+M_EXTENSION = 11
+SPINDLE = 15
+SPINDLE_SPEED = 16
+TOOL = 18
+TOOL_MEMORY = 19
+
+FIRMWARE_OWNS: Mapping[int, int] = {0: 0b1111_1000, 1: 0b0001_0111, 3: 0b0011_0001, TOOL_MEMORY: 0xFF}
+"""Bits of a flag byte that neither host nor PLC changes: reserved ones, and those marked r in 6.1.1."""
+PLC_MAY_NOT_SET: Mapping[int, int] = {3: 0b0000_0010}
+"""Bits the PLC may reset only (marked 0 in 6.1.1)."""
+PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010}
+"""Bits the PLC may set only (marked 1 in 6.1.1)."""
+
+
+class Images:
+    """See the module. `changed(byte, bits)` is told of the outputs that change: index in A, and its new value."""
+
+    def __init__(self, changed: Callable[[int, int], None]) -> None:
+        self.inputs = bytearray(2 * GROUP)
+        self.outputs = bytearray(2 * GROUP)
+        self.flags = bytearray(256)
+        self.data = bytearray(256)
+        self.drives_at = 0
+        """Where the drives' bytes begin in E and A."""
+        self._changed = changed
+
+    # ---- words and bits ---------------------------------------------------------------------------------------------
+
+    def word(self, area: bytearray, byte: int) -> bytes:
+        """Two bytes from there on, low byte first; 0 beyond the end."""
+        return bytes(area[byte : byte + 2]).ljust(2, b"\0")
+
+    def input_bit(self, number: int) -> bool:
+        """Bit `number` of the digital inputs, counted through the first 12 bytes (G15)."""
+        return bool(self.inputs[number >> 3] >> (number & 7) & 1)
+
+    def output_bit(self, number: int) -> bool:
+        """The same of the outputs."""
+        return bool(self.outputs[number >> 3] >> (number & 7) & 1)
+
+    def flag_bit(self, number: int) -> bool:
+        """The same of the flags MB0..31."""
+        return bool(self.flags[number >> 3] >> (number & 7) & 1)
+
+    def flag(self, place: tuple[int, int]) -> bool:
+        """A flag."""
+        byte, bit = place
+        return bool(self.flags[byte] >> bit & 1)
+
+    def set_flag(self, place: tuple[int, int], on: bool) -> None:
+        """The firmware sets a flag."""
+        byte, bit = place
+        self.flags[byte] = self.flags[byte] & ~(1 << bit) | (on << bit)
+
+    # ---- inputs and outputs -----------------------------------------------------------------------------------------
+
+    def arrange(self, *, cards: bool, mode: int) -> None:
+        """Drives go to the first or second group, with what their inputs are; see the module."""
+        at = GROUP if cards and mode == 0 else 0
+        if at != self.drives_at:
+            other = GROUP - at
+            self.inputs[at : at + GROUP], self.inputs[other : other + GROUP] = (
+                self.inputs[other : other + GROUP],
+                self.inputs[at : at + GROUP],
+            )
+            self.drives_at = at
+
+    def set_drive_input(self, byte: int, bit: int, level: bool) -> None:
+        """A level at an input of a drive: byte and bit within the drives' group."""
+        at = self.drives_at + byte
+        self.inputs[at] = self.inputs[at] & ~(1 << bit) | (level << bit)
+
+    def set_output_byte(self, byte: int, value: int) -> None:
+        """Outputs change, at once."""
+        if self.outputs[byte] != value:
+            self.outputs[byte] = value
+            self._changed(byte, value)
+
+    def set_output_bit(self, number: int, on: bool) -> None:
+        """One output, by its number."""
+        byte, bit = number >> 3, number & 7
+        self.set_output_byte(byte, self.outputs[byte] & ~(1 << bit) | (on << bit))
+
+    def clear_outputs(self) -> None:
+        """All digital outputs off."""
+        for first in (0, GROUP):
+            for byte in range(first, first + DIGITAL):
+                self.set_output_byte(byte, 0)
+
+    # ---- flags from outside -----------------------------------------------------------------------------------------
+
+    def write_flag_byte(self, byte: int, value: int) -> None:
+        """The host writes a flag byte; bits of the firmware keep their value."""
+        kept = FIRMWARE_OWNS.get(byte, 0)
+        self.flags[byte] = self.flags[byte] & kept | value & ~kept & 0xFF
+
+    def write_flags(self, read: bytes, written: bytes) -> None:
+        """The PLC has read these flags and left those: what it has changed and may change is changed."""
+        for byte, (old, new) in enumerate(zip(read, written, strict=True)):
+            change = (old ^ new) & ~FIRMWARE_OWNS.get(byte, 0)
+            set_bits = change & new & ~PLC_MAY_NOT_SET.get(byte, 0)
+            reset_bits = change & old & ~PLC_MAY_NOT_RESET.get(byte, 0)
+            self.flags[byte] = self.flags[byte] & ~reset_bits | set_bits
+
+    # ---- data -------------------------------------------------------------------------------------------------------
+
+    def set_register(self, number: int, value: int) -> None:
+        """Register R00..19: a signed number in 32 bits."""
+        self.data[4 * number : 4 * number + 4] = value.to_bytes(4, "little", signed=True)
+
+    def set_data_word(self, byte: int, value: int) -> None:
+        """A data word at a byte offset."""
+        self.data[byte : byte + 2] = value.to_bytes(2, "little")
+
+    @property
+    def static(self) -> bytes:
+        """The data words that are kept."""
+        return bytes(self.data[:STATIC_BYTES])

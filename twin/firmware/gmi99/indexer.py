@@ -1,0 +1,199 @@
+"""Motion that drives make by themselves, each axis for itself, as set points of the same 4 ms grid.
+
+    speed     toward(v)              brake           to(target)
+      |        ________                \\                ___
+      |       /        ...              \\              /   \\
+      +------/------------ path          \\____        /     \\____
+
+An axis has phases, each a parabola s(t) = s0 + v0 t + a t^2 / 2 from its time on; a plan is replaced by one with other
+phases behind a tick when a switch is met. Times are seconds from the start of the plan, ways increments.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion import Displacement, SetPoints
+from isel_twin.units import SECOND_NS
+
+__all__ = ["Braked", "Indexer", "Phase", "at_rest", "braked"]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """From t on: s0 + v0 u + a u^2 / 2 with u = time - t."""
+
+    t: float
+    s: float
+    v: float
+    a: float = 0.0
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Way and speed."""
+        u = t - self.t
+        return self.s + self.v * u + self.a * u * u / 2, self.v + self.a * u
+
+
+@dataclass(frozen=True, eq=False)
+class Indexer:
+    """Follows `isel_twin.motion.SetPoints`. The last phase of each axis stands."""
+
+    phases: tuple[tuple[Phase, ...], ...]
+    period_ns: int
+    acceleration: float
+    """Increments/s^2, of `stopped`."""
+    identity: object
+
+    @property
+    def axes(self) -> int:
+        return len(self.phases)
+
+    @property
+    def ticks(self) -> int:
+        return max(map(self.stands_at, range(self.axes)))
+
+    def displacement(self, k: int) -> Displacement:
+        t = self._time_s(k)
+        return tuple(round(_phase(phases, t).at(t)[0]) for phases in self.phases)
+
+    def deltas(self, first: int, last: int) -> NDArray[np.int32]:
+        if not 0 <= first <= last <= self.ticks:
+            raise IndexError(f"set points {first}..{last} of {self.ticks}")
+        t = np.arange(first, last + 1) * (self.period_ns / SECOND_NS)
+        points = np.zeros((len(t), self.axes), dtype=np.int64)
+        for axis, phases in enumerate(self.phases):
+            index = np.searchsorted([phase.t for phase in phases[1:]], t, side="right")
+            s, v, a, t0 = (np.array([getattr(phase, name) for phase in phases])[index] for name in ("s", "v", "a", "t"))
+            u = t - t0
+            points[:, axis] = np.rint(s + v * u + a * u * u / 2)
+        return np.diff(points, axis=0).astype(np.int32)
+
+    def stopped(self, k: int) -> Indexer:
+        plan = self
+        for axis in range(self.axes):
+            plan = plan.braked(axis, k)
+        return plan
+
+    def stands_at(self, axis: int) -> int:
+        """The tick at which nothing of this axis is left to be made."""
+        return math.ceil(round(self.phases[axis][-1].t * SECOND_NS / self.period_ns, 6))
+
+    def stands(self, axis: int, k: int) -> bool:
+        """Nothing of this axis is left to be made at tick k."""
+        return k >= self.stands_at(axis)
+
+    # ---- other phases from tick k on --------------------------------------------------------------------------------
+
+    def braked(self, axis: int, k: int, sharpness: float = 1.0) -> Indexer:
+        """Down to standstill; the acceleration is `sharpness` times that of the plan."""
+        t, s, v = self._state(axis, k)
+        if v == 0.0:
+            return self._with(axis, k, [Phase(t, s, 0.0)])
+        a = -math.copysign(self.acceleration * sharpness, v)
+        return self._with(axis, k, [Phase(t, s, v, a), _stand(Phase(t, s, v, a), t - v / a)])
+
+    def to(self, axis: int, k: int, target: float, speed: float) -> Indexer:
+        """From standstill to a place (way since the start of the plan), at most at this speed."""
+        t, s, _ = self._state(axis, k)
+        way = target - s
+        if way == 0.0:
+            return self._with(axis, k, [Phase(t, s, 0.0)])
+        sign, a = math.copysign(1.0, way), self.acceleration
+        v = min(speed, math.sqrt(abs(way) * a))
+        rise, cruise = v / a, abs(way) / v - v / a
+        first = Phase(t, s, 0.0, sign * a)
+        second = Phase(t + rise, s + sign * a * rise * rise / 2, sign * v)
+        third = Phase(second.t + cruise, second.s + sign * v * cruise, sign * v, -sign * a)
+        return self._with(axis, k, [first, second, third, Phase(third.t + rise, target, 0.0)])
+
+    def _state(self, axis: int, k: int) -> tuple[float, float, float]:
+        t = self._time_s(k)
+        return (t, *_phase(self.phases[axis], t).at(t))
+
+    def _with(self, axis: int, k: int, phases: list[Phase]) -> Indexer:
+        t = self._time_s(k)
+        kept = tuple(phase for phase in self.phases[axis] if phase.t < t)
+        new = (*self.phases[:axis], (*kept, *phases), *self.phases[axis + 1 :])
+        return Indexer(new, self.period_ns, self.acceleration, self.identity)
+
+    def _time_s(self, k: int) -> float:
+        return k * self.period_ns / SECOND_NS
+
+
+def at_rest(axes: int, period_ns: int, acceleration: float, identity: object) -> Indexer:
+    """A plan in which no axis moves yet."""
+    return Indexer(((Phase(0.0, 0.0, 0.0),),) * axes, period_ns, acceleration, identity)
+
+
+def _phase(phases: tuple[Phase, ...], t: float) -> Phase:
+    found = phases[0]
+    for phase in phases[1:]:
+        if phase.t > t:
+            break
+        found = phase
+    return found
+
+
+def _stand(phase: Phase, t: float) -> Phase:
+    return Phase(t, phase.at(t)[0], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Braked:
+    """Set points of `plan` up to tick k, then each axis down to standstill from the speed it has there; follows
+    `isel_twin.motion.SetPoints`."""
+
+    plan: SetPoints
+    k: int
+    ramp: Indexer
+
+    @property
+    def axes(self) -> int:
+        return self.plan.axes
+
+    @property
+    def identity(self) -> object:
+        return self.plan.identity
+
+    @property
+    def ticks(self) -> int:
+        return self.k + self.ramp.ticks
+
+    def displacement(self, k: int) -> Displacement:
+        made = self.plan.displacement(min(k, self.k))
+        return tuple(m + n for m, n in zip(made, self.ramp.displacement(max(0, k - self.k)), strict=True))
+
+    def deltas(self, first: int, last: int) -> NDArray[np.int32]:
+        if not 0 <= first <= last <= self.ticks:
+            raise IndexError(f"set points {first}..{last} of {self.ticks}")
+        joint = min(max(first, self.k), last)
+        parts = []
+        if first < self.k:
+            parts.append(self.plan.deltas(first, min(last, self.k)))
+        if last > self.k:
+            parts.append(self.ramp.deltas(joint - self.k, last - self.k))
+        return np.concatenate(parts) if parts else np.zeros((0, self.axes), np.int32)
+
+    def stopped(self, k: int) -> Braked:
+        return self
+
+
+def braked(plan: SetPoints, k: int, period_ns: int, acceleration: float) -> Braked:
+    """The plan, and from tick k on every axis down to standstill, the fastest with this acceleration."""
+    last = np.asarray(plan.displacement(k), dtype=float) - np.asarray(plan.displacement(max(0, k - 1)), dtype=float)
+    speeds = last * (SECOND_NS / period_ns)
+    fastest = float(np.abs(speeds).max())
+    ramp = at_rest(plan.axes, period_ns, acceleration, None)
+    if fastest:
+        t = fastest / acceleration
+        ramp = Indexer(
+            tuple((Phase(0.0, 0.0, v, -v / t), Phase(t, v * t / 2, 0.0)) for v in speeds.tolist()),
+            period_ns,
+            acceleration,
+            None,
+        )
+    return Braked(plan, k, ramp)

@@ -1,0 +1,329 @@
+"""The interpolator: moves in, set points every 4 ms out; hold, go on, break off, and what is to happen on the way.
+
+    commands f, G, W ...  -->  rules, feed, coordinates  --+
+    moves                 -->  pieces (planner, circle)  --+-->  plan (isel_twin.motion.joined)  -->  run
+
+The plan is made anew at the next time of the grid whenever a move comes, or override, reduced speed or spindle speed
+change. The grid counts from power-on; a move that can begin begins at the first time of it that is not past.
+
+A hold brakes along the path and ends the motion; what is left of the plan is the next motion, when nothing holds any
+more. A break-off brakes the same way and forgets what is left. `cut` ends it at once.
+
+N17 = 1: a motion takes its time and T0 counts, but no set point leaves the card: it is kept apart as a ghost (G22).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from isel_twin.firmware.gmi99 import planner
+from isel_twin.firmware.gmi99.circle import circle
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
+from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, SLOTS
+from isel_twin.motion import SetPointRun
+from isel_twin.motion.joined import Joined
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+
+Position = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """What happens when so many pieces of the plan have been made: a move has ended, an output is switched."""
+
+    pieces: int
+    act: Callable[[], None] | None
+    from_host: bool = False
+
+
+@dataclass(frozen=True)
+class _Circle:
+    """A circle begun by G2 or G3: its centre relative to the start by slot, None before it is known; {}: dropped."""
+
+    clockwise: bool
+    centre: dict[int, int] | None = None
+
+
+class Path:
+    """See the module."""
+
+    def __init__(self, card: Card) -> None:
+        self._card = card
+        self.feed_hz: int | None = None
+        """f; None: rapid (G0)."""
+        self.absolute = True
+        self.per_turn = False
+        """G95."""
+        self.shortest_way = False
+        """G36 for the next move."""
+        self.sources = [-1] * SLOTS
+        """Axis whose motions an axis makes too, -1: none."""
+        self.spindle_rpm = 0
+        self.run: SetPointRun | None = None
+        """The motion in execution, a ghost too."""
+        self.ghost = False
+        self._plan: Joined | None = None
+        self._end: Position = (0,) * SLOTS
+        self._heading: planner.Heading | None = None
+        self._marks: deque[_Mark] = deque()
+        self._circle: _Circle | None = None
+        self._breaking = False
+        self._serial = 0
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing moves and nothing is left to be moved."""
+        return self._plan is None
+
+    @property
+    def accepts(self) -> bool:
+        """Moves can be planned; not while the motion is being broken off."""
+        return not self._breaking
+
+    @property
+    def host_moves(self) -> int:
+        """Moves of the host that have not ended."""
+        return sum(mark.from_host for mark in self._marks)
+
+    @property
+    def moves(self) -> int:
+        """Moves planned that have not ended."""
+        return len(self._marks)
+
+    @property
+    def next_ns(self) -> int | None:
+        """When something is due."""
+        if self.run is None:
+            return None
+        assert self._plan is not None
+        if self._marks and self._marks[0].pieces <= self._plan.finished(self._plan.ticks):
+            return min(self.run.end_ns, self._time_ns(self._plan.passed(self._marks[0].pieces)))
+        return self.run.end_ns
+
+    def grid_ns(self, t_ns: int) -> int:
+        """The first time of the grid that is not before t_ns."""
+        origin = self._card.power_on_ns
+        return origin - (origin - t_ns) // planner.PERIOD_NS * planner.PERIOD_NS
+
+    # ---- commands ---------------------------------------------------------------------------------------------------
+
+    def begin_circle(self, *, clockwise: bool) -> None:
+        """G2, G3: the next move is the centre, the one after the end."""
+        self._circle = _Circle(clockwise)
+
+    def move(self, instruction: Instruction, *, from_host: bool = True) -> None:
+        """`V` or the general motion command, in its turn. Raises OutOfRangeError for what cannot be moved."""
+        given = dict(zip(instruction.axes, instruction.values, strict=False))
+        if self._circle is not None and self._circle.centre is None:
+            sound = len(given) == 2 and any(given.values())
+            self._circle = _Circle(self._circle.clockwise, given if sound else {})
+            if not sound:
+                raise OutOfRangeError("the centre of a circle wants two axes and a radius")
+            return
+        arc, self._circle = self._circle, None
+        shortest, self.shortest_way = self.shortest_way, False
+        for value in given.values():
+            if not LOWEST <= value <= HIGHEST:
+                raise OutOfRangeError(f"a coordinate is {value}; it must lie in {LOWEST} .. {HIGHEST}")
+        if any(not self._card.settings.axis_mask >> axis & 1 for axis, value in given.items()):
+            raise OutOfRangeError("an axis that N10 leaves out cannot be moved")
+        start = self._end if self._plan is not None else self._card.position
+        way = self._way(start, given, shortest=shortest)
+        rules = self.rules()
+        feed = None if self.feed_hz is None else min(self.feed_hz, rules.speed_hz[0])
+        try:
+            if arc is None:
+                made = planner.line(way, feed, rules, per_revolution=self.per_turn)
+            else:
+                if not arc.centre:
+                    raise OutOfRangeError("a circle without a centre is dropped")
+                made = circle(arc.centre, way, arc.clockwise, feed, rules, per_revolution=self.per_turn)
+        except ValueError as error:
+            raise OutOfRangeError(str(error)) from error
+        if len(made.pieces):
+            self._append(made, start, way, from_host)
+
+    def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
+        """How far each slot goes."""
+        way = [0] * SLOTS
+        for axis, value in given.items():
+            if not self.absolute:
+                way[axis] = value
+                continue
+            way[axis] = value + self._card.offsets.total(axis) - start[axis]
+            turn = self._card.settings.per_turn[axis]
+            if shortest and turn:
+                way[axis] = (way[axis] + turn // 2) % turn - turn // 2
+        for axis, source in enumerate(self.sources):
+            if source >= 0:
+                way[axis] = way[source]
+        return tuple(way)
+
+    def _append(self, made: planner.Move, start: Position, way: Position, from_host: bool) -> None:
+        rules = self.rules()
+        if self._plan is None:
+            onto = self._card.drives.struck_ahead(way)
+            if onto is not None:
+                self._card.drives.lose(f"slot {onto} stands on the limit switch it would move onto", stages=False)
+                return
+            self._serial += 1
+            self._plan = planner.start(
+                [made], rules, scale=self._scale(), ceiling_hz=self._ceiling_hz(), identity=self._serial
+            )
+            if self._holds():
+                self._plan = self._plan.replanned(0, hold=True)
+            else:
+                self._begin()
+        else:
+            self._replace(planner.more(self._plan, self._tick(), [made], rules, self._heading))
+        self._heading = made.last
+        self._end = tuple(s + n for s, n in zip(start, way, strict=True))
+        self._marks.append(_Mark(self._plan.pieces, None, from_host))
+
+    def on_the_way(self, act: Callable[[], None]) -> None:
+        """Do this when what is planned so far has been made: at once at rest."""
+        if self._plan is None:
+            act()
+        else:
+            self._marks.append(_Mark(self._plan.pieces, act))
+
+    def rules(self) -> planner.Rules:
+        """What moves are planned by."""
+        settings = self._card.settings
+        return planner.Rules(
+            speed_hz=settings.m_hz,
+            acceleration_hz_per_ms=settings.b_hz_per_ms,
+            ratio=settings.ratios,
+            influence=tuple(not apart for apart in settings.no_influence),
+            tool_speed=bool(settings.tool_speed),
+            jump_hz=settings.fs0_hz,
+            sharp_jump_hz=min(settings.fs90_hz, settings.fs0_hz),
+            sine=bool(settings.sine_ramps),
+            free_circles=bool(settings.fast_circles),
+        )
+
+    # ---- speeds and stops -------------------------------------------------------------------------------------------
+
+    def _scale(self) -> float:
+        percent = self._card.override_percent
+        scale = planner.scale(percent if percent else None, self.spindle_rpm if self.per_turn else None)
+        return scale or 1.0  # what stands is held
+
+    def _ceiling_hz(self) -> float:
+        return float(self._card.settings.r_hz[0]) if self._card.reduced else math.inf
+
+    def _holds(self) -> bool:
+        percent = self._card.override_percent
+        stands = self.per_turn and not self.spindle_rpm
+        return self._card.stopped or percent == 0 or stands
+
+    def speeds_changed(self) -> None:
+        """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
+        plan = self._plan
+        if plan is None or self._breaking:
+            return
+        holds, scale, ceiling = self._holds(), self._scale(), self._ceiling_hz()
+        if self.run is None:
+            if not holds:
+                self._go_on(scale, ceiling)
+        elif (holds, scale, ceiling) != (plan.held, plan.scale, plan.ceiling):
+            self._replace(plan.replanned(self._tick(), hold=holds, scale=scale, ceiling=ceiling))
+
+    def break_off(self) -> None:
+        """Brake along the path and forget what is left."""
+        self._circle = None
+        self._marks.clear()
+        if self.run is None:
+            self._forget()
+        elif not self._breaking:
+            assert self._plan is not None
+            self._breaking = True
+            self._replace(self._plan.stopped(self._tick()))
+
+    def cut(self) -> None:
+        """End at once: the set points made are the last."""
+        self._circle = None
+        self._marks.clear()
+        if self.run is not None:
+            self._take_in()
+        self._forget()
+
+    def release(self) -> SetPointRun:
+        """Hand the motion in execution over to whoever ends it otherwise, and forget the plan."""
+        assert self.run is not None
+        run, self.run = self.run, None
+        self._circle = None
+        self._marks.clear()
+        self._forget()
+        return run
+
+    # ---- time -------------------------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Do what is due now: acts on the way, and the end."""
+        if self.run is None:
+            return
+        assert self._plan is not None
+        made = self._plan.finished(self.run.count(self._card.now_ns))
+        while self._marks and self._marks[0].pieces <= made:
+            mark = self._marks.popleft()
+            if mark.act is not None:
+                mark.act()
+        if self.run is None or self._card.now_ns < self.run.end_ns:
+            return
+        self._take_in()
+        if self._breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
+            self._forget()
+
+    def _begin(self) -> None:
+        assert self._plan is not None
+        self.ghost = bool(self._card.settings.motion_off)
+        self.run = SetPointRun(self._plan, planner.PERIOD_NS, self.grid_ns(self._card.now_ns))
+
+    def _go_on(self, scale: float, ceiling: float) -> None:
+        """What was held goes on as another motion."""
+        assert self._plan is not None
+        self._serial += 1
+        rest = self._plan.remainder(self._serial)
+        done = self._plan.pieces - rest.pieces
+        self._marks = deque(replace(mark, pieces=mark.pieces - done) for mark in self._marks)
+        self._plan = rest.replanned(0, scale=scale, ceiling=ceiling, hold=False)
+        self._begin()
+
+    def _take_in(self) -> None:
+        """The motion has ended, or is ended now."""
+        assert self.run is not None
+        self._card.take_in(self.run.displacement(self._card.now_ns), ghost=self.ghost)
+        self.run = None
+
+    def _forget(self) -> None:
+        self._plan = self._heading = None
+        self._breaking = False
+        while self._marks:  # of moves that went nowhere behind the last one that did
+            mark = self._marks.popleft()
+            if mark.act is not None:
+                mark.act()
+
+    def _replace(self, plan: Joined) -> None:
+        self._plan = plan
+        if self.run is not None:
+            self.run = replace(self.run, plan=plan)
+
+    def _tick(self) -> int:
+        """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
+        assert self._plan is not None
+        if self.run is None:
+            return self._plan.ticks
+        return max(0, -((self.run.start_ns - self._card.now_ns) // self.run.period_ns))
+
+    def _time_ns(self, tick: int) -> int:
+        assert self.run is not None
+        return self.run.start_ns + tick * self.run.period_ns

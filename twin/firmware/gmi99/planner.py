@@ -1,0 +1,299 @@
+"""How the card plans moves: speeds and accelerations of the leading axis, corners, the 4 ms grid.
+
+    increments n_i of a move  --ratios-->  e_i = n_i r_i  --+-> L, F, A of the piece        (GMI99 manual 1.1, 1.3, W)
+    f, M, B, G0, G95, override -----------------------------+
+    directions of two moves, N11, N16 ----------------------> speed at the corner           (3.1.2 N11, N16)
+
+Tool speed control on (W1): L = sqrt(sum e_i^2) over the axes that have influence, so that the resulting speed is f; if
+only others move, L = max |e_i|. Off (W0): L = max |n_i|, so that the axis with the longest way runs at f. Then
+
+    F = min(f override, M_0, min_i M_i L / |e_i|, L / 12 ms)        A = min(B_0, min_i B_i L / |e_i|) 1000
+
+and at a corner between the directions u, w (unit vectors of e), phi degrees apart, at which the velocity per path speed
+changes by d = e/L - e'/L' (that is u - w under W1),
+
+    v <= FS(phi) / max_i |d_i|,     FS(phi) = FS0 + (FS90 - FS0) min(phi, 90) / 90
+
+Everything here is a function or a value; what happens when is the card's business:
+
+    move = line((1000, 0, 0, 0, 0, 0), 10_000, rules)
+    plan = start([move], rules, identity=serial)
+    run = SetPointRun(plan, PERIOD_NS, start_ns=t)                  # t on the grid
+    plan = more(plan, k, [another], rules, after=move.last)         # arrived while it moves, in force at tick k
+    plan = plan.replanned(k, scale=scale(50))                       # override 50 %
+    plan = plan.replanned(k, hold=True)                             # M0.0, and hold=False when it goes on
+    plan = plan.stopped(k)                                          # #0, M0.1
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.compiling import njit
+from isel_twin.motion.joined import Joined, Pieces, chain, joined
+
+__all__ = [
+    "AXES",
+    "PERIOD_NS",
+    "Heading",
+    "Move",
+    "Rules",
+    "corner_hz",
+    "factor",
+    "line",
+    "more",
+    "scale",
+    "start",
+    "straight",
+    "useful_hz",
+]
+
+AXES = 6
+"""Slots 0 to 5; a displacement has one number for each."""
+
+PERIOD_NS = 4_000_000
+"""Set points leave every 4 ms (1.2)."""
+
+SHORTEST_S = 0.012
+"""Least time of a piece of line (1.2)."""
+
+WITHOUT_INFLUENCE = 65536
+"""Added to a resolution ratio by W: the axis does not count for the tool speed."""
+
+FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
+"""Greatest M of each V factor (5)."""
+
+STRAIGHT = 1e-9
+"""Change of direction, per path, that is none: what rounding leaves of two moves along one line."""
+
+RIGHT_ANGLE_DEG = 90.0
+
+FULL_RATIO = 65535.0
+
+MOST_OVERRIDE = 125.0
+""""Erhöht um 25 %" (3.1.1 f)."""
+
+
+NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
+"""No pieces."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What moves are planned by; the card keeps one and replaces it when a command changes something.
+
+    speed_hz, acceleration_hz_per_ms: M and B, first the value of the leading axis, then those of slots 0 to 5.
+    ratio: resolution ratios of slots 0 to 5 times 65535 (W). influence: whether a slot counts for the tool speed.
+    tool_speed: W1. jump_hz, sharp_jump_hz: FS0 (N11), FS90 (N16; never above FS0). sine: N24. free_circles: N14.
+    """
+
+    speed_hz: tuple[int, ...] = (2000,) * 7
+    acceleration_hz_per_ms: tuple[int, ...] = (50,) * 7
+    ratio: tuple[int, ...] = (65535,) * 6
+    influence: tuple[bool, ...] = (True,) * 6
+    tool_speed: bool = True
+    jump_hz: int = 50
+    sharp_jump_hz: int = 0
+    sine: bool = False
+    free_circles: bool = False
+
+    @cached_property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Ratios and influence of slots; speeds in Hz and accelerations in Hz/s of the leading axis, then of slots."""
+        return (
+            np.array(self.ratio) / FULL_RATIO,
+            np.array(self.influence, dtype=np.bool_),
+            np.array(self.speed_hz, dtype=np.float64),
+            np.array(self.acceleration_hz_per_ms) * 1000.0,
+        )
+
+    def with_speed(self, hz: int, slot: int | None = None) -> Rules:
+        """After M: of the leading axis and with it of all slots, or of one."""
+        return replace(self, speed_hz=_put(self.speed_hz, hz, slot))
+
+    def with_acceleration(self, hz_per_ms: int, slot: int | None = None) -> Rules:
+        """After B; as `with_speed`."""
+        return replace(self, acceleration_hz_per_ms=_put(self.acceleration_hz_per_ms, hz_per_ms, slot))
+
+    def with_ratio(self, p2: int, slot: int) -> Rules:
+        """After W with P3 = slot + 1: p2 = 1..65535, or that + 65536 for an axis without influence."""
+        without, ratio = divmod(p2, WITHOUT_INFLUENCE)
+        if without not in (0, 1) or not ratio:
+            raise ValueError(f"no resolution ratio: {p2}")
+        ratios, influence = list(self.ratio), list(self.influence)
+        ratios[slot], influence[slot] = ratio, not without
+        return replace(self, ratio=tuple(ratios), influence=tuple(influence))
+
+
+def _put(values: tuple[int, ...], value: int, slot: int | None) -> tuple[int, ...]:
+    if slot is None:
+        return (value,) * (AXES + 1)
+    return (*values[: slot + 1], value, *values[slot + 2 :])
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Direction of a move at one of its ends.
+
+    per_path: effective increments e of each slot per unit of path length, float [6].
+    """
+
+    per_path: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A move ready to be joined: its pieces (none if it goes nowhere; one for a line; the chords of a circle) and its
+    directions at the beginning and at the end (None if it goes nowhere)."""
+
+    pieces: Pieces
+    first: Heading | None
+    last: Heading | None
+
+
+def factor(speed_hz: int) -> int:
+    """V factor k that follows from M of the leading axis (manual 5): 1, 2, 4, 8, 10 or 20."""
+    return next((k for most, k in FACTORS if speed_hz <= most), FACTORS[-1][1])
+
+
+def useful_hz(feed_hz: int, rules: Rules) -> int:
+    """What the card makes of f: not above M, a multiple of the V factor k, not below 2 k."""
+    k = factor(rules.speed_hz[0])
+    return max(min(feed_hz, rules.speed_hz[0]) // k * k, 2 * k)
+
+
+def scale(override_percent: float | None = None, spindle_rpm: float | None = None) -> float:
+    """Factor of programmed speeds: the override (None: 100 %, else 0..125; more is 125), and under G95 the revolutions
+    of the spindle a second. 0 stands."""
+    override = 1.0 if override_percent is None else min(max(override_percent, 0.0), MOST_OVERRIDE) / 100.0
+    return override if spindle_rpm is None else override * spindle_rpm / 60.0
+
+
+def line(displacement: Sequence[int], feed: int | None, rules: Rules, *, per_revolution: bool = False) -> Move:
+    """A straight move by so many increments of each slot.
+
+    feed: f in Hz; None: rapid, G0. per_revolution: feed is in increments per revolution (G95), the plan is scaled by
+    `scale(override, rpm)`. Raises ValueError unless there are six numbers, or for a feed that is not positive.
+    """
+    way = np.array([displacement], dtype=np.float64)
+    if way.shape != (1, AXES):
+        raise ValueError(f"a move needs {AXES} numbers of increments, got {len(displacement)}")
+    return straight(way[way.any(axis=1)], feed, rules, per_revolution=per_revolution)
+
+
+def straight(
+    way: NDArray[np.float64],
+    feed: int | None,
+    rules: Rules,
+    *,
+    per_revolution: bool = False,
+    shortest_s: NDArray[np.float64] | None = None,
+    corners: bool = True,
+) -> Move:
+    """Pieces one after the other, as one move: `way` float64 [n, 6], increments, none of them all zeros.
+
+    feed, per_revolution: see `line`. shortest_s: float64 [n], least time of each; 12 ms without. corners: whether the
+    corners between these pieces limit the speed.
+    """
+    if feed is not None and feed <= 0:
+        raise ValueError(f"a feed must be positive, got {feed}")
+    wanted = rules.speed_hz[0] if feed is None else feed if per_revolution else useful_hz(feed, rules)
+    n = len(way)
+    length, limit, acceleration, per_path = np.empty(n), np.empty(n), np.empty(n), np.empty((n, AXES))
+    shortest = np.full(n, SHORTEST_S) if shortest_s is None else shortest_s
+    _limits(way, *rules.arrays, rules.tool_speed, shortest, length, limit, acceleration, per_path)
+    entry = np.full(n, math.inf)
+    if corners and n > 1:
+        _corners_hz(per_path, rules.jump_hz, rules.sharp_jump_hz, entry)
+    pieces = Pieces(way, length, np.full(n, float(wanted)), limit, acceleration, entry)
+    if not n:
+        return Move(pieces, None, None)
+    return Move(pieces, Heading(tuple(per_path[0].tolist())), Heading(tuple(per_path[-1].tolist())))
+
+
+@njit(nogil=True, error_model="numpy")
+def _limits(way, ratio, influence, top, steepest, tool_speed, shortest_s, length, limit, acceleration, per_path):
+    """Length of each piece, its greatest speed and acceleration, its effective increments per path; see the module."""
+    for j in range(way.shape[0]):
+        square, longest, plain = 0.0, 0.0, 0.0
+        for slot in range(way.shape[1]):
+            effective = way[j, slot] * ratio[slot]
+            per_path[j, slot] = effective
+            square += effective * effective if influence[slot] else 0.0
+            longest, plain = max(longest, abs(effective)), max(plain, abs(way[j, slot]))
+        if tool_speed:
+            length[j] = math.sqrt(square) if square > 0.0 else longest
+        else:
+            length[j] = plain
+        limit[j], acceleration[j] = min(top[0], length[j] / shortest_s[j]), steepest[0]
+        for slot in range(way.shape[1]):
+            per_path[j, slot] /= length[j]
+            share = abs(per_path[j, slot])
+            if share > 0.0:
+                limit[j] = min(limit[j], top[slot + 1] / share)
+                acceleration[j] = min(acceleration[j], steepest[slot + 1] / share)
+
+
+def corner_hz(before: Heading, after: Heading, rules: Rules) -> float:
+    """Greatest path speed at which a move of the one direction may pass into one of the other; inf if equal."""
+    entry = np.full(2, math.inf)
+    _corners_hz(np.array([before.per_path, after.per_path]), rules.jump_hz, rules.sharp_jump_hz, entry)
+    return float(entry[1])
+
+
+@njit(nogil=True, error_model="numpy")
+def _corners_hz(per_path, jump_hz, sharp_hz, entry):
+    """entry[j]: greatest speed from the direction in row j - 1 into that of row j; see the module. Not of row 0."""
+    for j in range(1, per_path.shape[0]):
+        before, after = per_path[j - 1], per_path[j]
+        a, b = math.sqrt((before * before).sum()), math.sqrt((after * after).sum())
+        apart, along, change = 0.0, 0.0, 0.0
+        for slot in range(per_path.shape[1]):
+            apart += (before[slot] / a - after[slot] / b) ** 2
+            along += (before[slot] / a + after[slot] / b) ** 2
+            change = max(change, abs(before[slot] - after[slot]))
+        if change > STRAIGHT:
+            angle_deg = math.degrees(2.0 * math.atan2(math.sqrt(apart), math.sqrt(along)))
+            part = min(angle_deg / RIGHT_ANGLE_DEG, 1.0)
+            entry[j] = (jump_hz + (min(sharp_hz, jump_hz) - jump_hz) * part) / change
+        else:
+            entry[j] = math.inf
+
+
+def start(
+    moves: Sequence[Move], rules: Rules, *, scale: float = 1.0, ceiling_hz: float = math.inf, identity: object = 0
+) -> Joined:
+    """The plan that makes these moves from standstill, joined. ceiling_hz: R while the PLC asks for it."""
+    pieces = _together(moves, rules, None)
+    return joined(pieces, PERIOD_NS, sine=rules.sine, scale=scale, ceiling=ceiling_hz, identity=identity)
+
+
+def more(plan: Joined, k: int, moves: Sequence[Move], rules: Rules, after: Heading | None) -> Joined:
+    """The plan with these moves behind it, known at tick k.
+
+    after: direction at the end of the last move planned so far, None if there is none.
+    """
+    return plan.replanned(k, append=_together(moves, rules, after))
+
+
+def _together(moves: Sequence[Move], rules: Rules, heading: Heading | None) -> Pieces:
+    """Their pieces, with the speeds at the corners between them."""
+    parts: list[Pieces] = []
+    for move in moves:
+        if move.first is None:
+            continue
+        pieces = move.pieces
+        if heading is not None:
+            entry = pieces.entry.copy()
+            entry[0] = corner_hz(heading, move.first, rules)
+            pieces = replace(pieces, entry=entry)
+        parts.append(pieces)
+        heading = move.last
+    return chain(parts) if parts else NOWHERE

@@ -1,0 +1,100 @@
+"""Answers to `T` (3.1.2): `<address> <ident> <value>`, the value low byte first.
+
+    T0   @ 3 bytes      T1  V or I, 2      T3  ident only      T5  N, 3      T8  Z, 3      T11  C, 3      T12  x 6, e 2
+
+Widths and idents the manual does not print are decisions (G8). A question it does not have is not answered (G4).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from isel_twin.firmware.gmi99.actions import parameter_value
+from isel_twin.firmware.gmi99.instruction import Instruction, signed
+from isel_twin.firmware.gmi99.settings import SLOTS
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+
+VERSION = 488
+STATUS = b""
+"""Answer in place of which the status record is sent (T3;0)."""
+
+WORDS = {0: "set position", 1: "image or version", 3: "status", 5: "parameter", 8: "zero point", 11: "counter input"}
+
+
+def answer(card: Card, instruction: Instruction) -> bytes | None:
+    """Ident and value; STATUS for the status record; None if there is no such question."""
+    what, second, third = instruction.values
+    match what:
+        case 0:
+            return b"@" + _three(card.position[second]) if second < SLOTS else None
+        case 1:
+            return _image(card, second, third)
+        case 3:
+            return _status(card, second)
+        case 5:
+            value = parameter_value(card.settings, second, third)
+            return None if value is None else b"N" + _three(value)
+        case 8:
+            return None if third >= SLOTS else _zero_point(card, second, third)
+        case 11:
+            return b"C" + _three(0)
+        case 12:
+            return _plc(card, signed(second))
+    return None
+
+
+def _image(card: Card, area: int, byte: int) -> bytes | None:
+    images = card.images
+    if area == 0:
+        return b"V" + VERSION.to_bytes(2, "little")
+    if area == 12:
+        return b"I" + card.offsets.preselected.to_bytes(2, "little")
+    areas = {1: images.inputs, 2: images.outputs, 3: images.flags, 6: images.data}
+    if area not in areas or byte >= len(areas[area]):
+        return None
+    card.refresh_flags()
+    card.ask_drives()
+    return b"I" + images.word(areas[area], byte)
+
+
+def _status(card: Card, what: int) -> bytes | None:
+    match what:
+        case 0:
+            return STATUS
+        case 4:
+            return bytes([card.memory_status])
+        case 5:
+            return b"\0"
+        case 8:
+            return bytes([card.safety_status])
+    return None
+
+
+def _zero_point(card: Card, which: int, axis: int) -> bytes | None:
+    number, middle, high = which & 0xFF, which >> 8 & 0xFF, which >> 16
+    offsets = card.offsets
+    if which == 53:
+        return b"Z" + _three(0)
+    if number == 53 and 0x80 <= high < 0x90:
+        return b"Z" + _three(offsets.fine[high & 0x0F][axis])
+    if number == 54 and middle < len(offsets.zero_points) and not high:
+        return b"Z" + _three(offsets.zero_points[middle][axis])
+    if 55 <= which <= 57:
+        return b"Z" + _three(offsets.zero_points[which - 54][axis])
+    if which == 100:
+        return b"Z" + _three(offsets.plc_zero[axis])
+    return None
+
+
+def _plc(card: Card, offset: int) -> bytes | None:
+    if offset < 0:
+        entry = card.plc.entry(-offset)
+        return None if entry is None else b"e" + entry.to_bytes(2, "little")
+    code = card.plc.code(offset, 6)
+    return b"x" + code if code else None
+
+
+def _three(value: int) -> bytes:
+    return (value & 0xFFFFFF).to_bytes(3, "little")

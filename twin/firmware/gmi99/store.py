@@ -1,0 +1,93 @@
+"""The program store: 32 programs of recorded commands, in flash (4, 3.1.1 p3).
+
+    p3;100;n   commands ...   p3;101          recorded, checked for form only
+    p3;1;n                                    from the host, from a program (eight deep), from the PLC
+
+A recording of program 0 clears all programs. While one is recorded its program is empty in flash, so that a mains
+failure leaves it empty; programs change in flash as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from isel_twin.firmware.gmi99.instruction import Instruction
+from isel_twin.firmware.gmi99.settings import PROGRAMS
+
+__all__ = ["Store"]
+
+CAPACITY = 65_536
+DEPTH = 8
+"""Subprograms open beside the main program."""
+
+
+class Store:
+    """Recorded commands; see the module. `error`: bit 4 of the memory status."""
+
+    def __init__(self, programs: Mapping[str, tuple[str, ...]]) -> None:
+        self._programs: dict[int, tuple[tuple[bytes, Instruction], ...]] = {}
+        self.recording: int | None = None
+        self.error = False
+        self._lines: list[tuple[bytes, Instruction]] = []
+        self._loaded = programs
+
+    def restore(self, parse: Callable[[int, bytes], Instruction | None]) -> None:
+        """Take what flash has; `parse` as commands.parse."""
+        for number, commands in self._loaded.items():
+            lines: list[tuple[bytes, Instruction]] = []
+            for text in commands:
+                data = bytes.fromhex(text)
+                instruction = parse(data[0], data[1:])
+                if instruction is None:
+                    self.error = True
+                    lines = []
+                    break
+                lines.append((data, instruction))
+            self._programs[int(number)] = tuple(lines)
+
+    @property
+    def kept(self) -> dict[str, tuple[str, ...]]:
+        """What flash is to hold."""
+        return {
+            str(number): tuple(data.hex() for data, _ in lines)
+            for number, lines in sorted(self._programs.items())
+            if lines
+        }
+
+    def program(self, number: int) -> tuple[Instruction, ...]:
+        """Commands of a program; empty if there is none."""
+        return tuple(instruction for _, instruction in self._programs.get(number, ()))
+
+    def begin(self, number: int) -> None:
+        """Record a program from now on."""
+        assert 0 <= number < PROGRAMS
+        if number == 0:
+            self._programs.clear()
+        self._programs.pop(number, None)
+        self.recording, self._lines = number, []
+
+    def record(self, data: bytes, instruction: Instruction) -> bool:
+        """Take a command; False if there is no room, which ends the recording."""
+        used = sum(len(line) + 1 for lines in self._programs.values() for line, _ in lines)
+        if used + sum(len(line) + 1 for line, _ in self._lines) + len(data) + 1 > CAPACITY:
+            self.forget()
+            self.error = True
+            return False
+        self._lines.append((data, instruction))
+        return True
+
+    def end(self) -> None:
+        """The recording is over: the program is there."""
+        assert self.recording is not None
+        self._programs[self.recording] = tuple(self._lines)
+        self.forget()
+        self.error = False
+
+    def forget(self) -> None:
+        """No recording; what was recorded is lost."""
+        self.recording, self._lines = None, []
+
+    def erase(self) -> None:
+        """No programs."""
+        self._programs.clear()
+        self.forget()

@@ -1,0 +1,131 @@
+"""Other settings for a job that exists: speeds stand in the moves, ramps in `@0j` and `@0J` before them.
+
+    @0j300        -->  @0j800                    a line that sets a ramp gets the value of the next move
+    @0M0,9000,... -->  @0J900                    what is not in force yet is set before the move
+                       @0M0,22000,...            speeds from `rapid_hz` upwards; slower ones are feeds
+
+Ramps are in force until the next reset (2.2.15, 2.2.16), so a move that wants the same as the one before gets no line.
+A line with <254> in it may hold any byte, also a reset: what was in force before it is set again. So it is behind
+commands that put other defaults in force (`@0IJ`, `@0Ij`, `@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored
+program, whose branches count lines; it stays as it is and travels with the ramps in force when it is started.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from isel_twin.firmware.imc import commands, grammar, replies
+from isel_twin.language import JobMove, MoveSettings
+
+RAMPS: Mapping[str, str] = {"j": "start_stop_hz", "J": "acceleration_hz_per_ms"}
+"""Commands that set a ramp (2.2.15, 2.2.16), and which of the settings that is."""
+STRAIGHT = frozenset("AM")
+"""Moves with pairs of steps and speed (2.2.2, 2.2.18)."""
+OTHER_MOTIONS = frozenset("ywZS")
+"""Motions whose speed stays as it is: arcs, helices, until a port, stored programs (2.2.23, 2.2.27, 2.2.28, 2.2.30)."""
+PAUSES = re.compile(r"(<[^<>]*s>\s*)+")
+"""Lines that send nothing."""
+FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))
+"""Commands after which other ramps may be in force."""
+
+
+@dataclass(frozen=True)
+class _Told:
+    """A line as far as it matters here."""
+
+    code: str = ""
+    head: str = ""
+    """What stands before the parameters: `@0M`."""
+    values: tuple[int, ...] = ()
+    forgets: bool = False
+
+    @property
+    def moves(self) -> bool:
+        return self.code in STRAIGHT or self.code in OTHER_MOTIONS
+
+    @property
+    def device(self) -> str:
+        return self.head[:2]
+
+
+def job_moves(lines: Sequence[str], defaults: Mapping[str, int]) -> list[JobMove]:
+    """The motions with ramps; `defaults` are in force at the beginning."""
+    in_force = dict(defaults)
+    found = []
+    for number, told in enumerate(_told(lines)):
+        if told.code in RAMPS:
+            in_force[RAMPS[told.code]] = told.values[0]
+        elif told.moves:
+            speeds_hz = told.values[1::2] if told.code in STRAIGHT else ()
+            found.append(JobMove(number, speeds_hz, in_force["acceleration_hz_per_ms"], in_force["start_stop_hz"]))
+    return found
+
+
+def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz: int) -> list[list[str]]:
+    """What stands in place of each line."""
+    in_force: dict[str, int] = {}
+    made = []
+    for number, (line, told) in enumerate(zip(lines, _told(lines), strict=True)):
+        own = [line]
+        if told.forgets:
+            in_force.clear()
+        elif told.code in RAMPS:
+            following = min((move for move in settings if move > number), default=None)
+            value = told.values[0] if following is None else _value(settings[following], told.code)
+            in_force[told.code] = value
+            own = [f"{told.head}{value}"]
+        elif told.moves and number in settings:
+            wanted = {code: _value(settings[number], code) for code in RAMPS}
+            before = [f"{told.device}{code}{value}" for code, value in wanted.items() if in_force.get(code) != value]
+            in_force.update(wanted)
+            own = [*before, _faster(line, told, settings[number].speed_hz, rapid_hz)]
+        made.append(own)
+    return made
+
+
+def _value(settings: MoveSettings, code: str) -> int:
+    return int(getattr(settings, RAMPS[code]))
+
+
+def _faster(line: str, told: _Told, speed_hz: int, rapid_hz: int) -> str:
+    """A move with another speed at every way that is a rapid one."""
+    if told.code not in STRAIGHT or max(told.values[1::2], default=0) < rapid_hz:
+        return line
+    values = [speed_hz if at % 2 and value >= rapid_hz else value for at, value in enumerate(told.values)]
+    return f"{told.head}{','.join(map(str, values))}"
+
+
+def _told(lines: Sequence[str]) -> Iterator[_Told]:
+    """Each line; those of a stored program and those that are no command tell nothing."""
+    storing = False
+    for line in lines:
+        text = line.strip()
+        if storing:
+            storing = text != "9"
+            yield _Told()
+            continue
+        if PAUSES.fullmatch(text):
+            yield _Told()
+            continue
+        told = _Told(forgets=True) if "<" in text else _read(text)
+        storing = told.code == "i"
+        yield told
+
+
+def _read(text: str) -> _Told:
+    try:
+        parts = grammar.split_dnc(text.encode("latin-1"), int(text[1]), commands.DNC_ALIASES)
+        if parts is None:
+            return _Told()
+        letter, code, parameters = parts
+        if code in FORGETTING:
+            return _Told(code, forgets=True)
+        wanted = code in STRAIGHT or code in RAMPS
+        values = tuple(grammar.read_number(field) for field in parameters.split(",")) if wanted else ()
+    except (replies.Refusal, ValueError, IndexError):
+        return _Told()
+    if code in RAMPS and len(values) != 1:
+        return _Told()
+    return _Told(code, f"{text[:2]}{letter}", values)

@@ -1,0 +1,23 @@
+"""A programmable logic controller in a controller: a subset of STEP 5, assembled, loaded and run in cycles.
+
+    text --- assembler.py ---> blocks --- image.py ---> bytes that a host loads
+                                  |
+                  codes.py: one table of instructions, both ways
+                                  v
+                      processor.py: one pass over the blocks, on copies of the images
+                                  ^
+    plc.py: cycles in virtual time, start-up blocks, what becomes of a pass at its end
+
+Nothing here knows whose PLC it is: a card hands over its memory, which flags a program may change, and its built-in
+function blocks.
+
+The language is general STEP 5: results of logic operations (VKE), AND before OR, edges of timers and counters, two
+accumulators of 16 bits. The machine codes are those of general knowledge of S5; they have been compared with no
+document, so that assembler and processor need only agree with each other.
+"""
+
+from isel_twin.firmware.plc.image import Block, ImageError, Program
+from isel_twin.firmware.plc.memory import Memory, Rights
+from isel_twin.firmware.plc.plc import INSTRUCTION_NS, Plc
+
+__all__ = ["INSTRUCTION_NS", "Block", "ImageError", "Memory", "Plc", "Program", "Rights"]

@@ -1,0 +1,95 @@
+"""Who looks at a twin on a grid of virtual time, and whenever an input or output changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Generic, Protocol, TypeVar
+
+__all__ = ["Observers"]
+
+
+class _Seen(Protocol):
+    """What is asked of the twin."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def inputs(self) -> Mapping[str, str]: ...
+
+
+Seen = TypeVar("Seen", bound=_Seen)
+
+
+class Observers(Generic[Seen]):
+    """All who look, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._all: list[_Observer[Seen]] = []
+        self._changes = 0
+        """Of the wiring, when they looked last."""
+        self._inputs: Mapping[str, str] = {}
+        """As they were then."""
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def add(self, callback: Callable[[Seen], None], interval_ns: int | None, twin: Seen, changes: int) -> None:
+        """One more, who looks at once. changes: of the wiring, so far."""
+        self._all.append(_Observer(callback, interval_ns, twin.time_ns))
+        self._changes, self._inputs = changes, twin.inputs
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next look is due by itself."""
+        if not self._all:
+            return None
+        return min((one.next_ns for one in self._all if one.next_ns is not None), default=None)
+
+    def look(self, twin: Seen, changed: bool, changes: int) -> None:
+        """Let those look whose time has come; all of them if an output has changed, or an input since they last
+        looked."""
+        if not self._all:
+            return
+        if changed:
+            self.inputs_changed(twin, changes)
+        for one in self._all:
+            one.look(twin, changed)
+
+    def inputs_changed(self, twin: Seen, changes: int) -> bool:
+        """Whether an input is not what it was when they looked last; they are about to look."""
+        if not self._all or self._changes == changes:
+            return False
+        self._changes = changes
+        before, self._inputs = self._inputs, twin.inputs
+        return before != self._inputs
+
+    def restored(self, twin: Seen, changes: int) -> None:
+        """It is another time, and everything may have changed: all look now, and then on the grid they had."""
+        for one in self._all:
+            one.go_on(twin.time_ns)
+        self._changes, self._inputs = changes, twin.inputs if self._all else {}
+        for one in self._all:
+            one.look(twin, changed=True)
+
+
+class _Observer(Generic[Seen]):
+    """Somebody who looks at the twin on a grid of virtual time."""
+
+    def __init__(self, callback: Callable[[Seen], None], interval_ns: int | None, start_ns: int) -> None:
+        self._callback = callback
+        self._interval_ns = interval_ns
+        self.next_ns: int | None = start_ns
+
+    def look(self, twin: Seen, changed: bool) -> None:
+        due = self.next_ns is not None and twin.time_ns >= self.next_ns
+        if self._interval_ns is None:
+            self.next_ns = None
+        elif self.next_ns is not None:
+            while self.next_ns <= twin.time_ns:
+                self.next_ns += self._interval_ns
+        if due or changed:
+            self._callback(twin)
+
+    def go_on(self, time_ns: int) -> None:
+        if self.next_ns is not None and self._interval_ns is not None:
+            self.next_ns = time_ns + 1 + (self.next_ns - time_ns - 1) % self._interval_ns
