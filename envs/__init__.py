@@ -6,6 +6,7 @@
     vector.py   many environments side by side, in threads and processes
     track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
     wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
+    track_vector.py   many TrackPath-v0 in one compiled call
     sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
     import gymnasium
@@ -28,4 +29,8 @@ gymnasium.register(
     entry_point="isel_twin.envs.tuning:JobTuning",
     vector_entry_point="isel_twin.envs.vector:tuning_vector",
 )
-gymnasium.register(id="isel_twin/TrackPath-v0", entry_point="isel_twin.envs.track:TrackPath")
+gymnasium.register(
+    id="isel_twin/TrackPath-v0",
+    entry_point="isel_twin.envs.track:TrackPath",
+    vector_entry_point="isel_twin.envs.track_vector:TrackVector",
+)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.envs.watching import Watch, error_mm
+from isel_twin.envs.watching import Watch
 from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, load_machine, with_overrides
@@ -239,7 +239,7 @@ def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
         else:
             looks = []
             while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:
-                looks.append(error_mm(twin))
+                looks.append(watch.error_mm())
             errors_mm = np.array(looks)
     finally:
         watch.leave()
@@ -256,7 +256,7 @@ def _dwell(twin: Twin, looks: int) -> NDArray[np.float64]:
         errors = []
         for _ in range(looks):
             twin.run_until(twin.time_ns + _RESTING_SAMPLE_NS)
-            errors.append(error_mm(twin))
+            errors.append(watch.error_mm())
         return np.array(errors)
     finally:
         watch.leave()

@@ -282,7 +282,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         truncated = over == 0 and self._left == 0
         if over or truncated:
             self._left = 0
-            info["ended"] = "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done" if over else "time"
+            info["ended"] = ended(over)
         reward = info["reward_progress"] + info["reward_time"] + info["reward_deviation"] + info["reward_abort"]
         if self.render_mode == "human":
             self.render()
@@ -420,17 +420,42 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
                 raise ValueError(f"path is {size_mm:g} mm wide along {axis.name}; allowed: up to {most_mm:g}")
 
     def _info(self) -> dict[str, Any]:
-        now = self._now
-        until_ns = now["until_ns"]
-        return {
-            "way_mm": float(now["way_mm"]),
-            "deviation_mm": float(now["deviation_mm"]),
-            "time_s": 1e-9 * float(until_ns - now["began_ns"]),
-            "reward_progress": float(now["reward_progress"]),
-            "reward_time": float(now["reward_time"]),
-            "reward_deviation": float(now["reward_deviation"]),
-            "reward_abort": float(now["reward_abort"]),
-        }
+        return {name: float(value) for name, value in infos(self._now).items()}
+
+    # For vectors of environments (track_vector.py)
+
+    def keep_in(self, track: NDArray[np.void], lanes: NDArray[np.void]) -> None:
+        """Have the state in these arrays from here on: track [1] TRACK, lanes [3] LANE."""
+        track[:], lanes[:] = self._track, self._lanes
+        self._track, self._lanes, self._now = track, lanes, track[0]
+
+    @property
+    def at_work(self) -> tuple[NDArray[Any], ...]:
+        """What `tracking.take_step` is called with, but for action and observation; until the next reset."""
+        return self._fixed
+
+    @property
+    def steps_left(self) -> int:
+        """Steps until the time is over; whoever makes them by `at_work` counts them."""
+        return self._left
+
+
+def infos(track: Any) -> dict[str, Any]:
+    """What `info` says of a TRACK, or of an array of them."""
+    return {
+        "way_mm": track["way_mm"],
+        "deviation_mm": track["deviation_mm"],
+        "time_s": 1e-9 * (track["until_ns"] - track["began_ns"]),
+        "reward_progress": track["reward_progress"],
+        "reward_time": track["reward_time"],
+        "reward_deviation": track["reward_deviation"],
+        "reward_abort": track["reward_abort"],
+    }
+
+
+def ended(over: int) -> str:
+    """What an episode has ended by, after what `tracking.take_step` returned; not positive: by its time."""
+    return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"
 
 
 def _checked(options: dict[str, Any]) -> dict[str, Any]:

@@ -23,9 +23,9 @@ from isel_twin.twin import Twin
 __all__ = ["Watch", "error_mm"]
 
 
-def error_mm(twin: Twin) -> NDArray[np.float64]:
-    """float64 [3], true carriage position minus counter, in mm, now."""
-    return twin.position_mm - twin.counts[:3] / _steps_per_mm(twin)
+def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if somebody has it."""
+    return twin.position_mm - twin.counts[:3] / (_steps_per_mm(twin) if steps_per_mm is None else steps_per_mm)
 
 
 class Watch:
@@ -36,11 +36,16 @@ class Watch:
         self._twin = twin
         self._interval_ns = interval_ns
         self._begin_ns = twin.time_ns
+        self._steps_per_mm = _steps_per_mm(twin)
         self._samples: list[TwinSamples] = []
         self.in_loop = twin.sample(self._take, interval_ns, from_ns=twin.time_ns) is not None
 
     def _take(self, samples: TwinSamples) -> None:
         self._samples.append(samples)
+
+    def error_mm(self) -> NDArray[np.float64]:
+        """As the function of that name: for whoever has to look himself."""
+        return error_mm(self._twin, self._steps_per_mm)
 
     def leave(self) -> None:
         """No more samples."""
@@ -60,7 +65,7 @@ class Watch:
         position_mm = np.concatenate([part.position_mm for part in self._samples])[row]
         counts = np.concatenate([part.counts for part in self._samples])[row]
         counts = counts[:, :3] + self._ticks_since_substep(times_ns)
-        return position_mm - counts / _steps_per_mm(twin)
+        return position_mm - counts / self._steps_per_mm
 
     def _ticks_since_substep(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """int64 [n, 3], changes of the counters after the last whole sub-step before each time."""

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from motion.plans import Table, table
 
-import isel_twin.twin
+import isel_twin.assembly
 from isel_twin import Twin
 from isel_twin.controller import CounterSet, DriveInput, Drives, Event, FlashWrite, Output, Reply, SerialFormat
 from isel_twin.motion import Motion, SetPointRun, StepRun, constant, line, trapezoid
@@ -168,8 +168,8 @@ def build(monkeypatch: pytest.MonkeyPatch) -> Build:
     """build(controller, **arguments of Twin): a twin of that controller, which has no language."""
 
     def twin(controller: Scripted, plant: str = "kinematic", **options: Any) -> Twin:
-        monkeypatch.setattr(isel_twin.twin, "create_controller", lambda name, *, flash, settings: controller)
-        monkeypatch.setattr(isel_twin.twin, "create_language", lambda name: None)
+        monkeypatch.setattr(isel_twin.assembly, "controller_factory", lambda name: lambda flash, settings: controller)
+        monkeypatch.setattr(isel_twin.assembly, "language_factory", lambda name: lambda: None)
         return Twin(controller="scripted", plant=plant, start_mm=options.pop("start_mm", START_MM), **options)
 
     return twin

@@ -479,3 +479,11 @@ def test_a_golden_run_has_commands_and_the_verdict(
         main(["golden", "compare", "job.txt"])
     assert caught.value.code == 2
     assert "line 4, column 4: y must be followed by one of" in capsys.readouterr().err
+
+
+def test_binary_replies_are_expected_as_their_language_reads_them() -> None:
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic")
+    text = "T1;0 => V488\n#1 => #40\n#1 => <16><224><64><32><22>\nT0;0 => @*\n#1 => #00\n"
+    results = list(play(twin, parse_job(text, twin.language, "gmi99"), 10.0))
+    assert [result.ok for result in results] == [True, True, True, True, False]
+    assert results[-1].why == "answered #40"

@@ -2,6 +2,7 @@
 
     @0M160000,5000,0,30,0,30,0,30 => 2            the reply, byte for byte; a CR or LF at its end need not be written
     @0P => 0*                                     * any bytes, <13> the byte 13
+    T0;0 => @500                                  of a controller with binary telegrams: as its language reads them
     <253> => none                                 nothing is answered
     @0R7 => 0 within 60 s                         and the line is over by then
     @0A8000,900,0,30,0,30,0,30 => none within 1 s      1 s passes, and nothing has been answered by then
@@ -139,10 +140,15 @@ class Expected:
         """Time after which the line is over, whatever the controller does; None: when the controller is idle."""
         return self.within_ns if self.parts is None else None
 
-    def why_not(self, reply: bytes, complete: bool, took_ns: int) -> str:
-        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is."""
-        answered = f"answered {readable(reply)}" if reply else "not answered"
-        fits = not reply if self.parts is None else _fits_either(reply, self.parts)
+    def why_not(self, reply: bytes, complete: bool, took_ns: int, text: str | None = None) -> str:
+        """Why a line with this reply, over or given up after took_ns, is not as expected; "" if it is.
+
+        text: what the controller's language reads in it, which may be expected as well as the bytes.
+        """
+        read = reply if text is None else text.encode("latin-1", "replace")
+        binary = read.rstrip() != reply.rstrip()
+        answered = f"answered {text if binary else readable(reply)}" if reply else "not answered"
+        fits = not reply if self.parts is None else any(_fits_either(each, self.parts) for each in (reply, read))
         took = f"{took_ns / SECOND_NS:.6g} s"
         if not complete:
             return f"{answered}, not over after {took}"

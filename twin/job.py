@@ -212,12 +212,14 @@ def play(
         complete = _converse(twin, line, timeout_s, stop)
         reply = twin.read()
         seen = snapshot(twin)
-        why = "" if line.expected is None else line.expected.why_not(reply, complete, twin.time_ns - time_ns)
+        text = None if language is None else language.text(reply)
+        took_ns = twin.time_ns - time_ns
+        why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
         accepted = language is None or language.accepted(line.sent, reply)
         last = Result(
             number=line.number,
             command=line.command,
-            reply=readable(reply) if language is None else language.text(reply),
+            reply=readable(reply) if text is None else text,
             ok=complete and (accepted if line.expected is None else not why),
             time_ns=time_ns,
             end_ns=seen.time_ns,

@@ -41,6 +41,8 @@ class Observers(Generic[Seen]):
     @property
     def next_ns(self) -> int | None:
         """When the next look is due by itself."""
+        if not self._all:
+            return None
         return min((one.next_ns for one in self._all if one.next_ns is not None), default=None)
 
     def look(self, twin: Seen, changed: bool, changes: int) -> None:

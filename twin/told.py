@@ -86,7 +86,9 @@ class Told:
 
     def advance(self, t_ns: int) -> None:
         """See Controller.advance."""
-        self._note(("advance", t_ns, None))
+        if len(self._calls) >= self._try_at:
+            self._shorten_or_drop()
+        self._calls.append(("advance", t_ns, None))
         self.controller.advance(t_ns)
 
     def save(self) -> Life:
@@ -137,13 +139,15 @@ class Told:
         self._try_at = len(self._calls) + OFTEN
 
     def _note(self, call: tuple[str, Any, Any]) -> None:
-        if len(self._calls) >= self._try_at:
-            if call[0] == "advance" and self.controller.idle and self._shorten():
-                self._try_at = len(self._calls) + OFTEN
-            if len(self._calls) >= MOST:
-                self._calls.clear()
-                self._try_at, self._whole = OFTEN, False
         self._calls.append(call)
+
+    def _shorten_or_drop(self) -> None:
+        """Between two calls: begin with a pickle if that can be had, and keep no more than MOST calls."""
+        if self.controller.idle and self._shorten():
+            self._try_at = len(self._calls) + OFTEN
+        if len(self._calls) >= MOST:
+            self._calls.clear()
+            self._try_at, self._whole = OFTEN, False
 
     def _shorten(self) -> str:
         """Begin with a pickle of what the controller is now; if that cannot be, why."""

@@ -698,8 +698,9 @@ class Twin:
             if self._hand_over_bytes() or self._hand_over_levels():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
-                changes = self._wiring.changes
-                self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
+                if self._observers:
+                    changes = self._wiring.changes
+                    self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
                 self._due_ns = self._next_due_ns()
                 return
         raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")

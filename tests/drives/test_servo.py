@@ -22,10 +22,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import signal
 
+from isel_twin.cli.motor import motor as motor_command
 from isel_twin.drives import Screw
 from isel_twin.drives.dynamics import stored_energy_j
 from isel_twin.drives.servo import LAG_FAULT, cool, forget, servo_parameters, step_servo
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.servo_report import servo_table
 from isel_twin.drives.shaft import axis_states
 from isel_twin.machine import load_machine
 
@@ -278,3 +280,20 @@ def test_the_numbers_here_are_those_of_the_machine():
     axis = load_machine("4030-servo").axes[0]
     assert axis.motor == MOTOR
     assert axis.stage == DRIVE
+
+
+def test_its_torque_curve_by_hand():
+    """At 500 rad/s the back-EMF leaves 10 V: 12.5 A and so 12 A; at 550 rad/s 5 V: 6.25 A; at 590 rad/s 1 V: 1.25 A."""
+    rpm = [w * 30 / math.pi for w in (0.0, 500.0, 550.0, 590.0, 600.0, 700.0)]
+    table = servo_table(MOTOR, DRIVE, rpm)
+    assert [point.peak_nm for point in table] == pytest.approx([1.2, 1.2, 0.625, 0.125, 0.0, 0.0], abs=1e-9)
+    assert [point.rated_nm for point in table] == pytest.approx([0.4, 0.4, 0.4, 0.125, 0.0, 0.0], abs=1e-9)
+
+
+def test_the_command_line_shows_an_axis(capsys):
+    """Corners by hand: (60 - 0.8 x 12) / 0.1 = 504 rad/s, (60 - 0.8 x 4) / 0.1 = 568 rad/s; 4 s x ln(9/8) = 0.47 s."""
+    assert motor_command("y", machine="4030-servo") == 0
+    shown = capsys.readouterr().out
+    assert "servo motor of 4030-servo, axis y at 60 V, 4 A, 12 A peak" in shown
+    assert "peak torque up to 4813 rpm, for 0.47 s from cold; rated torque up to 5424 rpm" in shown
+    assert "lags by 2500 increments at 100 mm/s; at its limit of 4000 at 160 mm/s" in shown

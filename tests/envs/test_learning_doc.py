@@ -12,7 +12,13 @@ TEXT = (Path(__file__).parents[2] / "docs" / "learning.md").read_text(encoding="
 PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=["a circle", "along random paths"])
+def test_side_by_side() -> None:
+    names: dict[str, Any] = {}
+    exec(compile(PROGRAMS[2], "docs/learning.md", "exec"), names)
+    assert (names["infos"]["way_mm"] > 0.5).all(), "10 mm/s for 0.2 s, or a path begun anew"
+
+
+@pytest.mark.parametrize("program", PROGRAMS[:2], ids=["a circle", "along random paths"])
 def test_a_program_ends_at_the_end_of_its_path(program: str) -> None:
     names: dict[str, Any] = {}
     exec(compile(program, "docs/learning.md", "exec"), names)

@@ -13,13 +13,12 @@ from typing import Any
 TEXT = (Path(__file__).parents[2] / "docs" / "tuning.md").read_text(encoding="utf-8")
 
 
-def run_program(heading: str) -> dict[str, Any]:
-    """The names that the first program under a heading leaves behind."""
+def run_program(heading: str, number: int = 0) -> dict[str, Any]:
+    """The names that a program under a heading leaves behind, the first by itself."""
     section = TEXT.split(f"## {heading}\n")[1]
-    program = re.search(r"```python\n(.*?)```", section, re.DOTALL)
-    assert program is not None
+    program = re.findall(r"```python\n(.*?)```", section, re.DOTALL)[number]
     names: dict[str, Any] = {}
-    exec(compile(program[1], f"docs/tuning.md, {heading}", "exec"), names)
+    exec(compile(program, f"docs/tuning.md, {heading}", "exec"), names)
     return names
 
 
@@ -37,3 +36,19 @@ def test_random_search() -> None:
     reward, plan = run_program("The environment")["best"]
     assert len(plan) == 2
     assert -10.0 < reward < 0.0, "seconds; any penalty is at least ten"
+
+
+def test_the_search_that_branches() -> None:
+    """The long way wants the speed and the steep ramp, whatever the short one wants."""
+    names = run_program("Going back: searches that branch")
+    assert [settings.speed_hz for settings in names["plan"]] == [16_000, 16_000]
+    assert 0.0 < names["time_s"] < 10.0, "seconds; any penalty is at least ten"
+    env = names["env"]
+    env.reset(seed=0)
+    straight = [env.step(names["to_action"](settings))[1] for settings in names["plan"]]
+    assert -sum(straight) == names["time_s"], "the plan, made from the start, takes to the bit the time that was found"
+
+
+def test_the_branch_in_mid_move() -> None:
+    ends = run_program("Going back: searches that branch", 1)["ends"]
+    assert ends[0.0] > ends[-80.0] > 0.0, "a push against the motion takes torque"

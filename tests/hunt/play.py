@@ -16,7 +16,7 @@ import tempfile
 import traceback
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,12 +26,12 @@ from unittest import mock
 
 from golden.random_sessions import Draw, pick
 
-import isel_twin.twin as twin_module
 from hunt.host import Heard, Host, Listen, NotDone, Pass, Seat, Send, dialect_of, habitual, recovery
 from hunt.invariants import Border, Broken, Life, Watch, check_counters, check_read, difference
 from hunt.world import PACED_GRID_NS, World, calm_doings, draw_world
+from isel_twin import assembly
 from isel_twin.bridge.pacing import TICK_NS, Pacer
-from isel_twin.controller import create_controller
+from isel_twin.controller import Controller, controller_factory
 from isel_twin.language import create_language, needed
 from isel_twin.twin import Twin
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
@@ -92,14 +92,19 @@ class Stage:
         self._seen_ns, self._rounds = -1, 0
         borders: list[Border] = []
 
-        def bordered(*args: Any, **kwargs: Any) -> Border:
-            borders.append(
-                Border(create_controller(*args, **kwargs), line_speed=world.options.get("line_speed", False))
-            )
-            return borders[-1]
+        def bordered(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
+            factory = controller_factory(name)
+
+            def build(flash: bytes | None, settings: Mapping[str, Any]) -> Controller:
+                if borders:  # after a reset
+                    return factory(flash, settings)
+                borders.append(Border(factory(flash, settings), line_speed=world.options.get("line_speed", False)))
+                return borders[0]
+
+            return build
 
         flash, scenario = _flash(world), _scenario(world, folder)
-        with mock.patch.object(twin_module, "create_controller", bordered):
+        with mock.patch.object(assembly, "controller_factory", bordered):
             self.twin = Twin(**(dict(world.options) | _machine(world, folder)), flash=flash, scenario=scenario)
         self.border = borders[0]
         self._decoder = needed(create_language(world.controller), world.controller)

@@ -153,3 +153,12 @@ def test_a_worker_with_another_version_or_machine_computes_nothing(plans: Path) 
 def test_the_interval_of_a_share(hits: int, total: int, low: float, high: float) -> None:
     """Values of R. G. Newcombe, Statistics in Medicine 17 (1998) 857, and tables of the score interval."""
     assert wilson(hits, total) == pytest.approx((low, high), abs=2e-4)
+
+
+def test_a_plan_with_something_of_each_section(plans: Path) -> None:
+    """Four samples of mass, friction, speed and a jam, with physics: all that varies has an effect of its own."""
+    found = rows(plans / "everything.toml")
+    assert [(row["ok"], row["error"], row["limiting_line"] > 2) for row in found] == [(True, None, True)] * 4
+    assert len({row["cycle_s"] for row in found}) == 4
+    slowest = max(found, key=lambda row: row["cycle_s"])
+    assert slowest["speed_hz"] == min(row["speed_hz"] for row in found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -116,6 +117,23 @@ def test_a_torn_journal_costs_the_torn_row_only(plans: Path) -> None:
         assert [point.number for point in table.missing()] == [4, 5, 6, 7, 8]
         table.add(wanted[3], OUTCOME)
     assert [row["row"] for row in read_rows(file)] == [1, 2, 3, 4]
+
+
+def test_files_as_they_are_after_each_row_hold_all_rows(plans: Path) -> None:
+    """What a kill would leave: the journal has been emptied several times by then."""
+    change(plans / "small.toml", "seeds = 2", "seeds = 20")
+    read = load_plan(plans / "small.toml")
+    wanted, file, copy = points(read), plans / "t.parquet", plans / "copy.parquet"
+    waited = 0
+    with Table(file, read, wanted) as table:
+        for number, point in enumerate(wanted, 1):
+            table.add(point, OUTCOME)
+            shutil.copy(file, copy)
+            shutil.copy(journal_of(file), journal_of(copy))
+            waited = max(waited, number - len(read_rows(copy)))
+            with Table(copy, read, wanted) as left:
+                assert len(left.rows) == number
+    assert 3 <= waited <= 5, "a sixteenth of eighty"
 
 
 def test_one_owner_at_a_time(plans: Path) -> None:

@@ -31,6 +31,8 @@ def test_safe_quick_and_brave() -> None:
     assert safe.margin > quick.margin > brave.margin == 0.0
     assert (quick.repetitions, brave.repetitions) == (3, 1), "what is lost stays lost"
     assert brave.slipped
+    assert [len(each.moves) for each in (stands, quick, brave)] == [3, 3, 1], "the move to blame is the last"
+    assert sum(time_s for time_s, _ in stands.moves) == pytest.approx(stands.time_s)
     assert brave.why.startswith("line 7: X has lost ")
 
 

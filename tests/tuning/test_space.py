@@ -43,7 +43,7 @@ def test_a_tuned_job_keeps_comments_expectations_and_feeds() -> None:
         "@0j200\n@0J60\n@0M9600,6000,0,30,0,30,0,30    # a rapid way\n"
         "@0A320,1000,0,30,0,30,0,30\n! lost == 0\n@0M0,6000,0,30,0,30,0,30 => 0\n"
     )
-    assert candidate.first == 5
+    assert (candidate.first, candidate.moves) == (5, (7, 8, 10))
     assert [line.command for line in candidate.lines][3:5] == ["@0j200", "@0J60"]
 
 

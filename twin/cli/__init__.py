@@ -13,6 +13,8 @@
     tune         the fastest settings of a job that lose no step
     golden       jobs that have to do what they did
     sweep        a job under many conditions, as a table
+    identify     a machine's numbers from recordings and measurements
+    experiment   the moves that would tell most about a machine
     tap          between a real host and a real controller, recording both
     ports        serial ports that are served here, and real ones
     plc          programs of a controller's PLC
@@ -46,8 +48,10 @@ from isel_twin.cli import (
     decode,
     describe,
     drive,
+    experiment,
     export,
     golden,
+    identify,
     machines,
     motor,
     plc,
@@ -73,6 +77,8 @@ app = App(
     default_parameter=Parameter(negative=()),
 )
 for command in (
+    identify.identify,
+    experiment.experiment,
     serve.serve,
     ctl.ctl,
     run.run,

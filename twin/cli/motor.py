@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def motor(
-    name: Annotated[str, Parameter(help="Type name of a motor, such as 23HS32-4004S.")],
+    name: Annotated[
+        str, Parameter(help="Type name of a motor, such as 23HS32-4004S, or with a machine one of its axes: x, y, z.")
+    ],
     *,
     machine: Annotated[
         str | None, Parameter(help="Machine (name or folder) whose own motors and stages are to be taken.")
@@ -25,7 +27,8 @@ def motor(
 ) -> int:
     """Show a motor's torque curve with its closed forms: a prediction, and a bound. * marks what was compared.
 
-    On 48 V with the rated current and 1600 microsteps a revolution, or on the stage that a machine has for it.
+    On 48 V with the rated current and 1600 microsteps a revolution, or on the stage that a machine has for it. Of a
+    servo axis: what it can do for moments, and for ever.
     """
     from tempfile import TemporaryDirectory
 
@@ -33,9 +36,9 @@ def motor(
     if picture is not None:
         _check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
+        from isel_twin.axes import CARRIAGES
         from isel_twin.drives.motor import MOTORS
         from isel_twin.drives.report import show_motor
-        from isel_twin.files import atomic_write
         from isel_twin.machine import load_machine
 
         drawn = Path(folder) / picture.name if picture is not None else None
@@ -43,15 +46,42 @@ def motor(
             show_motor(name, picture=drawn)
         else:
             owner = load_machine(machine)
+            if name in CARRIAGES and _show_servo(owner, name, drawn):
+                return _keep(drawn, picture)
+            if name in CARRIAGES:
+                name = str(owner.tree["axes"][name]["motor"])
             show_motor(name, _stage(owner, name), drawn, {**MOTORS, **owner.motors})
-        if picture is not None and drawn is not None:
-            atomic_write(picture, drawn.read_bytes())
+        return _keep(drawn, picture)
+
+
+def _keep(drawn: Path | None, picture: Path | None) -> int:
+    """The picture, if there is one, goes where it is wanted."""
+    from isel_twin.files import atomic_write
+
+    if picture is not None and drawn is not None:
+        atomic_write(picture, drawn.read_bytes())
     return 0
+
+
+def _show_servo(machine: Machine, name: str, picture: Path | None) -> bool:
+    """Show the motor of a servo axis; False if the axis is none."""
+    from isel_twin.axes import CARRIAGES
+    from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+    from isel_twin.drives.servo_report import show_servo
+
+    axis = machine.axes[CARRIAGES.index(name)]
+    if not (isinstance(axis.motor, ServoMotor) and isinstance(axis.stage, ServoDrive)):
+        return False
+    show_servo(f"{machine.name}, axis {name}", axis.motor, axis.stage, axis.screw.lead_mm, picture)
+    return True
 
 
 def _stage(machine: Machine, motor: str) -> Stage | None:
     """The stage of the first axis with that motor."""
-    return next((a.stage for a in machine.axes if machine.tree["axes"][a.name]["motor"] == motor), None)
+    from isel_twin.drives import Stage
+
+    stages = (a.stage for a in machine.axes if machine.tree["axes"][a.name].get("motor") == motor)
+    return next((stage for stage in stages if isinstance(stage, Stage)), None)
 
 
 def _check_picture(picture: Path) -> None:

@@ -150,7 +150,13 @@ class _Progress:
         self._json = json
         messages = Console(stderr=True)
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        self._bar = Progress(*columns, console=messages, transient=True, disable=json or not messages.is_terminal)
+        self._bar = Progress(
+            *columns,
+            console=messages,
+            transient=True,
+            disable=json or not messages.is_terminal,
+            speed_estimate_period=600.0,
+        )
         self._task = self._bar.add_task("rows", total=total, completed=had)
         self._failed = 0
 

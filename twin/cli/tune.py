@@ -135,7 +135,7 @@ def tune(
             with call_errors(file):
                 stack.callback(Claim(file).release)
         with call_errors(database):
-            begun = Study(problem, f"sqlite:///{file}" if file is not None else database, study, seed, batch)
+            begun = Study(problem, f"sqlite:///{file}" if file is not None else database, study, seed, batch, margin)
         stack.enter_context(told_of_compiling())
         from isel_twin.cli.run import interruption
 

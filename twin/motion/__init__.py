@@ -8,6 +8,8 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     circle.py       the paths that are not straight: circle, helix
     step_run.py     a path, timed by a law, started at a time
     set_points.py   a plan with one tick a period, led evenly from tick to tick
+    joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold
+    look_ahead.py   the compiled part of it
     record.py       all motions since power-on, expanded where they are looked at
     stream.py       the same as time goes on: what is being made, and what is still to be made of it
 
@@ -15,7 +17,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     run = StepRun(motion, trapezoid(motion.ticks, 5000, 400, 100_000), start_ns=t)
     t_ns, delta = run.window(0, 1000)                                  # the first 1000 ticks
 
-Definitions and closed forms are in docs/step_streams.md.
+Definitions and closed forms are in docs/step_streams.md and docs/set_points.md.
 """
 
 from __future__ import annotations

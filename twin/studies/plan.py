@@ -59,7 +59,7 @@ TIMES = "times"
 """Unit of a value that multiplies what the file has."""
 EVENTS = "events"
 """The parameter of [scenario] that says which of the named events happen, with blanks between them."""
-MOST_POINTS = 10_000_000
+MOST_POINTS = 1_000_000
 """Rows of a table at most."""
 
 _WORDS = ("machine", "controller", "plant", "scenario", "job")
@@ -280,7 +280,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
         scenario=scenario,
         start_mm=start_mm,
     )
-    bounds = {key: float(content[key]) for key in ("margin", "deviation_mm", "cycle_s", "timeout_s") if key in content}
+    bounds: dict[str, Any] = {
+        key: float(content[key]) for key in ("margin", "deviation_mm", "cycle_s", "timeout_s") if key in content
+    }
     moves = content.get("moves", [])
     if not isinstance(moves, list) or ("moves" in content and not moves):
         raise place.at("moves").wrong(f"{moves!r}; allowed: a list of targets [X, Y, Z] in mm")

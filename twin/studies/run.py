@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from isel_twin.call import CallError
 from isel_twin.robust import giving_up, processes
@@ -104,19 +104,40 @@ def _without_ctrl_c() -> Iterator[None]:
 def _dask(address: str) -> Iterator[Executor]:
     from distributed import Client
 
-    try:
-        client = Client(address, timeout="10s", set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise CallError(f"cluster {address}: {why}", option=True) from None
-    try:
+    with _silent("distributed"), _connected(Client, address) as client:
         if not client.ncores():
             log.warning("%s: the cluster has no workers yet", address)
         executor = client.get_executor(pure=False)
         yield executor
         executor.shutdown(wait=False)
+
+
+@contextmanager
+def _connected(kind: Any, address: str) -> Iterator[Any]:
+    """A client of a scheduler."""
+    try:
+        client = kind(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise CallError(f"cluster {address}: {why}", option=True) from None
+    try:
+        yield client
     finally:
         client.close(timeout=5)
+
+
+@contextmanager
+def _silent(package: str) -> Iterator[None]:
+    """What a package logs of connections that end is told in one line at the end."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == package]
+    before = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def finished(

@@ -177,13 +177,13 @@ def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Seque
     for field, outcome in zip(fields, outcomes, strict=True):
         of = {index.parameter: index for index in found if index.outcome == outcome}
         for row, name in enumerate(names):
-            if (index := of.get(name)) is None:
+            if (one := of.get(name)) is None:
                 continue
-            bars = [(0.0, index.first, index.first_conf, _FIRST)]
-            if index.total is not None and index.total_conf is not None:
+            bars = [(0.0, one.first, one.first_conf, _FIRST)]
+            if one.total is not None and one.total_conf is not None:
                 bars = [
-                    (0.5 * height, index.first, index.first_conf, _FIRST),
-                    (-0.5 * height, index.total, index.total_conf, _TOTAL),
+                    (0.5 * height, one.first, one.first_conf, _FIRST),
+                    (-0.5 * height, one.total, one.total_conf, _TOTAL),
                 ]
             for shift, size, conf, colour in bars:
                 whisker = {"ecolor": _INK, "elinewidth": 1.0, "capsize": 2.5}

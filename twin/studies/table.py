@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Table", "journal_of", "read_rows"]
 
-MOST_WAITING = 1000
+MOST_WAITING = 10_000
 """Rows that wait in the journal at most."""
 PART_WAITING = 16
 """And the part of the table that they are at most, one in so many."""
@@ -62,7 +63,8 @@ class Table:
             try:
                 self._take_in()
                 self._write()
-                self._journal = journal_of(file).open("w", encoding="utf-8")
+                journal_of(file).write_bytes(b"")
+                self._journal = journal_of(file).open("a", encoding="utf-8")  # its end, also after it has been emptied
             except BaseException:
                 self._claim.release()
                 raise
@@ -115,9 +117,10 @@ class Table:
             found |= {row["point"]: row for row in read_rows(self.file)}
         journal = journal_of(self.file)
         if journal.exists():
-            for line in journal.read_text(encoding="utf-8").split("\n")[:-1]:  # the last one may be torn
-                row = json.loads(line)
-                found[row["point"]] = row
+            for line in journal.read_bytes().split(b"\n")[:-1]:  # the last one may be torn
+                with suppress(ValueError):  # after a power cut any of them; its row is computed again
+                    row = json.loads(line)
+                    found[row["point"]] = row
         if strange := sum(point not in self._points for point in found):
             raise CallError(
                 f"{self.file}: {strange} of {len(found)} rows are not of this plan: job, machine, scenario, values "

@@ -13,8 +13,8 @@ the stream has made by then since the counter was set.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from isel_twin.language import Language, readable
 from isel_twin.trace.reading import Entry, Recorded, RecordingError
 
-__all__ = ["Comparison", "Counters", "Exchange", "Pair", "compare", "exchanges"]
+__all__ = ["Comparison", "Counters", "Exchange", "Pair", "compare", "exchanges", "paired", "traffic"]
 
 MOST_UNLIKE = 4000
 """Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
@@ -143,10 +143,22 @@ def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int
 
 def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
     """The commands of a recording, each with its reply. Raises RecordingError for messages without bytes."""
+    found = paired(traffic(recorded), language)
+    if not recorded.of_twin:
+        return found
+    counters = Counters(recorded)
+    return [
+        exchange if exchange.replied_ns is None else replace(exchange, counts=counters.at(exchange.replied_ns))
+        for exchange in found
+    ]
+
+
+def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -> list[Exchange]:
+    """The commands in pieces of traffic (see `traffic`), each with its reply, without counters."""
     sent: list[tuple[int, bytes, str, str]] = []
     replies: list[list[tuple[int, bytes]]] = []
     waiting: list[int] = []
-    for time_ns, data, by_host, byte_ns in traffic(recorded):
+    for time_ns, data, by_host, byte_ns in pieces:
         left = len(data)
         for message in language.messages(data, by_host):
             left -= len(message.data)
@@ -157,15 +169,12 @@ def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
                 replies.append([])
             elif replies:
                 replies[waiting.pop(0) if waiting else -1].append((time_ns - max(left, 0) * byte_ns, message.data))
-    counters = Counters(recorded) if recorded.of_twin else None
-    found = []
-    for (sent_ns, command, text, explanation), came in zip(sent, replies, strict=True):
-        replied_ns = came[-1][0] if came else None
-        counts = None if counters is None or replied_ns is None else counters.at(replied_ns)
-        found.append(
-            Exchange(sent_ns, command, text, explanation, b"".join(data for _, data in came), replied_ns, counts)
+    return [
+        Exchange(
+            sent_ns, command, text, explanation, b"".join(data for _, data in came), came[-1][0] if came else None, None
         )
-    return found
+        for (sent_ns, command, text, explanation), came in zip(sent, replies, strict=True)
+    ]
 
 
 def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:

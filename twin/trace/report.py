@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from isel_twin.trace.recorder import Recorder
     from isel_twin.twin import Twin
 
-__all__ = ["check_report", "write_report"]
+__all__ = ["check_report", "part_of", "policy_hash", "write_report"]
 
 ROWS = 1000
 """Most commands listed, beside those with a finding."""
@@ -98,9 +98,9 @@ def write_report(
         atomic_write(path, draw(title, seen, results, marks, limits))
         return
     plots = time_plots(seen, results, recorder, marks, limits)
-    style, script = _part("report.css"), _part("report.js")
+    style, script = part_of("report.css"), part_of("report.js")
     policy = (
-        f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; base-uri 'none'; "
+        f"default-src 'none'; style-src '{policy_hash(style)}'; script-src '{policy_hash(script)}'; base-uri 'none'; "
         f"form-action 'none'"
     )
     ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
@@ -138,11 +138,12 @@ def write_report(
     atomic_write(path, "\n".join(part for part in page if part).encode())
 
 
-def _part(name: str) -> str:
+def part_of(name: str) -> str:
+    """A file beside this one, such as report.css."""
     return files("isel_twin.trace").joinpath(name).read_text(encoding="utf-8")
 
 
-def _hash(text: str) -> str:
+def policy_hash(text: str) -> str:
     """As a Content-Security-Policy names what stands in a page itself."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 

@@ -4,7 +4,7 @@
                       |
                       v
                   study.py        which settings are tried next, and what became of all that were (Optuna, a database)
-                      |  ^
+                      |  ^         compose.py: move by move
                       v  |
                   judge.py        one setting on the machine and on others of its kind: time, margin, first lost step
                       |

@@ -63,6 +63,8 @@ class Repetition:
     """What is wrong, with the line; nothing if all is well."""
     slipped: bool = False
     """It is that steps were lost."""
+    moves: tuple[tuple[float, float], ...] = ()
+    """Time and margin of each move that was made, the one in which anything went wrong the last."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,9 @@ class Judgement:
     """That were made, the machine as it is among them."""
     slipped: bool = False
     """What is wrong is that steps were lost."""
+    moves: tuple[tuple[float, float], ...] = ()
+    """Time of each move on the machine as it is, and its least margin in all repetitions. If anything is wrong, it was
+    in the last of these moves."""
 
     @property
     def good(self) -> bool:
@@ -93,7 +98,10 @@ class Judgement:
         if wrong is not None:
             why = f"{wrong.why}{f', repetition {wrong.number}' if wrong.number else ''}"
         slipped = wrong is not None and wrong.slipped
-        return cls(made[0].time_s, min(each.margin for each in made), why, len(made), slipped)
+        margin = min(each.margin for each in made)
+        each_move = zip(*(each.moves for each in made), strict=False)  # as far as all of them came
+        moves = tuple((move[0][0], min(margin for _, margin in move)) for move in each_move)
+        return cls(made[0].time_s, margin, why, len(made), slipped, moves)
 
 
 def make(candidate: Candidate, weather: Weather, number: int, stop: Stop | None = None) -> Repetition | None:
@@ -121,7 +129,12 @@ def make(candidate: Candidate, weather: Weather, number: int, stop: Stop | None 
     counted = [result for result in results if result.number >= candidate.first]
     margins = [margin for result in counted for margin in result.margin if margin is not None]
     time_s = (counted[-1].end_ns - counted[0].time_ns) / SECOND_NS if counted else 0.0
-    return Repetition(number, time_s, 0.0 if why else min(margins, default=0.0), why, slipped)
+    moves = tuple(
+        ((result.end_ns - result.time_ns) / SECOND_NS, min((m for m in result.margin if m is not None), default=0.0))
+        for result in results
+        if result.number in candidate.moves
+    )
+    return Repetition(number, time_s, 0.0 if why else min(margins, default=0.0), why, slipped, moves)
 
 
 def _twin(weather: Weather, number: int) -> Twin:

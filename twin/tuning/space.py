@@ -12,6 +12,7 @@ that nobody looks for the fastest.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -61,6 +62,10 @@ class Group:
     moves: tuple[JobMove, ...]
     parameters: tuple[Parameter, ...]
 
+    def own(self, values: Mapping[str, int]) -> dict[str, int]:
+        """Values of its parameters among those of all."""
+        return {parameter.name: values[parameter.name] for parameter in self.parameters}
+
     def parameter(self, setting: str) -> str:
         """Name of its parameter for this setting."""
         return f"{setting}.{self.name}" if self.name else setting
@@ -68,11 +73,14 @@ class Group:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A job with certain settings: its text, its lines, and the number of the line with which the first move begins."""
+    """A job with certain settings."""
 
     text: str
     lines: tuple[Line, ...]
     first: int
+    """Number of the line with which the first move begins: what sets its ramps, or the move."""
+    moves: tuple[int, ...]
+    """Numbers of the lines of all moves, as `Problem.moves` has them."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +216,8 @@ class Problem:
 
     def as_it_stands(self) -> Candidate:
         """The job."""
-        return Candidate(self.text, self.lines, self.lines[self.moves[0].line].number)
+        numbers = tuple(self.lines[move.line].number for move in self.moves)
+        return Candidate(self.text, self.lines, numbers[0], numbers)
 
     def defaults(self) -> Candidate:
         """The job with its own speeds and the ramps of a controller as it was delivered."""
@@ -221,8 +230,10 @@ class Problem:
         made = self.language.retimed([line.command for line in self.lines], settings, rapid_hz)
         text = _rewritten(self.text, self.lines, made)
         lines = tuple(self._parsed(text))
-        before = sum(len(each) for each in made[: self.moves[0].line])
-        return Candidate(text, lines, lines[before].number)
+        ends = list(itertools.accumulate(len(each) for each in made))
+        numbers = tuple(lines[ends[move.line] - 1].number for move in self.moves)
+        first = self.moves[0].line
+        return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
 
     # ---- what it is --------------------------------------------------------------------------------------------------
 

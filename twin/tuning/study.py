@@ -10,7 +10,8 @@ first, with the values the database has for them.
 
     trial 0                    the job as it stands, or what of the ranges comes nearest
     then a few at random       all moves alike, also if each can have its own settings: most of them want much the same
-    then                       a tree-structured Parzen estimator, all parameters together (Optuna's TPESampler)
+    then                       compose.py: the best that is known of each move, and something new for a few of them,
+                               from Optuna's tree-structured Parzen estimator or near what is best
 
 A setting that loses a step is pruned there and then. Objectives: time (to be small) and margin (to be large).
 """
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isel_twin.tuning.compose import composed, distributions, sampler
 from isel_twin.tuning.judge import Judgement, Weather, judged, waited_for
 from isel_twin.tuning.result import Tried
 from isel_twin.tuning.space import Parameter, Problem
@@ -55,10 +57,13 @@ class Study:
         name: str = "tune",
         seed: int = 0,
         batch: int = BATCH,
+        least: float = 0.0,
     ) -> None:
-        """storage: URL of a database, as Optuna has it; None: in memory. seed: of the choice of trials."""
+        """storage: URL of a database, as Optuna has it; None: in memory. seed: of the choice of trials. least: margin
+        that is wanted; nothing with less is looked for."""
         self.problem = problem
         self.seed = seed
+        self.least = least
         self.batch = batch
         self._weather = Weather.of(problem)
         self._study = _opened(storage, name)
@@ -94,7 +99,7 @@ class Study:
     def reference(self, what: str) -> Judgement | None:
         """How the job does `as it stands`, or with the `defaults` of the controller, if that has been judged."""
         told = self._study.user_attrs.get(what)
-        return None if told is None else Judgement(**told)
+        return None if told is None else _judgement(told)
 
     # ---- what is found out -------------------------------------------------------------------------------------------
 
@@ -146,8 +151,8 @@ class Study:
             if not self._waiting() and (values := self._given(number, trials)) is not None:
                 self._study.enqueue_trial(values)
             with _quiet():
-                self._study.sampler = _sampler(self.seed, number)
-                self._study.ask(_distributions(self.problem.parameters))
+                self._study.sampler = sampler(self.seed, number)
+                self._study.ask(distributions(self.problem.parameters))
         return self._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
 
     def _waiting(self) -> list[optuna.trial.FrozenTrial]:
@@ -160,7 +165,8 @@ class Study:
         if number == 0:
             return self.problem.nearest()
         if number > min(RANDOM, max(1, trials // 3)):
-            return None
+            with _quiet():
+                return composed(self.problem, self.tried, self.least, self.seed, number)
         draw = np.random.default_rng([self.seed, number])
         share = {setting: draw.uniform() for setting in ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")}
         return {parameter.name: _between(parameter, share[parameter.setting]) for parameter in self.problem.parameters}
@@ -200,27 +206,19 @@ def _between(parameter: Parameter, share: float) -> int:
     return parameter.nearest(round(parameter.low + share * (parameter.high - parameter.low)))
 
 
-def _distributions(parameters: Sequence[Parameter]) -> dict[str, optuna.distributions.BaseDistribution]:
-    from optuna.distributions import IntDistribution
-
-    return {one.name: IntDistribution(one.low, one.high, log=one.log) for one in parameters}
-
-
-def _sampler(seed: int, number: int) -> optuna.samplers.BaseSampler:
-    from optuna.samplers import TPESampler
-
-    own = int(np.random.default_rng([seed, number, 1]).integers(2**31))
-    return TPESampler(seed=own, multivariate=True, constant_liar=True, n_startup_trials=0)
-
-
 def _kept(judgement: Judgement) -> dict[str, Any]:
     import dataclasses
 
     return dataclasses.asdict(judgement)
 
 
+def _judgement(kept: Mapping[str, Any]) -> Judgement:
+    """What `_kept` has kept, as it comes out of a database."""
+    return Judgement(**{**kept, "moves": tuple((time_s, margin) for time_s, margin in kept["moves"])})
+
+
 def _tried(trial: optuna.trial.FrozenTrial) -> Tried:
-    return Tried(trial.number, trial.params, Judgement(**trial.user_attrs["judgement"]))
+    return Tried(trial.number, trial.params, _judgement(trial.user_attrs["judgement"]))
 
 
 def _opened(storage: str | None, name: str) -> optuna.Study:

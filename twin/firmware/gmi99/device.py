@@ -81,6 +81,8 @@ class Card:
         self.output("brake", 0)
         self.output("spindle", 0)
         self.output("hood_release", 1)
+        for terminal in ("slot0.estop", "slot0.power"):  # not wired: nothing speaks against it
+            self.drives.set_input(terminal, True)
         for terminal in sorted(levels):
             self.drives.set_input(terminal, levels[terminal])
         self.fault = False

@@ -126,6 +126,10 @@ class ImcLanguage:
         lines = (f"@0j{settings.start_stop_hz}", f"@0J{settings.acceleration_hz_per_ms}", f"@0M{ways},0,30")
         return [self.frame(line) for line in lines]
 
+    def ask_counters(self) -> Sequence[bytes]:
+        """What a host sends to be told the counters; beyond the protocol of languages, for who asks for it by name."""
+        return [self.frame("@0P")]
+
     def break_off(self) -> bytes:
         """Byte 255."""
         return bytes([grammar.BREAK])

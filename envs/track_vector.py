@@ -1,0 +1,206 @@
+"""Many TrackPath-v0 side by side: a step of all of them is one compiled call for each thread.
+
+    envs = gymnasium.make_vec("isel_twin.envs:isel_twin/TrackPath-v0", num_envs=64, path="random")
+
+        actions [n, 3] --->  thread 0: environments 0 .. k    take_step, take_step, ...   no Python, no lock
+                             thread 1: environments k+1 ..    ...
+                       --->  observations [n, 35], rewards [n], ...
+
+Each environment is to the bit what it is alone: the same `take_step` on the same arrays (tracking.py). The vector only
+knows where they lie; what begins anew is begun anew by the environments themselves, one after the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numba import carray
+from numpy.typing import ArrayLike, NDArray
+
+from isel_twin.compiling import njit
+from isel_twin.drives.dynamics import drop_stale_code
+from isel_twin.envs import tracking
+from isel_twin.envs.track import TrackPath, ended, infos
+from isel_twin.envs.tracking import LANE, SIZE, TRACK, take_step
+from isel_twin.envs.wrappers import Randomised
+from isel_twin.plant import kernel
+from isel_twin.plant.memory import AXES, MEMORY, at_address
+
+__all__ = ["TrackVector"]
+
+PLACE = np.dtype(
+    [(name, "i8") for name in ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")]
+    + [(name, "i8") for name in ("joints", "points", "pulses")],
+    align=True,
+)
+"""Where the arrays of an environment lie, and how large they are."""
+_IDLE = -2
+"""In the place of what `take_step` returns: this environment makes no step."""
+
+
+@njit(nogil=True, error_model="numpy")
+def take_steps(places, no_leads, actions, observations, overs, first, last):
+    """`take_step` for the environments first .. last - 1, but for those whose `overs` is _IDLE.
+
+    places [n] PLACE, actions float64 [n, 3], observations float64 [n, SIZE], overs int64 [n]: what each returns.
+    """
+    for k in range(first, last):
+        if overs[k] == _IDLE:
+            continue
+        place = places[k]
+        overs[k] = take_step(
+            carray(at_address(place.memory), (1,), MEMORY),
+            carray(at_address(place.track), (1,), TRACK),
+            carray(at_address(place.lanes), (AXES,), LANE),
+            carray(at_address(place.shape_mm), (AXES, place.joints), np.float64),
+            carray(at_address(place.path), (place.points, 4), np.float64),
+            carray(at_address(place.t_ns), (place.pulses,), np.int64),
+            carray(at_address(place.delta), (place.pulses, AXES), np.int32),
+            no_leads,
+            actions[k],
+            observations[k],
+        )
+
+
+class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
+    """TrackPath-v0 so many times. Spaces, calls and infos are those of Gymnasium's own vector environments.
+
+    An environment whose episode is over begins anew with the next step, in which its action is not looked at
+    (`AutoresetMode.NEXT_STEP`), with the options given to the last `reset`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        workers: int | None = None,
+        randomised: Mapping[str, Sequence[float]] | None = None,
+        **options: Any,
+    ) -> None:
+        """options: those of TrackPath, for each of them. workers: threads, None for as many as there are processors.
+        randomised: ranges of what is drawn for every episode, as the wrapper Randomised takes them.
+
+        Raises ValueError with one line for a wrong argument.
+        """
+        super().__init__()
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}; give at least 1")
+        if workers is not None and workers < 1:
+            raise ValueError(f"workers is {workers}; give at least 1")
+        tracks = [TrackPath(**options) for _ in range(num_envs)]
+        self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(
+            Randomised(track, **randomised) if randomised else track for track in tracks
+        )
+        """The environments, to look at; they are stepped here."""
+        self._tracks = tracks
+        self.num_envs = num_envs
+        self.single_observation_space = tracks[0].observation_space
+        self.single_action_space = tracks[0].action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.metadata = {**tracks[0].metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
+        self.render_mode = tracks[0].render_mode
+        self._track = np.zeros(num_envs, TRACK)
+        self._lanes = np.zeros((num_envs, AXES), LANE)
+        for k, track in enumerate(tracks):
+            track.keep_in(self._track[k : k + 1], self._lanes[k])
+        self._places = np.zeros(num_envs, PLACE)
+        self._left = np.zeros(num_envs, np.int64)
+        """Steps until the time is over, 0: the episode is over."""
+        self._begun = False
+        self._options: dict[str, Any] | None = None
+        many = min(workers or os.cpu_count() or 1, num_envs)
+        ends = np.linspace(0, num_envs, many + 1).astype(int).tolist()
+        self._stretches = list(itertools.pairwise(ends))
+        self._pool = ThreadPoolExecutor(many, "isel-twin-tracks") if many > 1 else None
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Begin all episodes. seed: that of the first, the others have the next ones; or one for each."""
+        seeds = (
+            seed
+            if isinstance(seed, list)
+            else [None if seed is None else seed + number for number in range(self.num_envs)]
+        )
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        self._options = options
+        observations = np.empty((self.num_envs, SIZE))
+        for k, own in enumerate(seeds):
+            observations[k] = self._begin(k, own)
+        self._begun = True
+        return observations, self._infos(np.zeros(self.num_envs, np.int64))
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Make a step in each. Raises ResetNeeded before the first reset, ValueError for actions that are none."""
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        values = np.ascontiguousarray(actions, np.float64)
+        if values.shape != (self.num_envs, AXES) or not np.isfinite(values).all():
+            raise ValueError(f"actions must be finite numbers, shape ({self.num_envs}, {AXES})")
+        observations = np.empty((self.num_envs, SIZE))
+        idle = self._left == 0
+        overs = np.where(idle, _IDLE, 0)
+        arguments: tuple[Any, ...] = (self._places, _NO_LEADS, values, observations, overs)
+        if self._pool is None:
+            take_steps(*arguments, 0, self.num_envs)
+        else:
+            for done in [self._pool.submit(take_steps, *arguments, *ends) for ends in self._stretches]:
+                done.result()
+        track = self._track
+        rewards = track["reward_progress"] + track["reward_time"] + track["reward_deviation"] + track["reward_abort"]
+        self._left -= ~idle
+        overs[idle] = 0
+        truncated = (overs == 0) & (self._left == 0) & ~idle
+        self._left[overs > 0] = 0
+        for k in np.flatnonzero(idle):
+            observations[k] = self._begin(int(k), None)
+            rewards[k] = 0.0
+        return observations, rewards, overs > 0, truncated, self._infos(np.where(truncated, _TIME, overs))
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Pictures of all of them."""
+        return tuple(track.render() for track in self._tracks)
+
+    def close_extras(self, **_: Any) -> None:
+        """Free threads and what draws."""
+        for track in self._tracks:
+            track.close()
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _begin(self, k: int, seed: int | None) -> NDArray[np.float64]:
+        """Begin an episode; its first observation."""
+        observation, _ = self.envs[k].reset(seed=seed, options=self._options)
+        memory, track, lanes, shape_mm, path, t_ns, delta, _ = self._tracks[k].at_work
+        parts = (memory, track, lanes, shape_mm, path, t_ns, delta)
+        sizes = (shape_mm.shape[1], len(path), len(t_ns))
+        self._places[k] = (*(part.ctypes.data for part in parts), *sizes)
+        self._left[k] = self._tracks[k].steps_left
+        return observation
+
+    def _infos(self, overs: NDArray[np.int64]) -> dict[str, Any]:
+        """As Gymnasium's vector environments put infos together. overs: what `take_step` has returned, or _TIME."""
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        said: dict[str, Any] = {}
+        for name, value in infos(self._track).items():
+            said[name], said[f"_{name}"] = np.array(value, np.float64), everyone.copy()
+        if overs.any():
+            said["ended"] = np.array([ended(int(over)) if over else None for over in overs], dtype=object)
+            said["_ended"] = overs != 0
+        return said
+
+
+_NO_LEADS = np.zeros(0, np.int64)
+_TIME = -1
+drop_stale_code(take_steps, tracking.__file__, kernel.__file__, *kernel.CONTAINED)

@@ -1,0 +1,121 @@
+"""`isel-twin experiment`: the moves that would tell most about a machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
+from isel_twin.cli.options import ControllerName, MachineName, check_writable
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from isel_twin.identification.unknowns import Unknown
+
+
+def experiment(
+    name: Annotated[Path, Parameter(help="NAME.txt will be the job, NAME.toml the file to fill in.")],
+    /,
+    *,
+    machine: MachineName = TwinCall.machine,
+    controller: ControllerName = TwinCall.controller,
+    axes: Annotated[str, Parameter(help="Axes to be measured, with commas.")] = "x",
+    fit: Names = None,
+    prior: Priors = None,
+    known: Annotated[Path | None, Parameter(help="JSON of `identify`: what is known already.")] = None,
+    blocks: Annotated[int, Parameter(help="How many pieces the experiment has.")] = 8,
+    criterion: Annotated[
+        Literal["D", "E"], Parameter(help="D: all parameters together. E: the one least known.")
+    ] = "D",
+    seed: Annotated[int, Parameter(help="Of places, speeds and forces: another one is another experiment.")] = 0,
+    carry_out: Annotated[
+        str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
+    ] = "",
+    carry_out_seed: Annotated[int, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
+    gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
+) -> int:
+    """Choose moves and measurements that tell most about what is least known, and write them as a job.
+
+    NAME.txt is a job for `isel-twin run` or any host; what to measure stands in it as comments. NAME.toml has an entry
+    for each measurement, nan until it is filled in. NAME-stall.txt, if there is one, is the series of speeds for stall
+    speeds.
+    """
+    if name.suffix:
+        raise CallError(
+            f"{name}: the name of an experiment has no ending; {name.stem}.txt and {name.stem}.toml will be made"
+        )
+    if not 1 <= blocks <= 100:
+        raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
+    with call_errors():
+        need_scipy()
+    job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
+    series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
+    check_writable(job, form, series, *([recording] if carry_out else []))
+    from isel_twin.axes import CARRIAGES
+    from isel_twin.files import atomic_write
+    from isel_twin.identification import experiment as experiments
+    from isel_twin.identification.measured import written
+    from isel_twin.identification.stand_in import carry_out as carried_out
+    from isel_twin.identification.stand_in import write_recording
+    from isel_twin.language import create_language, needed
+    from isel_twin.machine import load_machine
+
+    wanted = [axis.strip() for axis in axes.split(",") if axis.strip()]
+    if not wanted or any(axis not in CARRIAGES for axis in wanted):
+        raise CallError(f"axes {axes!r}: must be some of {', '.join(CARRIAGES)}, with commas", option=True)
+    with call_errors():
+        believed = load_machine(machine)
+        language = needed(create_language(controller), controller)
+        real = load_machine(carry_out) if carry_out else None
+    unknowns = unknowns_of(believed, fit, prior, wanted)
+    covariance = None if known is None else _known(known, unknowns)
+    with call_errors():
+        candidates = experiments.blocks(believed, controller, wanted, unknowns, seed)
+        choice = experiments.choose(
+            believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion
+        )
+    made = experiments.assemble(name.name, choice.blocks, language)
+    with call_errors():
+        atomic_write(job, experiments.job_text(made, language).encode())
+        if text := experiments.series_text(made, believed, language):
+            atomic_write(series, text.encode())
+        filled = made.template()
+        if real is not None:
+            recorded, filled = carried_out(
+                made, real, controller, seed=carry_out_seed, noise_mm=gauge_noise_mm, time_noise_s=0.0005
+            )
+            write_recording(recording, recorded)
+        atomic_write(form, written(filled, made.comments()).encode())
+    names = [item.name for item in unknowns]
+    print(f"{'':34}what will be left of the prior's uncertainty")
+    print(f"{'block':<34}{''.join(f'{name:>14}' for name in names)}")
+    for block, left in zip(choice.blocks, choice.left, strict=True):
+        print(f"{block.name:<34}{''.join(f'{part:>14.0%}' for part in left)}")
+    return 0
+
+
+def _known(file: Path, unknowns: list[Unknown]) -> NDArray[np.float64]:
+    """Covariance of the parameters as an identification left it. Raises CallError."""
+    import json
+
+    import numpy as np
+
+    with call_errors(file):
+        content = json.loads(file.read_text(encoding="utf-8"))
+        try:
+            names = [item["name"] for item in content["parameters"]]
+            covariance = np.array(content["covariance"], dtype=np.float64)
+            order = [names.index(item.name) if item.name in names else -1 for item in unknowns]
+            found = np.eye(len(unknowns))
+            for row, i in enumerate(order):
+                for column, j in enumerate(order):
+                    if i >= 0 and j >= 0:
+                        found[row, column] = covariance[i, j]
+        except (KeyError, TypeError, ValueError, IndexError):
+            raise CallError(f"{file}: is no result of `isel-twin identify --json`") from None
+    return found

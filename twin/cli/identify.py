@@ -1,0 +1,239 @@
+"""`isel-twin identify`: a machine's numbers from recordings and measurements."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.cli.options import MachineName, check_writable
+
+if TYPE_CHECKING:
+    from isel_twin.identification.fit import Fit, Prospect
+    from isel_twin.identification.measured import Measured
+    from isel_twin.identification.session import Session
+    from isel_twin.identification.unknowns import Unknown
+    from isel_twin.machine import Machine
+
+Names = Annotated[
+    list[str] | None,
+    Parameter(
+        help="Parameters, with commas: friction.x, backlash.x, stiffness.x, supply, mass, or keys of `describe`."
+    ),
+]
+Priors = Annotated[list[str] | None, Parameter(help="NAME=LOW..HIGH, 95 % of what is believed. May be repeated.")]
+MeasuredFiles = Annotated[list[Path] | None, Parameter(help="What was measured (TOML, CSV). May be repeated.")]
+
+
+def identify(
+    *recordings: Annotated[Path, Parameter(help="Recordings of the machine: of `tap`, or of --record NAME.mcap.")],
+    measured: MeasuredFiles = None,
+    machine: MachineName = TwinCall.machine,
+    controller: Annotated[str, Parameter(help="Which one it has, if a recording does not say.")] = "",
+    fit: Names = None,
+    prior: Priors = None,
+    hold_out: Annotated[
+        list[str] | None,
+        Parameter(
+            help="NAME of a recording, or how many of the last, not fitted but predicted. Default: the last one."
+        ),
+    ] = None,
+    patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
+    report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
+    processes: Annotated[int, Parameter(help="Processes that share the replays.")] = 1,
+    json: Annotated[bool, Parameter(help="One JSON object.")] = False,
+) -> int:
+    """Fit parameters of a machine to recordings and to what was measured meanwhile.
+
+    Says before the fit what these data cannot tell. Recordings that are held out are only predicted: if the fit
+    predicts them worse than the machine file did, nothing is written and the exit code is 1. See
+    docs/identification.md.
+    """
+    import json as json_format
+
+    with call_errors():
+        need_scipy()
+    if processes < 1:
+        raise CallError(f"processes {processes}: must be a number of processes from 1", option=True)
+    target = None if patch is None else patch / "machine.toml"
+    if patch is not None and patch.exists() and not patch.is_dir():
+        raise CallError(f"{patch}: is a file; name a folder for the machine")
+    check_writable(report, kept=(*recordings, *(measured or ())))
+    from isel_twin.identification.fit import fit as fit_sessions
+    from isel_twin.identification.patch import as_json, based_on
+    from isel_twin.identification.patch import patch as as_patch
+    from isel_twin.machine import load_machine
+
+    with call_errors():
+        known = load_machine(machine)
+    told = read_all(measured)
+    sessions = _sessions(recordings, told, controller, known)
+    unknowns = unknowns_of(known, fit, prior, told.axes)
+    fitted, held = _split(sessions, hold_out)
+    names, held_names = [one.name for one in fitted], [one.name for one in held]
+
+    def say_prospect(prospect: Prospect) -> None:
+        if not json:
+            print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
+
+    with ExitStack() as stack, call_errors():
+        executor = None
+        if processes > 1:
+            from isel_twin.robust import processes as begin
+
+            executor = stack.enter_context(begin(processes))
+        result = fit_sessions(known, unknowns, fitted, held, executor=executor, told=say_prospect, progress=progress())
+    if report is not None:
+        from isel_twin.files import atomic_write
+        from isel_twin.identification.page import page
+
+        with call_errors(report):
+            atomic_write(report, page(f"{known.name} identified", result, names, held_names).encode())
+    if json:
+        print(json_format.dumps(as_json(result, names, held_names)))
+    else:
+        _print(result)
+    if result.worse:
+        what = f"{result.after['all']:.2f} instead of {result.before['all']:.2f} standard deviations"
+        print(
+            f"isel-twin: refused: the fit predicts {', '.join(held_names)} worse than before, {what}", file=sys.stderr
+        )
+        return 1
+    if patch is not None and target is not None:
+        from isel_twin.files import atomic_write
+
+        name = sessions[0].controller
+        with call_errors(target):
+            patch.mkdir(parents=True, exist_ok=True)
+            base = based_on(machine, known, patch.resolve())
+            content = as_patch(result, known, base, patch.resolve().name, name, names, held_names)
+            atomic_write(target, content.encode())
+            load_machine(patch)
+    return 0
+
+
+def need_scipy() -> None:
+    """Raise ValueError, of one line, without SciPy."""
+    from importlib.util import find_spec
+
+    if find_spec("scipy") is None:
+        raise ValueError("identification needs SciPy: pip install 'isel-twin[tune]'")
+
+
+def read_all(files: Sequence[Path] | None) -> Measured:
+    """What all files together say. Raises CallError."""
+    from isel_twin.cli.outputs import say
+    from isel_twin.identification.measured import read_measured
+
+    total: Measured | None = None
+    for file in files or ():
+        with call_errors(file):
+            one = read_measured(file)
+        total = one if total is None else total + one
+    if total is None:
+        raise CallError(
+            "measured: name at least one file of measurements; `isel-twin experiment` makes one", option=True
+        )
+    if total.unread:
+        say(f"{total.unread} entries are not filled in (nan) and left out")
+    return total
+
+
+def unknowns_of(
+    machine: Machine, fit: Sequence[str] | None, prior: Sequence[str] | None, axes: Sequence[str]
+) -> list[Unknown]:
+    """The parameters that a call names, or those that everybody has. Raises CallError."""
+    from isel_twin.identification.unknowns import default_names, parse_prior, unknown
+
+    with call_errors():
+        spans = {name: (low, high) for name, low, high in map(parse_prior, prior or ())}
+        wanted = [name.strip() for names in fit or () for name in names.split(",") if name.strip()]
+        names = list(dict.fromkeys(wanted or [*default_names(axes), *spans]))
+        if missing := [name for name in spans if name not in names]:
+            raise CallError(f"prior {missing[0]}: is not fitted; add it to --fit", option=True)
+        return [unknown(machine, name, spans.get(name)) for name in names]
+
+
+def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machine: Machine) -> list[Session]:
+    from isel_twin.identification.session import session_of, stand_alone
+    from isel_twin.trace.reading import read
+
+    if not recordings:
+        raise CallError("name the recordings: isel-twin identify RECORDING... --measured FILE")
+    found = []
+    for path in recordings:
+        with call_errors(path):
+            found.append(session_of(read(path), told, controller, machine))
+    names = [session.name for session in found]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise CallError(f"{twice[0]}: two recordings have this name; measurements could belong to either")
+    alone = [stand_alone(name, told, found[0].controller) for name in told.names if name not in names]
+    if lost := [one.name for one in alone if one.measured.readings or one.measured.acts]:
+        raise CallError(f"{lost[0]}: something was measured in this recording, and it is not among those named")
+    return [*found, *(one for one in alone if one.data)]
+
+
+def _split(sessions: Sequence[Session], hold_out: Sequence[str] | None) -> tuple[list[Session], list[Session]]:
+    """Those fitted, those only predicted. Raises CallError."""
+    names = [session.name for session in sessions]
+    wanted = list(hold_out) if hold_out else ["1" if len(sessions) > 1 else "0"]
+    if wanted == ["1"] and len(sessions) == 1:
+        raise CallError(
+            "hold-out 1: there is one recording, and it has to be fitted; --hold-out 0 goes without", option=True
+        )
+    held: set[str] = set()
+    for name in wanted:
+        stem = Path(name).stem if name.endswith(".mcap") else name
+        if stem in names:
+            held.add(stem)
+        elif name.isdigit() and int(name) < len(sessions):
+            held |= set(names[len(names) - int(name) :])
+        else:
+            raise CallError(
+                f"hold-out {name!r}: no such recording; allowed: {', '.join(names)}, or a number below {len(names)}",
+                option=True,
+            )
+    if held == set(names):
+        raise CallError("hold-out: nothing is left to be fitted", option=True)
+    return [one for one in sessions if one.name not in held], [one for one in sessions if one.name in held]
+
+
+def progress() -> Callable[[int], None] | None:
+    """Tells people at a terminal how many replays are done; None for nobody."""
+    if not sys.stderr.isatty():
+        return None
+
+    def tell(replays: int) -> None:
+        print(f"\r{replays} replays ", end="", file=sys.stderr, flush=True)
+
+    return tell
+
+
+def _print(result: Fit) -> None:
+    print()
+    print(f"{'parameter':<18} {'value':>10}  {'95 % interval':<24} {'unit':<5} {'prior range':<20} {'of prior':>8}")
+    for one in result.estimates:
+        item = one.unknown
+        span, before = f"{one.low:.4g} .. {one.high:.4g}", f"{item.low:.4g} .. {item.high:.4g}"
+        line = f"{item.name:<18} {one.value:>10.4g}  {span:<24} {item.unit:<5} {before:<20} {one.remaining:>8.0%}"
+        print(f"{line}  {one.note}".rstrip())
+    names = [one.unknown.name for one in result.estimates]
+    pairs = [
+        f"{names[i]} and {names[j]} {result.correlation[i, j]:+.2f}"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(result.correlation[i, j]) >= 0.5
+    ]
+    if pairs:
+        print(f"correlated: {', '.join(pairs)}")
+    print(f"\nfitted:   rms {result.fitted_before['all']:.2f} -> {result.fitted_after['all']:.2f} standard deviations")
+    if result.before:
+        times = f"{result.times:.1f} times better" if not result.worse else "worse"
+        print(f"held out: rms {result.before['all']:.2f} -> {result.after['all']:.2f}, {times}")
+    else:
+        print("held out: nothing, so the result is an estimate")

@@ -1,0 +1,116 @@
+"""The torque-speed curve of a servo motor on its drive, as a table, as bars in a terminal and as a picture.
+
+Two lines bound what it can do, both closed forms: what the peak current gives for moments, and the rated one for ever;
+where the back-EMF leaves too little voltage for it, both fall to nothing at U / K:
+
+       rpm    peak Nm   rated Nm    0 ... Nm
+         0      1.200      0.400    #############---------------------------
+      5500      0.301      0.301    ##########                               # for ever, - for moments
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+
+BAR = 40
+"""Characters of the longest bar."""
+LINES = 13
+"""Speeds in the table, from 0 to where there is no torque left."""
+_RPM = 30.0 / math.pi
+
+
+@dataclass(frozen=True)
+class ServoPoint:
+    """One line of the table."""
+
+    speed_rpm: float
+    peak_nm: float
+    rated_nm: float
+
+
+def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float] = ()) -> list[ServoPoint]:
+    """Torques at some speeds; (): evenly from 0 to the highest there is."""
+    highest_rpm = motor.corner_rad_s(drive, 0.0) * _RPM
+    speeds = speeds_rpm or [highest_rpm * k / (LINES - 1) for k in range(LINES)]
+    return [
+        ServoPoint(
+            rpm,
+            motor.torque_nm(drive, rpm / _RPM, drive.peak_current_a),
+            motor.torque_nm(drive, rpm / _RPM, motor.rated_current_a),
+        )
+        for rpm in speeds
+    ]
+
+
+def show_servo(name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None) -> None:
+    """Print what the motor of an axis does on its drive; with `picture`, draw the curve into that file.
+
+    lead_mm: of its screw. Raises ValueError if a picture is asked for and matplotlib is missing.
+    """
+    table = servo_table(motor, drive)
+    print("\n".join(_text(name, motor, drive, lead_mm, table)))
+    if picture is not None:
+        draw_servo(table, _title(name, drive), picture)
+
+
+def draw_servo(table: Sequence[ServoPoint], title: str, file: Path) -> None:
+    """Draw the curve into a file (type by suffix: png, svg, pdf). Raises ValueError if matplotlib is not installed."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    speeds = [point.speed_rpm for point in table]
+    axes.plot(speeds, [point.peak_nm for point in table], "--", label="peak current, for moments")
+    axes.plot(speeds, [point.rated_nm for point in table], label="rated current, for ever")
+    axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(file)
+
+
+def _title(name: str, drive: ServoDrive) -> str:
+    return (
+        f"servo motor of {name} at {drive.supply_v:g} V, {drive.rated_current_a:g} A, {drive.peak_current_a:g} A peak"
+    )
+
+
+def _text(name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, table: Sequence[ServoPoint]) -> list[str]:
+    """Lines for a terminal: data, the table with bars, corner speeds, lag and overload."""
+    top = max(point.peak_nm for point in table) or 1.0
+    lines = [
+        _title(name, drive),
+        f"R {motor.resistance_ohm:g} ohm, L {motor.inductance_h * 1e3:g} mH, "
+        f"K {motor.torque_constant_nm_per_a:g} Nm/A, J {motor.rotor_inertia_kgm2:g} kg m^2, "
+        f"{drive.increments_per_rev} increments a revolution",
+        "",
+        f"{'rpm':>6} {'mm/s':>8} {'peak Nm':>10} {'rated Nm':>10}",
+    ]
+    for point in table:
+        for_ever, moments = (round(BAR * nm / top) for nm in (point.rated_nm, point.peak_nm))
+        bar = "#" * for_ever + "-" * (moments - for_ever)
+        figures = f"{point.speed_rpm:6.0f} {point.speed_rpm / 60.0 * lead_mm:8.0f}"
+        lines.append(f"{figures} {point.peak_nm:10.3f} {point.rated_nm:10.3f}  {bar}".rstrip())
+    corners = [motor.corner_rad_s(drive, amps) * _RPM for amps in (drive.peak_current_a, motor.rated_current_a)]
+    mm = drive.increments_per_rev / lead_mm
+    most_mm_s = drive.lag_limit / mm * drive.position_gain_per_s / max(1e-9, 1.0 - drive.feed_forward)
+    ratio = (drive.peak_current_a / motor.rated_current_a) ** 2
+    overload_s = drive.i2t_time_constant_s * math.log(ratio / (ratio - 1.0)) if ratio > 1.0 else math.inf
+    at = 100.0 * mm / drive.position_gain_per_s * (1.0 - drive.feed_forward)
+    limit = (
+        f"at its limit of {drive.lag_limit:g} at {most_mm_s:.0f} mm/s" if most_mm_s < 1e6 else "no limit of speed by it"
+    )
+    return [
+        *lines,
+        "",
+        f"peak torque up to {corners[0]:.0f} rpm, for {overload_s:.2g} s from cold; "
+        f"rated torque up to {corners[1]:.0f} rpm",
+        f"lags by {at:.0f} increments at 100 mm/s; {limit}",
+        "closed forms; nothing was compared with a maker's curve: see docs/fidelity.md",
+    ]

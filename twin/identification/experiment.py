@@ -1,0 +1,346 @@
+"""Which moves would tell most: chosen from blocks, written as a job with a file to fill in.
+
+A block is a short piece of a job with what to measure in it; it begins and ends at rest, referenced:
+
+    reversal   to a place from below, read, beyond it and back, read            backlash, friction
+    push       at rest, pulled at the tool one way and the other, read          stiffness, backlash
+    coast      emergency stop at speed, read how far beyond the counter         friction, mass
+    stall      the same move ever faster until steps are lost                   supply, mass, friction
+    far        a place near the motor and one far away, by a scale              lead error
+    switch     slowly into the far switch, read                                 its position
+
+Each block's Jacobian J_b (fit.py) on the machine as it is believed to be, with the data's standard deviations, says
+what it would tell. One after the other the block is taken that with those before it leaves least (greedy):
+
+    C <- (C^-1 + J_b' J_b)^-1        D: least det C        E: least largest eigenvalue of C
+
+C begins as the prior, 1, or as the covariance of an identification (`--known`). The same block may be taken again:
+then it is read again. Greedy is within 1 - 1/e of the best choice for D (the gain is submodular), and needs no search.
+
+Speeds, places and forces vary with the seed, so that a second experiment is not the first one again: that is the one
+to hold back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import CARRIAGES
+from isel_twin.identification.fit import STEP, Model
+from isel_twin.identification.measured import Act, Measured, Reading, Stall
+from isel_twin.identification.session import referenced, session_of, stall_speed_hz
+from isel_twin.identification.unknowns import Unknown
+from isel_twin.language import Language, MoveSettings, create_language, needed
+from isel_twin.machine import Machine
+
+__all__ = ["Block", "Choice", "Experiment", "Step", "assemble", "blocks", "choose", "job_text"]
+
+PUSH_N = 150.0
+"""A spring scale or a 15 kg weight over a pulley."""
+STALL_HZ_PER_MS = (150, 400, 1000)
+"""Accelerations of the stall series: each has chaos of its own."""
+PULLS = 2
+REVERSALS = 4
+APART_MM = 0.3625
+"""From one place of a reversal to the next: elsewhere within the step of the motor, so that the place of rest is drawn
+anew."""
+APPROACH_MM = 2.0
+"""Far more than any backlash."""
+FAR_SIGMA_MM = 0.01
+"""Of a scale or gauge blocks over a long way."""
+COAST_S = 1.5
+"""Longest move for an emergency stop: whoever presses it needs time."""
+PRESS_S, RELEASE_S = 0.5, 2.5
+"""When it is pressed and released, after the command was sent; at which speed and how long it coasts does not depend
+on it."""
+GENTLE = (6000, 100, 300)
+"""Speed, acceleration and start-stop frequency of moves between readings."""
+SERIES = 1.04
+"""From one speed of a stall series to the next."""
+SERIES_FROM, SERIES_TO = 0.5, 1.8
+"""Of the stall speed expected."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command of a job and what is measured after it."""
+
+    data: bytes
+    readings: tuple[Reading, ...] = ()
+    """Without recording, command and value."""
+    acts: tuple[Act, ...] = ()
+    comment: str = ""
+    any_reply: bool = False
+    """Whatever the controller answers is well."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """See the module."""
+
+    name: str
+    what: str
+    """For people."""
+    steps: tuple[Step, ...] = ()
+    stall: Stall | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Blocks put together."""
+
+    name: str
+    steps: tuple[Step, ...]
+    stalls: tuple[Stall, ...]
+
+    def template(self) -> Measured:
+        """The file to fill in."""
+        readings, acts = [], []
+        for command, step in enumerate(self.steps, 1):
+            readings += [replace(reading, recording=self.name, command=command) for reading in step.readings]
+            acts += [replace(act, recording=self.name, command=command) for act in step.acts]
+        stalls = tuple(replace(stall, recording=self.name, held_hz=math.nan, lost_hz=math.nan) for stall in self.stalls)
+        return Measured(tuple(readings), tuple(acts), stalls)
+
+    def comments(self) -> dict[int, str]:
+        """By command: what to read after it."""
+        return {number: step.comment for number, step in enumerate(self.steps, 1) if step.comment}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen, and what is expected of it."""
+
+    blocks: tuple[Block, ...]
+    left: tuple[tuple[float, ...], ...]
+    """After each block, by parameter: standard deviation over that of the prior."""
+
+
+def blocks(
+    machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
+) -> list[Block]:
+    """Everything that could be done on these axes."""
+    language = needed(create_language(controller), controller)
+    draw = np.random.default_rng([seed, 13])
+    names = {item.name for item in unknowns}
+    found: list[Block] = []
+    for name in axes:
+        axis = machine.axes[CARRIAGES.index(name)]
+        tell = _Teller(language, name, axis.steps_per_mm)
+        reach_mm = min(axis.travel_mm - 10.0, 120.0)
+        place_mm = float(round(draw.uniform(0.2, 0.5) * reach_mm))
+        found.append(_reversal(tell, place_mm))
+        found.append(_push(tell, place_mm + 5.0, PUSH_N * float(draw.choice([0.8, 1.0, 1.2]))))
+        fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
+        for speed in (6000.0, 10_000.0, 16_000.0):
+            found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
+        for acceleration in STALL_HZ_PER_MS:
+            found.append(_stall(name, machine, controller, 15.0, min(35.0, axis.travel_mm - 5.0), acceleration))
+        if f"lead.{name}" in names:
+            found.append(_far(tell, axis.travel_mm))
+        for contact in machine.switches:
+            if f"switch.{contact.name}" in names and contact.axis == name and contact.end == "far":
+                found.append(_switch(tell, language, axis.travel_mm, contact.name))
+    return found
+
+
+class _Teller:
+    """Moves of one axis in the words of a controller."""
+
+    def __init__(self, language: Language, axis: str, steps_per_mm: float) -> None:
+        self.language, self.axis, self.steps_per_mm = language, axis, steps_per_mm
+        low, high = language.ranges["speed_hz"]
+        self.gentle = (int(np.clip(GENTLE[0], low, high)), *GENTLE[1:])
+
+    def move(
+        self, mm: float, how: tuple[int, int, int] | None = None, readings: tuple[Reading, ...] = (), **of_last: object
+    ) -> tuple[Step, ...]:
+        """To a place; the other axes stay at 0. Readings and the rest belong to the command that moves."""
+        target = [0, 0, 0]
+        target[CARRIAGES.index(self.axis)] = round(mm * self.steps_per_mm)
+        *before, last = self.language.move(target, MoveSettings(*(how or self.gentle)))
+        step = Step(last, readings)
+        return (*(Step(data) for data in before), replace(step, **of_last))  # type: ignore[arg-type]
+
+    def reading(self, gauge: str, **more: float) -> Reading:
+        return Reading("", 1, self.axis, math.nan, gauge=gauge, **more)
+
+
+def _reversal(tell: _Teller, mm: float) -> Block:
+    name = f"reversal {tell.axis} {mm:g}"
+    read = (tell.reading(name),)
+    below, above = f"read the gauge on {tell.axis}: came from below", "read it again: came from above"
+    steps: tuple[Step, ...] = ()
+    for number in range(REVERSALS):
+        place_mm = mm + number * APART_MM
+        steps += tell.move(place_mm - APPROACH_MM) + tell.move(place_mm, readings=read, comment=below)
+        steps += tell.move(place_mm + APPROACH_MM) + tell.move(place_mm, readings=read, comment=above)
+    return Block(name, f"{tell.axis}: to {mm:g} mm and on from both sides, dial gauge between tool and table", steps)
+
+
+def _push(tell: _Teller, mm: float, force_n: float) -> Block:
+    name = f"push {tell.axis} {force_n:g}"
+    ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
+    readings = tuple(tell.reading(name, push_n=way) for way in ways)
+    comment = f"pull at the tool along {tell.axis} with {force_n:g} N up, down, half as much up, down, and again"
+    steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
+    return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
+
+
+def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -> Block:
+    name = f"coast {tell.axis} {speed_hz}"
+    start_mm = 5.0
+    end_mm = start_mm + COAST_S * speed_hz / tell.steps_per_mm
+    before, after = tell.reading(name), tell.reading(name, counter_mm=math.nan)
+    acts = (
+        Act("", 1, PRESS_S, {"set": {"estop": "pressed"}}),
+        Act("", 1, RELEASE_S, {"set": {"estop": "released"}}),
+    )
+    steps = tell.move(start_mm, readings=(before,), comment=f"read the scale on {tell.axis}")
+    comment = "press the emergency stop at full speed, release it at rest, read the scale"
+    steps += tell.move(end_mm, (speed_hz, 400, 300), (after,), acts=acts, comment=comment, any_reply=True)
+    first, *others = language.reference()
+    asked: Sequence[bytes] = getattr(language, "ask_counters", tuple)()
+    comment = "enter the counter that this tells as counter_mm (isel-twin decode explains the reply)"
+    steps += (Step(first), *(Step(data, comment=comment, any_reply=True) for data in asked))
+    steps += tuple(Step(data) for data in others)
+    return Block(name, f"{tell.axis}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale", steps)
+
+
+def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: float, acceleration: int) -> Block:
+    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, 20_000.0, 20_400.0)
+    expected = stall_speed_hz(referenced(controller, machine), wanted)
+    stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
+    return Block(
+        f"stall {name} {acceleration}",
+        f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms, ever faster, until steps are lost",
+        stall=stall,
+    )
+
+
+def _far(tell: _Teller, travel_mm: float) -> Block:
+    name, near_mm, far_mm = f"far {tell.axis}", 10.0, travel_mm - 10.0
+    read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
+    steps = tell.move(near_mm, readings=read, comment=f"read the scale on {tell.axis}")
+    steps += tell.move(far_mm, readings=read, comment="read it again")
+    return Block(name, f"{tell.axis}: from {near_mm:g} to {far_mm:g} mm, scale", steps)
+
+
+def _switch(tell: _Teller, language: Language, travel_mm: float, contact: str) -> Block:
+    name = f"switch {contact}"
+    read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
+    steps = tell.move(travel_mm - 10.0, readings=read, comment=f"read the scale on {tell.axis}")
+    slow = (1000, 100, 300)
+    steps += tell.move(travel_mm + 5.0, slow, read, comment="stands in the switch: read it again", any_reply=True)
+    steps += tuple(Step(data) for data in language.reference())
+    return Block(name, f"{tell.axis}: slowly into {contact}, scale", steps)
+
+
+def choose(
+    machine: Machine,
+    controller: str,
+    candidates: Sequence[Block],
+    unknowns: Sequence[Unknown],
+    count: int,
+    *,
+    known: NDArray[np.float64] | None = None,
+    criterion: str = "D",
+    executor: Executor | None = None,
+) -> Choice:
+    """The best `count` blocks, one after the other; known: covariance [n, n] of the u so far."""
+    from isel_twin.identification.stand_in import carry_out
+
+    language = needed(create_language(controller), controller)
+    information = np.linalg.inv(np.eye(len(unknowns)) if known is None else known)
+    told = []
+    for block in candidates:
+        experiment = assemble("block", [block], language)
+        recorded, measured = carry_out(experiment, machine, controller, seed=0, noise_mm=0.0, time_noise_s=0.0)
+        session = session_of(recorded, measured, controller, machine)
+        model = Model(machine, unknowns, [session], executor)
+        jacobian = model.jacobian(np.zeros(len(unknowns)), np.full(len(unknowns), STEP), central=False)
+        told.append(jacobian.T @ jacobian)
+    chosen, left = [], []
+    for _ in range(count):
+        worth = [
+            -math.inf if block.stall is not None and block in chosen else _worth(information + one, criterion)
+            for block, one in zip(candidates, told, strict=True)
+        ]  # the same series again would tell the same
+        best = int(np.argmax(worth))
+        information = information + told[best]
+        chosen.append(candidates[best])
+        left.append(tuple(np.sqrt(np.diag(np.linalg.inv(information))).tolist()))
+    return Choice(tuple(chosen), tuple(left))
+
+
+def _worth(information: NDArray[np.float64], criterion: str) -> float:
+    """The more the better: log det, or the least eigenvalue."""
+    if criterion == "E":
+        return float(np.linalg.eigvalsh(information)[0])
+    return float(np.linalg.slogdet(information)[1])
+
+
+def assemble(name: str, chosen: Sequence[Block], language: Language) -> Experiment:
+    """A job of blocks: reference run first, then each in its turn; gauges of a block that comes twice are set anew."""
+    steps = [Step(data) for data in language.reference()]
+    stalls = []
+    for number, block in enumerate(chosen, 1):
+        for index, step in enumerate(block.steps):
+            readings = tuple(replace(reading, gauge=f"{number} {reading.gauge}") for reading in step.readings)
+            heading = f"[{number}] {block.what}" if index == 0 else ""
+            comment = "; ".join(part for part in (heading, step.comment) if part)
+            steps.append(replace(step, readings=readings, comment=comment))
+        if block.stall is not None and block.stall not in stalls:
+            stalls.append(block.stall)
+    return Experiment(name, tuple(steps), tuple(stalls))
+
+
+def job_text(experiment: Experiment, language: Language) -> str:
+    """The job as a file that `isel-twin run` takes."""
+    lines = [f"# {experiment.name}: what to measure stands above the lines; enter it in {experiment.name}.toml"]
+    for number, step in enumerate(experiment.steps, 1):
+        if step.comment:
+            lines += ["", f"# command {number}: {step.comment}"]
+        text = "".join(message.text for message in language.messages(step.data, True))
+        lines.append(f"{text} => *" if step.any_reply else text)
+    return "\n".join(lines) + "\n"
+
+
+def series_text(experiment: Experiment, machine: Machine, language: Language) -> str:
+    """The stall series as a job of its own; "" if there is none."""
+    if not experiment.stalls:
+        return ""
+    lines = [
+        f"# {experiment.name}: ever faster. Stop as soon as an axis stands elsewhere than before (mark, gauge);",
+        f"# enter the last speed that held and the one that lost in {experiment.name}.toml. After a stall: reference.",
+    ]
+    for stall in experiment.stalls:
+        scale = machine.axes[CARRIAGES.index(stall.axis)].steps_per_mm
+        lines += ["", *(_text(language, data) for data in language.reference())]
+        for speed in series_hz(stall, language):
+            lines += ["", f"# {stall.axis} at {speed} Hz, {stall.acceleration_hz_per_ms} Hz/ms"]
+            for mm in (stall.from_mm, stall.to_mm, stall.from_mm):
+                target = [0, 0, 0]
+                target[CARRIAGES.index(stall.axis)] = round(mm * scale)
+                settings = MoveSettings(speed, stall.acceleration_hz_per_ms, stall.start_stop_hz)
+                lines += [_text(language, data) for data in language.move(target, settings)]
+    return "\n".join(lines) + "\n"
+
+
+def series_hz(stall: Stall, language: Language) -> list[int]:
+    """Speeds of the series for a stall that is expected at its speeds."""
+    middle = math.sqrt(stall.held_hz * stall.lost_hz)
+    low, high = language.ranges["speed_hz"]
+    count = math.ceil(math.log(SERIES_TO / SERIES_FROM) / math.log(SERIES))
+    speeds = [round(middle * SERIES_FROM * SERIES**n) for n in range(count + 1)]
+    return [speed for speed in speeds if low <= speed <= high]
+
+
+def _text(language: Language, data: bytes) -> str:
+    return "".join(message.text for message in language.messages(data, True))
