@@ -4,8 +4,8 @@
                                                                           |
     a stretch: blocks that run into each other, one `Joined` plan, appended to while it runs
 
-Before a block's path come its parameters, S, T and pre functions, after it the exact stop, the dwell, the post functions
-and what stops. Blocks with nothing but a path pass unseen; the others are looked at in the tick in which they begin.
+Before a block's path come its parameters, S, T and pre functions, after it the exact stop, the dwell, the post
+functions and what stops. Blocks with nothing but a path pass unseen; the others are looked at in the tick in which they begin.
 
     phases    IDLE -> READY -> PATH -> SETTLE -> DWELL -> FUNCTIONS -> READY ...
               READY: the next block begins. FUNCTIONS: functions with halt wait for their acknowledgement.
@@ -483,7 +483,9 @@ class Channel:
         self._plan = None
         self._current = self._stretch[-1].block
         self._stretch.clear()
-        if (self._current.end is BlockEnd.CONTINUOUS and self._current.dwell_s is None) or (self._current.end is BlockEnd.FEED_STOP and self._current.dwell_s is None):
+        if (self._current.end is BlockEnd.CONTINUOUS and self._current.dwell_s is None) or (
+            self._current.end is BlockEnd.FEED_STOP and self._current.dwell_s is None
+        ):
             self._post()
         else:
             self._settle()

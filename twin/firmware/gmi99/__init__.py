@@ -9,7 +9,7 @@
     corrections.py  G: zero points and corrections         directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store
     images.py       process images, flags, data words      plc.py        the border to a PLC
-    drives.py       what belongs to the drives; indexer.py: their own motion
+    drives.py       what belongs to the drives
     settings.py     what a host sets, and the flash image
     device.py       the card, in which all these meet
 
