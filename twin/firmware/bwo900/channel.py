@@ -5,7 +5,8 @@
     a stretch: blocks that run into each other, one `Joined` plan, appended to while it runs
 
 Before a block's path come its parameters, S, T and pre functions, after it the exact stop, the dwell, the post
-functions and what stops. Blocks with nothing but a path pass unseen; the others are looked at in the tick in which they begin.
+functions and what stops. Blocks with nothing but a path pass unseen; the others are looked at in the tick in which they
+begin.
 
     phases    IDLE -> READY -> PATH -> SETTLE -> DWELL -> FUNCTIONS -> READY ...
               READY: the next block begins. FUNCTIONS: functions with halt wait for their acknowledgement.
@@ -15,10 +16,10 @@ functions and what stops. Blocks with nothing but a path pass unseen; the others
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Final
+from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Machine, PathBlock, Stop
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
@@ -53,6 +54,13 @@ class Phase(Enum):
     FUNCTIONS = "functions wait for their acknowledgement"
     EMPTY = "a block without a path takes its time"
     HELD = "Start goes on"
+
+
+class Filter(Protocol):
+    """What blocks pass on their way; raises ProgramError."""
+
+    def push(self, block: PathBlock) -> list[PathBlock]: ...
+    def flush(self) -> list[PathBlock]: ...
 
 
 @dataclass(frozen=True)
@@ -90,10 +98,10 @@ class _Entry:
 class Channel:
     """Carries out what an interpreter analyses."""
 
-    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], list[object]]) -> None:
+    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], Sequence[Filter]]) -> None:
         """filters: makes new ones, objects with `push(block)` and `flush()`, in their order."""
         self._interpreter, self._do, self._new_filters = interpreter, services, filters
-        self._filters: list[object] = []
+        self._filters: Sequence[Filter] = ()
         self.phase = Phase.IDLE
         self.run: SetPointRun | None = None
         self.single = False
@@ -308,7 +316,7 @@ class Channel:
     def _flush(self) -> None:
         try:
             for number, item in enumerate(self._filters):
-                self._through(item.flush(), number + 1)  # type: ignore[attr-defined]
+                self._through(item.flush(), number + 1)
         except ProgramError as error:
             self._fault(error)
 
@@ -316,7 +324,7 @@ class Channel:
         """Blocks through the filters from one on."""
         try:
             for item in self._filters[first:]:
-                blocks = [out for block in blocks for out in item.push(block)]  # type: ignore[attr-defined]
+                blocks = [out for block in blocks for out in item.push(block)]
         except ProgramError as error:
             self._fault(error, blocks[0] if blocks else None)
             return
@@ -483,12 +491,11 @@ class Channel:
         self._plan = None
         self._current = self._stretch[-1].block
         self._stretch.clear()
-        if (self._current.end is BlockEnd.CONTINUOUS and self._current.dwell_s is None) or (
-            self._current.end is BlockEnd.FEED_STOP and self._current.dwell_s is None
-        ):
-            self._post()
-        else:
+        waits = self._current.end is BlockEnd.EXACT_STOP or self._current.dwell_s is not None
+        if waits or self._current.stop is not Stop.NONE:
             self._settle()
+        else:
+            self._post()
 
     def _resume(self) -> None:
         """Go on where it was held."""

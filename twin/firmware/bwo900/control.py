@@ -79,7 +79,7 @@ class Control:
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
 
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
-        """flash: programs and parameters that the control has kept. plc: STEP 5 text in place of the default program."""
+        """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
@@ -100,7 +100,7 @@ class Control:
                 ended=self._program_ended,
                 allowed=self._allowed,
             ),
-            memory.filters,
+            lambda: memory.filters(self._parameters),
         )
         self._drives: Drives | None = None
         self._events: list[Event] = []

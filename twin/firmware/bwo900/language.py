@@ -1,7 +1,7 @@
 """The control's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
 
-What a host sends are lines of files (transfer.py); the control answers nothing. A program file is a job by itself: it is
-transferred, the axes are referenced, the program is started:
+What a host sends are lines of files (transfer.py); the control answers nothing. A program file is a job by itself: it
+is transferred, the axes are referenced, the program is started:
 
     P1 ... #  EOT        D  P8683: 1, P12130: 1 ...  #  EOT        D  P8800: 1, P8683: 2, P8684: 1  #  EOT
 """
@@ -33,8 +33,8 @@ G_WORDS: Final[Mapping[int, str]] = {
     45: "rotation", 46: "rotation off", 47: "machine coordinates", 48: "tool coordinates", 49: "workpiece coordinates",
     53: "machine zero", 60: "mirror off", 61: "mirror first axis", 62: "mirror second axis", 63: "override 100 %",
     64: "override free", 66: "without corrections", 71: "rectangular pocket", 72: "rectangular pocket, zigzag",
-    73: "rectangular pocket, finished", 74: "circular pocket", 75: "circular pocket, finished", 81: "drill", 83: "deep hole",
-    84: "tap", 85: "bore", 86: "ray of places", 87: "parallelogram of places", 88: "grid of places",
+    73: "rectangular pocket, finished", 74: "circular pocket", 75: "circular pocket, finished", 81: "drill",
+    83: "deep hole", 84: "tap", 85: "bore", 86: "ray of places", 87: "parallelogram of places", 88: "grid of places",
     89: "circle of places", 90: "absolute", 91: "incremental", 92: "shift of zero", 94: "feed in mm/min",
     97: "speed in 1/min", 123: "line or circle by three points", 147: "no transformation", 153: "no zero point",
 }  # fmt: skip

@@ -6,7 +6,9 @@ import json
 import zlib
 from typing import Final
 
+from isel_twin.firmware.bwo900.contour import Contour
 from isel_twin.firmware.bwo900.functions import FACTORY_FUNCTIONS
+from isel_twin.firmware.bwo900.offset import Offset
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs import Program, Store
 
@@ -47,6 +49,7 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
     return parameters, Store(), flash is not None
 
 
-def filters() -> list[object]:
+def filters(parameters: Parameters) -> list[Contour | Offset]:
     """What blocks pass on their way from the interpreter to the path."""
-    return []
+    threshold = parameters.get(8_845) if parameters.loaded(8_845) else None
+    return [Contour(), Offset(threshold)]
