@@ -167,7 +167,7 @@ class Offset:
             raise ProgramError(1155, f"a circle of {element.radius_mm:g} mm" if isinstance(element, Arc) else "")
         if last.approach:
             start = moved.start
-            last.open.done.append(Line(last.begin, start))
+            last.open.done.append(Line(last.begin, plane.into(last.element.end, *plane.of(start))))
             last.open.left -= 1
             self._crossed(start)
             self._last = _Last(element, moved, start, entry, correction)
