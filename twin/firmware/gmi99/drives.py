@@ -291,7 +291,7 @@ class DriveBank:
         self._referencing = True
         plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
         self.run = SetPointRun(plan, planner.PERIOD_NS, card.path.grid_ns(card.now_ns))
-        runs = {slot: self._axis(slot, card.counts_now[slot]) for slot in axes}
+        runs = {slot: self._axis(slot, card.counts[slot]) for slot in axes}
         found: list[int] = []
         for slot in axes:
             self._zeroed[slot] = False
@@ -359,7 +359,7 @@ class DriveBank:
         """Measured position of a drive; the set point where nothing measures."""
         if self.asked is not None and slot < len(self.asked.encoder):
             return self.asked.encoder[slot]
-        return self._card.counts_now[slot]
+        return self._card.counts[slot]
 
     def _past_zero_pulse(self, slot: int) -> int:
         pulses = () if self.asked is None else self.asked.past_zero_pulse
