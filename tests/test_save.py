@@ -287,6 +287,31 @@ def test_samples_go_on_from_the_time_it_is() -> None:
         assert back.tobytes() == straight.tobytes(), column
 
 
+def test_nobody_saves_in_the_middle_of_it() -> None:
+    twin, lines = referenced(), list[str]()
+
+    def look(twin: Twin) -> None:
+        for act in (twin.save, partial(twin.restore, state)):
+            try:
+                act()
+            except StateError as error:
+                lines.append(str(error))
+
+    state = twin.save()
+    twin.observe(look, None)
+    lines.clear()
+    twin.set_input("estop", "pressed")
+    assert set(lines) == {"a twin is saved and restored between two calls, not by an observer or listener of one"}
+    assert twin.save().time_ns == twin.time_ns
+
+
+def test_a_twin_tells_what_it_is_after_that() -> None:
+    """A recording says what a twin was built from; begun at power-on it must be possible to play it again."""
+    twin, other = Twin(plant="kinematic", seed=1), Twin(plant="kinematic", seed=2, start_mm=(4.0, 5.0, 6.0))
+    twin.restore(other.save())
+    assert (twin.origin.seed, twin.origin.start_mm) == (2, (4.0, 5.0, 6.0))
+
+
 def test_a_twin_that_is_recorded_does_not_go_back() -> None:
     twin = referenced()
     state = twin.save()
@@ -310,7 +335,7 @@ def test_whoever_keeps_the_flash_gets_that_of_the_state() -> None:
 def test_the_life_of_a_controller_stays_short() -> None:
     """However long it lives: what it was told is dropped when it can be pickled, at rest."""
     twin = referenced()
-    for _ in range(300):
+    for _ in range(1000):
         twin.query("@0A10,1000,0,1000,0,100,0,100")
     assert len(twin._told._calls) < 2 * OFTEN
     state, seen = twin.save(), went(twin)

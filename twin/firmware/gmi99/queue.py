@@ -67,6 +67,11 @@ class Queue:
         return bool(self._programs)
 
     @property
+    def block_number(self) -> int:
+        """Number of the command of the program that was begun last, from 1 on (FB 254.6); 0 without a program."""
+        return self._programs[-1].next if self._programs else 0
+
+    @property
     def next_ns(self) -> int | None:
         """When the command in progress is gone on with."""
         return self._wait.at_ns if self._current is not None else None
