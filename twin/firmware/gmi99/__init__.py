@@ -10,7 +10,7 @@
     programming.py  p: programs; store.py: the program store
     images.py       process images, flags, data words
     logic.py        the PLC of the folder beside this one on them, FB 254; plc.py: what the card asks of it
-    drives.py       what belongs to the drives; indexer.py: their own motion
+    drives.py       what belongs to the drives
     settings.py     what a host sets, and the flash image
     device.py       the card, in which all these meet
 

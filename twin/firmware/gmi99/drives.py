@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
-from isel_twin.firmware.gmi99.indexer import Indexer, at_rest, braked
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
+from isel_twin.motion.indexer import Indexer, at_rest, braked
 from isel_twin.units import MILLISECOND_NS
 
 if TYPE_CHECKING:
