@@ -108,7 +108,7 @@ class Move:
     settling_s: float
     """From the reply to the last time that an axis was outside the tolerance; 0 if none was."""
     slipped: bool
-    """A motor lost steps in this move."""
+    """A motor lost steps in this move, or a servo drive switched itself off."""
     lost_steps: NDArray[np.float64]
     """Counter minus rotor at rest, in steps, since the reference run."""
     error_mm: NDArray[np.float64]
@@ -190,7 +190,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     """
     language = needed(twin.language, setup.controller)
     target = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, twin.machine.axes, strict=True)]
-    lost_before = twin.lost_steps[:3]
+    lost_before, faults_before = twin.lost_steps[:3], twin.drive_faults
 
     *before, command = language.move(target, settings)
     for data in before:
@@ -214,7 +214,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
         done=not given_up and language.accepted(command, reply) and not twin.fault,
         time_s=time_s,
         settling_s=float((outside[-1] + 1) * _RESTING_SAMPLE_S) if len(outside) else 0.0,
-        slipped=bool(lost(lost_steps - lost_before, twin.slip_steps[:3]).any()),
+        slipped=bool(lost(lost_steps - lost_before, twin.slip_steps[:3]).any()) or twin.drive_faults != faults_before,
         lost_steps=lost_steps,
         error_mm=dwell_mm[-1],
         vibration_mm=np.ptp(dwell_mm, axis=0) / 2.0,

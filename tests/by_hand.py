@@ -35,6 +35,12 @@ class PlantByHand:
         self.current_fraction = np.zeros(len(stages))
         self.slip_steps = np.full(axes, 32.0)
         self.closed_loop = np.zeros(axes, dtype=bool)
+        self.drive_faults = ((0, ""),) * axes
+        self.overloaded = np.zeros(axes, dtype=bool)
+        self.in_position = np.ones(axes, dtype=bool)
+        self.rotor_speed = np.zeros(axes)
+        self.turn_steps = np.full(axes, 1600.0)
+        self.resets = 0
         self.at_rest = True
         self.power = (False, False, False)
         """Stages, brake, lowering, as last told."""
@@ -57,6 +63,9 @@ class PlantByHand:
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         self.power = (stages, brake_released, lowering)
+
+    def reset_drives(self) -> None:
+        self.resets += 1
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         self.drawn.append((threshold, position_mm))

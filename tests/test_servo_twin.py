@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,9 +14,11 @@ from isel_twin import Twin
 from isel_twin.checks.asserts import MotionError, assert_no_step_lost
 from isel_twin.checks.watched import Watched
 from isel_twin.controller import Drives, Output, UsesDrives
+from isel_twin.expect import parse_condition
 from isel_twin.machine import MachineError
 from isel_twin.result import Result
 from isel_twin.verdict import judge
+from isel_twin.wiring import ScenarioEvent
 
 WORDS = Card6Language()
 START_MM = (100.0, 50.0, 30.0)
@@ -32,6 +35,13 @@ class ServoCard(Card6):
     def use_drives(self, drives: Drives) -> None:
         super().use_drives(drives)
         self.drives = drives
+
+    def terminals(self) -> dict[str, tuple[str, ...]]:
+        return {**super().terminals(), "slot0.hot": ("overtemperature",)}
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        if terminal != "slot0.hot":
+            super().set_input(t_ns, terminal, level)
 
     def machine_overrides(self) -> dict[str, Any]:
         return {"axes.all.drive": "servo"}
@@ -99,6 +109,12 @@ def test_pushed_too_hard_it_is_off_and_the_verdict_says_why_also_after_a_reset()
     assert card.drives.encoder[0] < 30_000
     assert twin.lost_steps.tolist() == [0.0] * 6
     assert twin.forgotten_steps.tolist() == [0.0] * 6
+    assert parse_condition("drive_faults.x == 1").look(twin, None).met
+    assert parse_condition("drive_faults == 1").look(twin, None).met
+    assert parse_condition("lag.x > 1000").look(twin, None).met
+    assert parse_condition("lag.y < 5").look(twin, None).met
+    verdict = judge(twin, [replace(result(twin), drive_faults_known=(1, None, None))])
+    assert verdict.ok, "the job has said so"
     verdict = judge(twin, [result(twin)])
     assert not verdict.ok
     assert verdict.switched_off == ("following error exceeded", "", "", "", "", "")
@@ -117,6 +133,24 @@ def test_pushed_too_hard_it_is_off_and_the_verdict_says_why_also_after_a_reset()
     assert not judge(twin, [result(twin)]).ok, "it has been so"
     with pytest.raises(MotionError, match="x: following error exceeded"):
         assert_no_step_lost(watched)
+
+
+def test_a_hot_amplifier_opens_the_contact_of_the_stages():
+    """25 C and 5 W x 2 K/W are far below 85 C; 80 K more are not."""
+    twin, card = build()
+    assert twin.levels["slot0.hot"]
+    twin.carry_out(ScenarioEvent(twin.time_ns, others={"hot_stage_k": {"x": 80.0}}))
+    twin.run(0.1)
+    assert not twin.levels["slot0.hot"]
+    assert not any(card.drives.on[:3])
+
+
+def test_a_load_takes_current_to_move_and_nothing_to_stand():
+    twin, card = build()
+    twin.carry_out(ScenarioEvent(twin.time_ns, others={"payload_kg": {"table": 30.0}}))
+    go(twin, "move 0 -20000 0 0 0 0 20000", 3.0)
+    assert not any(card.drives.fault)
+    assert card.drives.encoder[1] == pytest.approx(-20_000, abs=2)
 
 
 def test_restored_it_goes_on_to_the_bit():

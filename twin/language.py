@@ -247,6 +247,14 @@ def integers(values: Sequence[int], count: int) -> list[int]:
 
 
 @runtime_checkable
+class RunsPrograms(Protocol):
+    """What a language offers beside `Language` if a file can be a program of its controller, and not a job."""
+
+    def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
+        """What is sent to run a text that is a program: what each step is called, and its bytes. None: it is a job."""
+
+
+@runtime_checkable
 class LoadsPlc(Protocol):
     """What a language offers beside `Language` if its controller has a PLC."""
 

@@ -569,13 +569,13 @@ def _servo(
     where = place.at("servo")
     both = table(content["servo"], where)
     known(both, (*keys(ServoMotor), *keys(ServoDrive)), where)
-    try:
-        motor = ServoMotor(**read(ServoMotor, both, where))
-        return motor, ServoDrive(**read(ServoDrive, both, where), rated_current_a=motor.rated_current_a)
-    except FileError:
-        raise
-    except ValueError as error:
-        raise where.wrong(str(error)) from None
+    motor = ServoMotor(**read(ServoMotor, both, where))
+    drive = ServoDrive(**read(ServoDrive, both, where), rated_current_a=motor.rated_current_a)
+    if drive.peak_current_a < motor.rated_current_a:
+        raise where.at("peak_current").wrong(
+            f"{drive.peak_current_a:g} A; allowed: from rated_current on, {motor.rated_current_a:g} A"
+        )
+    return motor, drive
 
 
 def _check(machine: Machine, place: Place) -> None:

@@ -50,7 +50,7 @@ from isel_twin.observers import Observers
 from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.position import Position
 from isel_twin.sampling import Sampler, TwinSamples
-from isel_twin.state import Kind, StateError, TwinState, pack, unpack
+from isel_twin.state import BY_CHANCE, Kind, StateError, TwinState, pack, unpack
 from isel_twin.told import Told
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.unpowered import Unpowered
@@ -196,6 +196,7 @@ class Twin:
         """When somebody has something to do by himself, as far as is known since the twin last settled."""
         self._untold = False
         """The plant has moved on since the twin last settled."""
+        self._settling = False
 
         self._told = Told(self._controller, flash, rebuilt=plans.new_controller is not None)
         self._told.use_drives(self._position)
@@ -567,15 +568,17 @@ class Twin:
     def save(self) -> TwinState:
         """All that decides what the twin will do, at this instant, in mid-motion too; see isel_twin.state.
 
-        Not to be called by whoever is being told of something. Raises StateError (ValueError) with one line for a
-        controller that cannot be saved now (isel_twin.told).
+        Raises StateError (ValueError) with one line for a controller that cannot be saved now (isel_twin.told), and
+        for an observer or a listener, who are told of something in the middle of it.
         """
+        self._check_between()
         self._tell()
         if self._sampler is not None:
             self._sampler.hand_on()
         own = {name: getattr(self, name) for name in _OWN}
         return TwinState(
             kind=self._kind,
+            origin={name: getattr(self.origin, name) for name in BY_CHANCE},
             time_ns=self.time_ns,
             flash=self.flash,
             life=self._told.save(),
@@ -591,6 +594,7 @@ class Twin:
         ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
         machine, controller, plant or scenario.
         """
+        self._check_between()
         self._kind.check(state)
         self._note("restored", state.time_ns)
         if self._sampler is not None:
@@ -602,13 +606,22 @@ class Twin:
             setattr(self, name, value)
         self._plant.restore(state.plant)
         self.time_ns = state.time_ns
+        self.origin = replace(self.origin, **state.origin)
         if self._sampler is not None:
             self._sampler.begin_anew()
         flash, self.flash = self.flash, state.flash
         if self.flash is not None and self.flash != flash and self.on_flash is not None:
             self.on_flash(self.flash)
-        self._observers.restored(self, self._wiring.changes)
+        self._settling = True
+        try:
+            self._observers.restored(self, self._wiring.changes)
+        finally:
+            self._settling = False
         self._due_ns = self._next_due_ns()
+
+    def _check_between(self) -> None:
+        if self._settling:
+            raise StateError("a twin is saved and restored between two calls, not by an observer or listener of one")
 
     @cached_property
     def _kind(self) -> Kind:
@@ -684,6 +697,13 @@ class Twin:
 
     def _settle(self) -> None:
         """Hand over everything that is due at this instant, until nothing more is."""
+        self._settling = True
+        try:
+            self._settle_all()
+        finally:
+            self._settling = False
+
+    def _settle_all(self) -> None:
         rounds, events = 0, self._wiring.events_left
         self._untold = False
         self._due_ns = self.time_ns

@@ -17,7 +17,8 @@ from isel_twin.plant.picture import draw
 
 from .test_picture import drawn
 
-MACHINES = machine_names()
+MACHINES = [name for name in machine_names() if (models_folder() / name / "scene.xml").is_file()]
+"""Those with a model of their own."""
 SHOWN_MM = {"4030": (150.0, 100.0, 50.0), "4030-portal": (150.0, 100.0, 50.0), "traverse": (500.0, 500.0, 400.0)}
 """Where the machines stand in the pictures of their folders."""
 

@@ -12,6 +12,7 @@ import pytest
 
 from isel_twin.drives import Motor, Screw, Stage
 from isel_twin.drives.screw import Rod
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.machine import (
     Axis,
     Contact,
@@ -28,6 +29,7 @@ from isel_twin.wiring import ScenarioError
 
 MACHINE = load_machine("4030")
 AXIS = MACHINE.axes[0]
+SERVO = load_machine("4030-servo").axes[0]
 
 INSTANCES: dict[str, Any] = {
     "timing": MACHINE.timing,
@@ -39,6 +41,8 @@ INSTANCES: dict[str, Any] = {
     "squareness": MACHINE.squareness,
     "contacts.limit_x1": MACHINE.switches[0],
     "motors.own": AXIS.motor,
+    "axes.x.servo": dataclasses.replace(SERVO.stage, rated_current_a=math.nan),
+    "axes.x.servo.motor": SERVO.motor,
 }
 """An instance of every dataclass that has numbers, and the section of the file that it comes from."""
 
@@ -61,14 +65,15 @@ def toml(value: float, limits: Limits) -> str:
 
 
 def section_of(where: str) -> str:
-    """Keys of screw and rod stand beside those of their axis."""
-    return where.removesuffix(".screw").removesuffix(".rod")
+    """Keys of screw and rod stand beside those of their axis, those of a servo motor beside those of its drive."""
+    return where.removesuffix(".screw").removesuffix(".rod").removesuffix(".motor")
 
 
 def refusal(folder: Path, where: str, line: str) -> str:
     """What is said about a machine with one changed line, its file left out."""
     file = folder / "machine.toml"
-    file.write_text(f'based_on = "4030"\n[{section_of(where)}]\n{line}\n')
+    base = "4030-servo" if "servo" in where else "4030"
+    file.write_text(f'based_on = "{base}"\n[{section_of(where)}]\n{line}\n')
     with pytest.raises(MachineError) as error:
         load_machine(file)
     assert "\n" not in str(error.value)
@@ -78,7 +83,7 @@ def refusal(folder: Path, where: str, line: str) -> str:
 
 def test_all_numbers_of_all_dataclasses_have_limits() -> None:
     assert {type(instance) for instance in INSTANCES.values()} == {
-        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Contact, Motor
+        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Contact, Motor, ServoDrive, ServoMotor
     }  # fmt: skip
     assert len(NUMBERS) > 50
     assert all(isinstance(limits, Limits) for _, _, limits in NUMBERS)
@@ -106,8 +111,11 @@ def test_just_outside_is_refused_by_python_and_by_the_file(
 @pytest.mark.parametrize("name", machine_names())
 def test_every_number_that_files_must_have_is_described(name: str) -> None:
     listed = {row.parameter.replace("axes.all.", "axes.x.") for row in describe(load_machine(name))}
+    other = "stage" if load_machine(name).axes[0].closed_loop else "servo"
     for where, item, _ in NUMBERS:
-        if item.metadata["key"] and not item.metadata["optional"] and where != "motors.own":
+        if f".{other}" in where or where == "motors.own":
+            continue
+        if item.metadata["key"] and not item.metadata["optional"]:
             assert f"{section_of(where)}.{item.metadata['key']}" in listed
 
 

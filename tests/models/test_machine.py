@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from isel_twin.drives import MOTORS, Motor, Stage
@@ -18,6 +19,7 @@ from isel_twin.machine import (
     models_folder,
     with_overrides,
 )
+from isel_twin.plant.mujoco import MujocoPlant
 
 
 def test_the_default_machine_is_the_one_of_the_data_sheets():
@@ -58,7 +60,7 @@ def test_switches_stand_at_the_ends_of_the_travel():
 
 
 def test_machines_of_the_package():
-    assert machine_names() == ["4030", "4030-portal", "traverse"]
+    assert machine_names() == ["4030", "4030-portal", "4030-servo", "traverse"]
     traverse = load_machine("traverse")
     assert {axis.travel_mm for axis in traverse.axes} == {1025.0}
     assert {switch.position_mm for switch in traverse.switches} == {0.0, 1025.0}
@@ -76,8 +78,13 @@ def test_description_has_a_row_with_source_and_grade_for_every_number(name):
         assert row.grade in ("measured", "datasheet", "estimate", "setting"), row
     values = {row.parameter: (row.value, row.unit, row.grade) for row in rows}
     assert values["axes.all.lead"] == (5.0, "mm", "setting")
-    assert values["axes.all.stage.supply"] == (48.0, "V", "estimate")
-    assert values["axes.all.motor"] == ("23HS32-4004S", "", "setting")
+    if name == "4030-servo":
+        assert values["axes.all.drive"] == ("servo", "", "setting")
+        assert values["axes.all.servo.supply"] == (60.0, "V", "estimate")
+        assert not any(key.startswith(("axes.all.stage", "axes.all.motor", "axes.all.steps")) for key in values)
+    else:
+        assert values["axes.all.stage.supply"] == (48.0, "V", "estimate")
+        assert values["axes.all.motor"] == ("23HS32-4004S", "", "setting")
     assert values["cabinet"] == ("safety-relay", "", "setting")
     assert values["contacts.start.type"] == ("closer", "", "setting")
 
@@ -300,7 +307,7 @@ def test_a_wrong_value_is_named_with_file_key_and_what_is_allowed(tmp_path, line
 
 
 def test_unknown_machines_and_circles_are_named(tmp_path):
-    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-portal, traverse"):
+    with pytest.raises(MachineError, match=r"unknown machine 'nope'.*4030, 4030-portal, 4030-servo, traverse"):
         load_machine("nope")
     (tmp_path / "machine.toml").write_text(f'based_on = "{tmp_path}"\n')
     with pytest.raises(MachineError, match="circle"):
@@ -322,3 +329,63 @@ def test_unknown_machines_and_circles_are_named(tmp_path):
 def test_a_wrong_override_is_named(overrides, message):
     with pytest.raises(MachineError, match=message):
         with_overrides(load_machine("4030"), overrides)
+
+
+@pytest.mark.parametrize(
+    ("base", "lines", "message"),
+    [
+        ("4030", 'drive = "hydraulic"', "axes.x.drive: 'hydraulic'; allowed: stepper, servo"),
+        ("4030", 'drive = "servo"', "axes.x.servo: missing"),
+        (
+            "4030-servo",
+            'motor = "23HS32-4004S"',
+            'axes.x.motor: of stepper drives, but drive = "servo"; allowed: servo',
+        ),
+        (
+            "4030-servo",
+            'servo.peak_current = { value = 3.0, unit = "A", grade = "setting", source = "test" }',
+            "axes.x.servo.peak_current: 3 A; allowed: from rated_current on, 4 A",
+        ),
+        (
+            "4030-servo",
+            'servo.loop_period = { value = 260.0, unit = "us", grade = "setting", source = "test" }',
+            "axes.x: servo: loop_period 260 us; allowed: whole multiples of motor_substep, 25 us",
+        ),
+    ],
+)
+def test_drives_that_do_not_fit_are_refused_in_one_line(tmp_path, base, lines, message):
+    (tmp_path / "machine.toml").write_text(f'based_on = "{base}"\n[axes.x]\n{lines}\n')
+    with pytest.raises(MachineError) as caught:
+        MujocoPlant(load_machine(tmp_path), [], np.array([100.0, 100.0, 50.0]))
+    assert str(caught.value) == f"{tmp_path / 'machine.toml'}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "message"),
+    [
+        ("4030-servo", "axes.all.steps_per_rev", "axes.x.steps_per_rev: this is of stepper drives"),
+        ("4030-servo", "axes.z.stage.supply", "axes.z.stage.supply: this is of stepper drives"),
+        ("4030", "axes.y.servo.position_gain", "axes.y.servo.position_gain: this is of servo drives"),
+    ],
+)
+def test_overrides_for_the_other_kind_of_drive_name_a_machine_that_has_it(name, key, message):
+    with pytest.raises(MachineError) as caught:
+        with_overrides(load_machine(name), {key: 400})
+    other = {"4030": "4030-servo", "4030-servo": "4030"}[name]
+    assert message in str(caught.value)
+    assert str(caught.value).endswith(f"such as {other}")
+
+
+def test_an_axis_alone_can_have_a_servo_drive(tmp_path):
+    """The others keep their stepper motors."""
+    text = (models_folder() / "4030-servo" / "machine.toml").read_text().replace("axes.all", "axes.y")
+    (tmp_path / "machine.toml").write_text(text)
+    x, y, z = load_machine(tmp_path).axes
+    assert (x.closed_loop, y.closed_loop, z.closed_loop) == (False, True, False)
+    assert (x.steps_per_mm, y.steps_per_mm) == (320.0, 1000.0)
+    plant = MujocoPlant(load_machine(tmp_path), [], np.array([100.0, 100.0, 50.0]))
+    plant.set_power(stages=True, brake_released=True, lowering=True)
+    t_ns = np.arange(1, 1001, dtype=np.int64) * 1_000_000
+    plant.advance(2_500_000_000, t_ns, np.tile(np.array([1, 1, 0, 0], dtype=np.int8), (1000, 1)))
+    np.testing.assert_allclose(plant.position_mm[:2], (103.125, 101.0), atol=0.03)
+    assert plant.slip_steps.tolist() == [32.0, 1.0, 32.0, 1.0]

@@ -16,11 +16,11 @@ PAGE = (Path(__file__).parents[2] / "docs" / "machines.md").read_text(encoding="
 
 @pytest.fixture
 def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The page's machine in a folder `shop` of the working directory."""
-    (file,) = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    """The page's machines in folders `shop` and `mill` of the working directory; the first of them."""
+    for name, file in zip(("shop", "mill"), re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL), strict=True):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "machine.toml").write_text(file, encoding="utf-8")
     folder = tmp_path / "shop"
-    folder.mkdir()
-    (folder / "machine.toml").write_text(file, encoding="utf-8")
     (tmp_path / "job.txt").write_text("@07\n@0R7\n@0A 1600,2000,0,900,0,900,0,900\n")
     monkeypatch.chdir(tmp_path)
     return folder
@@ -36,6 +36,13 @@ def test_what_it_says_holds(shop: Path) -> None:
     assert {c.name: c.position_mm for c in machine.switches}["limit_x2"] == 380.0
     assert machine.controller["program_memory_bytes"] == 8192
     assert (machine.masses_kg, machine.structure) == (like.masses_kg, like.structure)
+
+
+def test_its_servo_machine_is_one(shop: Path) -> None:
+    x = load_machine(shop.parent / "mill").axes[0]
+    assert x.closed_loop
+    assert (x.motor.resistance_ohm, x.motor.torque_constant_nm_per_a) == (1.1, 0.12)
+    assert (x.stage.position_gain_per_s, x.stage.lag_limit, x.stage.increments_per_rev) == (25.0, 8000.0, 5000)
 
 
 @pytest.mark.parametrize("line", re.findall(r"^    isel-twin (.*?)(?: +#.*)?$", PAGE, flags=re.MULTILINE))

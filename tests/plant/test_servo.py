@@ -76,6 +76,17 @@ def test_after_the_end_it_is_where_it_was_told_and_at_rest(bench):
     assert line.plant.at_rest
 
 
+@pytest.mark.parametrize("overrides", [{}, {"imperfections": "ideal"}, {"imperfections": "real"}])
+def test_wherever_it_ends_it_comes_to_rest_within_a_second(bench, overrides):
+    """Its encoder shows whole increments: within one of them nothing is left to correct, and time may be skipped."""
+    line, rng = Line(bench, overrides), np.random.default_rng(5)
+    for _ in range(6):
+        line.go(np.repeat(rng.integers(-300, 300), rng.integers(5, 60)).astype(np.int32))
+        line.rest(1000)
+        assert line.plant.at_rest
+        assert np.abs(line.plant.lag[:3]).max() <= 1.0
+
+
 def test_a_push_beyond_the_motors_torque_is_a_fault(bench):
     """G-62 of the card's acceptance tests: 2500 N against the motion at 20 mm/s."""
     line = Line(bench, thresholds=[Threshold(0, "fault")])

@@ -11,6 +11,7 @@ annotation in a review say the same.
     unfinished    a command is not over in time; the job ends there                       `timeout`
     lost          an axis has lost steps, told with the line after which it first had     always
     halfway       a rotor rests between two places that would hold                        always
+    drive         a servo drive has switched itself off, told with the line                always
     switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
                   condition of the job (`! limit_x1 == struck`) wants it so
     fault         the controller shows an error at the end, or its flash is damaged       always

@@ -95,8 +95,6 @@ class ServoDrive:
 
     def __post_init__(self) -> None:
         check(self)
-        if self.peak_current_a < self.rated_current_a:
-            raise ValueError(f"servo: peak_current must not lie below rated_current, {self.rated_current_a:g} A")
 
     @property
     def drive_v(self) -> float:

@@ -120,7 +120,7 @@ def make(candidate: Candidate, weather: Weather, number: int, stop: Stop | None 
     if not why:
         verdict = judge(twin, results, len(candidate.lines) - len(results))
         if not verdict.ok:
-            slipped = any(verdict.lost) or any(verdict.halfway)
+            slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
             why = (
                 _wrong(results) or _lost(twin) or ("a rotor rests halfway" if slipped else "the controller is in error")
             )
@@ -157,10 +157,12 @@ def _twin(weather: Weather, number: int) -> Twin:
 
 
 def _lost(twin: Twin) -> str:
-    """What has been lost up to the end of a line."""
+    """What has been lost up to the end of a line; a servo drive that has switched itself off counts as that."""
     gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
     steps = np.abs(twin.lost_steps) + np.abs(twin.forgotten_steps)
-    return ", ".join(f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone))
+    found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone)]
+    found += [f"{name.upper()}: {why}" for name, (n, why) in zip(AXIS_NAMES, twin.drive_faults, strict=False) if n]
+    return ", ".join(found)
 
 
 def _wrong(results: Sequence[Result]) -> str:

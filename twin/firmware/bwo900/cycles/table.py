@@ -5,8 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
+from isel_twin.firmware.bwo900.cycles import drilling, pattern
 from isel_twin.firmware.bwo900.cycles.call import Call, Move
 
 __all__ = ["CYCLES"]
 
-CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {}
+CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {
+    81: drilling.drilling,
+    83: drilling.deep_hole,
+    84: drilling.tapping,
+    85: drilling.boring,
+    86: pattern.ray,
+    87: pattern.perimeter,
+    88: pattern.grid,
+    89: pattern.circle,
+}
