@@ -162,7 +162,8 @@ class Control:
     def idle(self) -> bool:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
-        return not (working or self._homing is not None or self._power_until_ns is not None or self._receiver.busy)
+        asked = self._power_until_ns is not None or not self._plc.idle
+        return not (working or self._homing is not None or asked or self._receiver.busy)
 
     # ---- what happens -----------------------------------------------------------------------------------------------
 
