@@ -41,6 +41,7 @@ AHEAD: Final = 400
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
 WITHOUT_MOVING, WITHOUT_FUNCTIONS, EVERY_BLOCK, START_FLAGS = 8_812, 8_813, 8_814, 8_806
+LONGEST_SETTLING: Final = 12_018
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
@@ -527,7 +528,11 @@ class Channel:
     @property
     def _open(self) -> bool:
         """Whether the stretch could go on with another block."""
-        return bool(self._stretch) and not _breaks_after(last := self._stretch[-1].block, self._halts(last)) and not self._holds
+        return (
+            bool(self._stretch)
+            and not _breaks_after(last := self._stretch[-1].block, self._halts(last))
+            and not self._holds
+        )
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
@@ -606,7 +611,8 @@ class Channel:
     # The end of a block
 
     def _settle(self) -> None:
-        self.phase, self._due_ns = Phase.SETTLE, self._now_ns + SETTLE_NS
+        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
+        self.phase, self._due_ns = Phase.SETTLE, self._now_ns + longest
 
     def _after_stop(self) -> None:
         block = self._current
