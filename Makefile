@@ -52,7 +52,7 @@ conformance: $(READY) ## every observable statement of the manuals, and the test
 mutants: $(READY)    ## change firmware, motion and wiring in one place at a time: do the tests notice? takes hours
 	nice $(BIN)/python tests/mutants.py twin/motion
 	nice $(BIN)/python tests/mutants.py twin/wiring
-	nice $(BIN)/python tests/mutants.py twin/firmware tests/firmware/test_executor.py tests/firmware/ismif tests/firmware/imc
+	nice $(BIN)/python tests/mutants.py twin/firmware tests/firmware/test_executor.py tests/firmware/ismif tests/firmware/imc tests/firmware/gmi99
 
 golden: $(READY)     ## digest behaviour anew after a deliberate change
 	$(BIN)/python -m pytest -q --update-golden tests/golden tests/conformance

@@ -177,7 +177,7 @@ def look(memory, track, lanes, shape_mm, path, observation):
         observation[2 * AXES + i] = lane.rate_hz / lane.highest_hz
         observation[3 * AXES + i] = _within(lag / lane.half_slip)
         observation[4 * AXES + i] = _within((lane.counter / lane.steps_per_mm - nearest) / (2.0 * track.tolerance_mm))
-        observation[5 * AXES + i] = axis.margin
+        observation[5 * AXES + i] = max(0.0, _within(axis.margin))
         axis.margin = 1.0
     j = track.piece
     for k in range(len(PREVIEW_MM)):

@@ -18,6 +18,7 @@ from golden.sessions import FILE, session
 from plugin.card6 import Card6, Card6Language, create
 
 from isel_twin import Twin
+from isel_twin.language import MoveSettings
 from isel_twin.parameters import Place
 from isel_twin.sampling import TwinSamples
 from isel_twin.state import StateError
@@ -287,6 +288,31 @@ def test_samples_go_on_from_the_time_it_is() -> None:
         assert back.tobytes() == straight.tobytes(), column
 
 
+def test_nobody_saves_in_the_middle_of_it() -> None:
+    twin, lines = referenced(), list[str]()
+
+    def look(twin: Twin) -> None:
+        for act in (twin.save, partial(twin.restore, state)):
+            try:
+                act()
+            except StateError as error:
+                lines.append(str(error))
+
+    state = twin.save()
+    twin.observe(look, None)
+    lines.clear()
+    twin.set_input("estop", "pressed")
+    assert set(lines) == {"a twin is saved and restored between two calls, not by an observer or listener of one"}
+    assert twin.save().time_ns == twin.time_ns
+
+
+def test_a_twin_tells_what_it_is_after_that() -> None:
+    """A recording says what a twin was built from; begun at power-on it must be possible to play it again."""
+    twin, other = Twin(plant="kinematic", seed=1), Twin(plant="kinematic", seed=2, start_mm=(4.0, 5.0, 6.0))
+    twin.restore(other.save())
+    assert (twin.origin.seed, twin.origin.start_mm) == (2, (4.0, 5.0, 6.0))
+
+
 def test_a_twin_that_is_recorded_does_not_go_back() -> None:
     twin = referenced()
     state = twin.save()
@@ -310,7 +336,7 @@ def test_whoever_keeps_the_flash_gets_that_of_the_state() -> None:
 def test_the_life_of_a_controller_stays_short() -> None:
     """However long it lives: what it was told is dropped when it can be pickled, at rest."""
     twin = referenced()
-    for _ in range(300):
+    for _ in range(1000):
         twin.query("@0A10,1000,0,1000,0,100,0,100")
     assert len(twin._told._calls) < 2 * OFTEN
     state, seen = twin.save(), went(twin)
@@ -329,3 +355,20 @@ def test_another_twin_is_as_if_it_had_been_built(plant: str) -> None:
     assert went(other) == went(built)
     assert other.origin.seed == 8
     assert one.another(1).machine_position_mm.tolist() == Twin("4030", plant=plant, seed=1).machine_position_mm.tolist()
+
+
+def test_servo_drives_and_a_controller_that_only_tells_its_life() -> None:
+    """The GMI99 on three servo axes, one of which hits something: its loops, heat and following errors."""
+    twin, other = (Twin("4030-servo", "gmi99", seed=seed, start_mm=(3.0, 2.0, 1.0)) for seed in (1, 2))
+    for data in twin.language.reference():
+        twin.write(data)
+        assert twin.run_until_idle(60.0)
+    twin.carry_out(event_now({"obstacle_mm": {"x": 12.0}}, PLACE, twin.settable))
+    twin.write(twin.language.move([6400, 2000, 100], MoveSettings(4000, 100, 300))[-1])
+    twin.run(0.7)
+    assert twin.velocity_mm_s[0] > 1.0
+    state, seen = pickle.loads(pickle.dumps(twin.save())), went(twin, 4.0)
+    other.restore(state)
+    assert went(other, 4.0) == seen
+    twin.restore(state)
+    assert went(twin, 4.0) == seen

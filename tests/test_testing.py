@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from isel_twin.controller import CounterSet, Event, Output, Reply, SerialFormat
+from isel_twin.controller import CounterSet, DriveInput, Drives, Event, Output, Reply, SerialFormat
 from isel_twin.motion import StepRun, constant, line
 from isel_twin.testing import Desk, PositionSwitch, ProtocolError, StillBusyError
 
@@ -172,3 +172,31 @@ def test_power_cycle_starts_a_new_life_with_the_old_record() -> None:
     assert desk.time_ns == 2_050 * MS
     assert desk.steps.total == (-50, 0, 0, 0)
     assert desk.carriage.tolist() == [-50, 0, 0, 0]
+
+
+class Asking(Toy):
+    """Asks its drives, and listens to one of them."""
+
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        return {}
+
+    def drive_inputs(self) -> list[DriveInput]:
+        return [DriveInput("lost", 0, "fault")]
+
+    def use_drives(self, drives: Drives) -> None:
+        self.drives = drives
+
+
+def test_a_controller_that_asks_has_ideal_drives() -> None:
+    desk = Desk(Asking)
+    controller = desk.controller
+    assert isinstance(controller, Asking)
+    desk.send(b"m")
+    desk.run(1.0)
+    drives = controller.drives
+    assert drives.encoder == desk.counts == (-100, 0, 0, 0)
+    assert drives.lag == drives.speed == (0.0,) * 4
+    assert drives.in_position == (True,) * 4
+    assert drives.fault == drives.overloaded == drives.on == (False,) * 4
+    desk.set("lost", True)
+    assert controller.heard[-1] == (desk.time_ns, "lost", True)

@@ -36,7 +36,7 @@ from isel_twin.expect import (
     parse_condition,
     parse_expected,
 )
-from isel_twin.language import Language, LanguageError, encoded, needed, readable
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, readable
 from isel_twin.result import Result
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
@@ -112,6 +112,8 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
     Only text that has to be framed needs the language.
     """
+    if isinstance(language, RunsPrograms) and (steps := language.job(text)) is not None:
+        return [Line(number, step, (data,)) for number, (step, data) in enumerate(steps, 1)]
     lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
         told = _COMMENT.sub("", raw)

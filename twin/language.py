@@ -149,6 +149,10 @@ class RetimesJobs(Protocol):
     """
 
     @property
+    def ranges(self) -> Ranges:
+        """See Language.ranges."""
+
+    @property
     def defaults(self) -> Mapping[str, int]:
         """`acceleration_hz_per_ms` and `start_stop_hz` of a controller as it was delivered."""
 
@@ -244,6 +248,14 @@ def integers(values: Sequence[int], count: int) -> list[int]:
     if len(numbers) != count:
         raise LanguageError(f"the target is {values!r}; give {count} whole numbers, the counters to move to")
     return numbers
+
+
+@runtime_checkable
+class RunsPrograms(Protocol):
+    """What a language offers beside `Language` if a file can be a program of its controller, and not a job."""
+
+    def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
+        """What is sent to run a text that is a program: what each step is called, and its bytes. None: it is a job."""
 
 
 @runtime_checkable

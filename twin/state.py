@@ -29,10 +29,13 @@ from isel_twin.told import Life, StateError
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioEvent
 
-__all__ = ["Kind", "StateError", "TwinState", "pack", "unpack"]
+__all__ = ["BY_CHANCE", "Kind", "StateError", "TwinState", "pack", "unpack"]
 
 _OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
 """Attributes of the parts that lead out of the twin: to whoever is told of something."""
+
+BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")
+"""Fields of `Origin` in which twins of one kind may differ."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class TwinState:
     pickled; unpickling runs code, so take states only from whom you would take programs from."""
 
     kind: Kind
+    origin: Mapping[str, Any]
+    """Of `Origin`, what may differ in twins of this kind."""
     time_ns: int
     flash: bytes | None
     life: Life
@@ -80,24 +85,38 @@ class TwinState:
     """By `Plant.save`."""
 
 
+class _Pickler(pickle.Pickler):
+    """Writes names in place of what has one."""
+
+    names: dict[int, str]
+
+    def persistent_id(self, thing: Any) -> str | None:
+        return self.names.get(id(thing))
+
+
+class _Unpickler(pickle.Unpickler):
+    """Reads things in place of names."""
+
+    things: dict[str, object]
+
+    def persistent_load(self, name: Any) -> Any:
+        return self.things[name]
+
+
 def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str, object]) -> bytes:
     """Attributes of a twin, and all attributes of its parts, in one piece.
 
     known: what has a name in every twin built alike, parts included, and is not to be copied. Raises StateError for
     what cannot be pickled.
     """
-    names = {id(thing): name for name, thing in _named(known)}
-
-    class Pickler(pickle.Pickler):
-        def persistent_id(self, thing: Any) -> str | None:
-            return names.get(id(thing))
-
     attributes = {
         name: {key: value for key, value in vars(part).items() if key not in _OUTSIDE} for name, part in parts.items()
     }
     out = io.BytesIO()
+    pickler = _Pickler(out, pickle.HIGHEST_PROTOCOL)
+    pickler.names = {id(thing): name for name, thing in _named(known)}
     try:
-        Pickler(out, pickle.HIGHEST_PROTOCOL).dump((dict(own), attributes))
+        pickler.dump((dict(own), attributes))
     except Exception as error:  # whatever a language or a motion of other people raises
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise StateError(f"the twin cannot be saved: {reason}; see docs/controllers.md") from error
@@ -106,13 +125,9 @@ def pack(own: Mapping[str, Any], parts: Mapping[str, object], known: Mapping[str
 
 def unpack(data: bytes, parts: Mapping[str, object], known: Mapping[str, object]) -> dict[str, Any]:
     """Give the parts the attributes that `pack` has seen; return those of the twin."""
-    things = dict(_named(known))
-
-    class Unpickler(pickle.Unpickler):
-        def persistent_load(self, name: Any) -> Any:
-            return things[name]
-
-    own, attributes = Unpickler(io.BytesIO(data)).load()
+    unpickler = _Unpickler(io.BytesIO(data))
+    unpickler.things = dict(_named(known))
+    own, attributes = unpickler.load()
     for name, part in parts.items():
         vars(part).update(attributes[name])
     return dict(own)

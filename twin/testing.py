@@ -23,6 +23,9 @@ Use
     assert desk.finish() == "9"                  # until idle; all reply text not yet read
     desk.steps.t_ns, desk.steps.delta            # every tick since the first power-on
 
+A controller that asks its drives (`UsesDrives`) has ideal ones here: encoders at the counters, no lag, no fault; the
+terminals they feed are low until `set` says otherwise.
+
 The desk watches the border while it drives it, and raises ProtocolError for a `next_ns` in the past, counters that are
 not the sum of the stream, or a terminal fed by a contact that no machine has.
 """
@@ -39,7 +42,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
-from isel_twin.controller import Controller, CounterSet, FlashWrite, Output, Remark, Reply, create_controller
+from isel_twin.controller import (
+    Controller,
+    CounterSet,
+    FlashWrite,
+    Output,
+    Remark,
+    Reply,
+    UsesDrives,
+    create_controller,
+)
 from isel_twin.language import Language, create_language
 from isel_twin.motion import Motion
 from isel_twin.units import SECOND_NS
@@ -107,6 +119,43 @@ def switches(travel: Iterable[int] = (126_400, 96_000, 44_800, 100_000), hystere
     ]
 
 
+class IdealDrives:
+    """Implements `isel_twin.controller.Drives`: every axis is where its counter says."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        return self._desk.counts
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        return (0.0,) * len(self._desk.counts)
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        return (0.0,) * len(self._desk.counts)
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        return (0,) * len(self._desk.counts)
+
+    @property
+    def on(self) -> tuple[bool, ...]:
+        return (bool(self._desk.outputs.get("stages")),) * len(self._desk.counts)
+
+    @property
+    def fault(self) -> tuple[bool, ...]:
+        return (False,) * len(self._desk.counts)
+
+    overloaded = fault
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        return (True,) * len(self._desk.counts)
+
+
 class Desk:
     """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
 
@@ -156,6 +205,7 @@ class Desk:
         self._agenda_entries = 0
         self._forced_contacts: dict[str, bool] = {}
         self._forced_terminals: dict[str, bool] = {}
+        self._fed_by_drives: list[str] = []
         self._struck = {switch.contact: False for switch in self.position_switches}
         for switch in self.position_switches:
             self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
@@ -177,6 +227,10 @@ class Desk:
         """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
         self.terminals = dict(self._terminals_given or self.controller.terminals())
         self._check_terminals()
+        self._fed_by_drives = []
+        if isinstance(self.controller, UsesDrives):
+            self._fed_by_drives = [fed.terminal for fed in self.controller.drive_inputs()]
+            self.controller.use_drives(IdealDrives(self))
         self.levels = self._levels()
         self._expected = [0] * len(self.counts)
         self.controller.power_on(self.time_ns, dict(self.levels))
@@ -259,7 +313,7 @@ class Desk:
             if isinstance(state, bool):
                 state = elements[name][int(state)]
             self.cabinet.operate(name, state)
-        elif name in self.terminals:
+        elif name in self.terminals or name in self._fed_by_drives:
             if isinstance(state, bool):
                 self._forced_terminals[name] = state
             else:
@@ -422,7 +476,7 @@ class Desk:
         levels = {
             terminal: all(contacts.get(name, True) for name in names) for terminal, names in self.terminals.items()
         }
-        return {**levels, **self._forced_terminals}
+        return {**levels, **dict.fromkeys(self._fed_by_drives, False), **self._forced_terminals}
 
     def _wires_changed(self) -> None:
         """Hand every changed level to the controller; what it does in answer may change further levels."""

@@ -26,7 +26,7 @@ from isel_twin.controller import Controller, Drives, UsesDrives
 
 __all__ = ["Life", "StateError", "Told"]
 
-OFTEN = 256
+OFTEN = 1024
 """Calls after which it is tried to begin with a pickle, as soon as the controller is idle; that takes 50 us."""
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
@@ -180,23 +180,35 @@ class _Asked:
         return value
 
 
+class _Pickler(pickle.Pickler):
+    """Leaves out the drives."""
+
+    drives: _Asked
+
+    def persistent_id(self, part: Any) -> str | None:
+        return "drives" if part is self.drives else None
+
+
+class _Unpickler(pickle.Unpickler):
+    """Puts other drives in their place."""
+
+    drives: _Asked
+
+    def persistent_load(self, name: Any) -> Any:
+        return self.drives
+
+
 def _pickled(controller: Controller, drives: _Asked) -> bytes:
     """The controller without its drives."""
-
-    class Pickler(pickle.Pickler):
-        def persistent_id(self, part: Any) -> str | None:
-            return "drives" if part is drives else None
-
     out = io.BytesIO()
-    Pickler(out, pickle.HIGHEST_PROTOCOL).dump(controller)
+    pickler = _Pickler(out, pickle.HIGHEST_PROTOCOL)
+    pickler.drives = drives
+    pickler.dump(controller)
     return out.getvalue()
 
 
 def _unpickled(data: bytes, drives: _Asked) -> Controller:
     """The controller with these drives."""
-
-    class Unpickler(pickle.Unpickler):
-        def persistent_load(self, name: Any) -> Any:
-            return drives
-
-    return cast(Controller, Unpickler(io.BytesIO(data)).load())
+    unpickler = _Unpickler(io.BytesIO(data))
+    unpickler.drives = drives
+    return cast(Controller, unpickler.load())

@@ -117,7 +117,7 @@ def learn(env: Any, generations: int, population: int = 8, seed: int = 1) -> Way
     try:
         import cma
     except ImportError:
-        raise SystemExit("cma is not here: pip install isel-twin[learn]") from None
+        raise SystemExit("cma is not here: pip install 'isel-twin[learn]'") from None
     low, high = (np.array(list(vars(way).values())) for way in (LOW, HIGH))
     start = (np.array(list(vars(PLAIN).values())) - low) / (high - low)
     limit_s = max(lead(env, PLAIN, seed)[1] for seed in LEARNED_ON)

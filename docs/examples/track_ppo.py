@@ -68,7 +68,7 @@ def learn(steps: int, file: str, environments: int = 4, seed: int = 0) -> Any:
         from stable_baselines3.common.env_util import make_vec_env
         from stable_baselines3.common.vec_env import SubprocVecEnv
     except ImportError:
-        raise SystemExit("stable-baselines3 is not here: pip install isel-twin[learn]") from None
+        raise SystemExit("stable-baselines3 is not here: pip install 'isel-twin[learn]'") from None
     vector = make_vec_env(make, n_envs=environments, seed=seed, vec_env_cls=SubprocVecEnv)
     model = PPO(
         "MlpPolicy",

@@ -86,6 +86,7 @@ def serve_session(serve: Callable[..., Any], tmp_path, controller: str, speed: s
     path = tmp_path / "session.mcap"
     served = serve(
         *("--controller", controller, "--scenario", str(scenario), "--seed", "4"),
+        *(("--machine", "4030-servo") if controller == "gmi99" else ()),
         *("--record", str(path), "--control", "127.0.0.1:0"),
         speed=speed,
         plant="mujoco",

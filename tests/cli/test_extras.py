@@ -42,6 +42,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
         ("run job.txt --trace out", "--trace needs pyarrow: pip install 'isel-twin[trace]'"),
         ("run job.txt --report o.png", "--report o.png: a picture needs matplotlib: pip install 'isel-twin[report]'"),
         ("serve --record o.parquet", "--record o.parquet: needs pyarrow: pip install 'isel-twin[trace]'"),
+        ("tune job.txt", "a study needs optuna: pip install 'isel-twin[tune]'"),
         ("serve --panel 127.0.0.1:0", "--panel needs viser: pip install 'isel-twin[panel]'"),
         ("motor 23HS32-4004S --picture o.png", "--picture needs matplotlib: pip install 'isel-twin[report]'"),
     ],
@@ -78,5 +79,4 @@ def test_extras_are_no_dependencies_and_tests_have_them_all() -> None:
     extras = PROJECT["optional-dependencies"]
     assert not names(PROJECT["dependencies"]) & EXTRAS.keys()
     assert {package: extra for package, extra in EXTRAS.items() if package in names(extras[extra])} == EXTRAS
-    tested = EXTRAS.keys() - {"optuna"}  # docs/tuning.md shows it; nothing here imports it
-    assert tested <= names(extras["dev"])
+    assert EXTRAS.keys() <= names(extras["dev"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -137,8 +136,3 @@ def test_what_cannot_be_done_is_told_in_a_line(tune: Any, tmp_path: Path, words:
         assert said.startswith(begin), said
         assert end.rstrip("*") in said if star else said == line
     assert not list(tmp_path.glob("*.tuned.txt"))
-
-
-def test_without_optuna_the_extra_is_named(tune: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "optuna", None)
-    assert tune("tune", "job.txt") == (2, "", "isel-twin: a study needs optuna: pip install 'isel-twin[tune]'\n")

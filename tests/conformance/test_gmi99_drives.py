@@ -174,11 +174,11 @@ def test_a_drive_fault_ends_the_motion() -> None:
     desk = prepared()
     desk.ask(TO_20000)
     desk.run(1.0)
-    desk.controller.set_input(desk.time_ns, "slot0.fault", True)
+    desk.set("slot0.fault", True)
     assert desk.ask(STATUS) == "10 E0 D0 B0 16", "the other axes brake"
     desk.finish()
     assert desk.ask(STATUS) == NOT_READY
-    desk.controller.set_input(desk.time_ns, "slot0.fault", False)
+    desk.set("slot0.fault", False)
     assert desk.tell(command("Q", 7), STATUS)[0] == OK
     desk.finish()
     assert desk.ask(STATUS) == READY

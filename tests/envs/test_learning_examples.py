@@ -114,5 +114,5 @@ def test_what_is_missing_is_one_line(name: str, module: str, monkeypatch: pytest
     example = load(name, monkeypatch)
     monkeypatch.setitem(sys.modules, module, None)
     arguments = [example.make(), 1] if name == "track_cma" else [1, "model.zip"]
-    with pytest.raises(SystemExit, match=r"is not here: pip install isel-twin\[learn\]"):
+    with pytest.raises(SystemExit, match=r"is not here: pip install 'isel-twin\[learn\]'"):
         example.learn(*arguments)

@@ -24,6 +24,7 @@ from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.track import VARIATIONS, TrackPath
 from isel_twin.machine import load_machine, with_overrides
 from isel_twin.plant.model import compile_model, dressed, load_model
+from isel_twin.plant.mujoco import MujocoPlant
 
 ID = "isel_twin.envs:isel_twin/TrackPath-v0"
 STEPS_PER_MM = 320
@@ -81,6 +82,23 @@ def test_pulses_are_evenly_spaced_whatever_the_steps() -> None:
         assert len(mine) == round(0.2 * abs(rate_hz))
         assert changes[:, axis].sum() == lanes["counter"][axis] == math.copysign(len(mine), rate_hz)
     assert not changes[:, 2].any()
+
+
+def test_a_step_is_what_the_plant_makes_of_its_pulses() -> None:
+    """Drives and machine handed the pulses of closed form, in one stretch: the same place to the bit."""
+    env = make(reference_mm=0.0, path=[(0, 0), (0, 100)])
+    env.reset(seed=0)
+    for _ in range(100):
+        env.step(np.array([0.0, 0.2, 0.0]))  # 3200 Hz
+    start_ns, until_ns = 100_000_000, 300_000_000
+    plant = MujocoPlant(env.machine, (), np.array([197.5, 150.0, 70.0]), 3)
+    plant.set_power(stages=True, brake_released=True, lowering=False)
+    plant.advance(start_ns, np.empty(0, np.int64), np.empty((0, 3), np.int32))
+    t_ns = start_ns + 312_500 * np.arange(640, dtype=np.int64) + 156_250
+    before_mm = plant.position_mm
+    plant.advance(until_ns, t_ns, np.tile([0, 1, 0], (len(t_ns), 1)))
+    assert plant.commanded.tolist() == [0, len(t_ns), 0]
+    np.testing.assert_array_equal(env.tool_mm, plant.position_mm - before_mm)
 
 
 def test_there_and_back_ends_where_it_began() -> None:

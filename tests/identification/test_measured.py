@@ -118,5 +118,5 @@ def test_a_wrong_entry_is_named(tmp_path: Path, content: str, said: str) -> None
 
 
 def test_a_wrong_line_of_a_csv_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(MeasuredError, match=r"line 3.mm: 'one'"):
+    with pytest.raises(MeasuredError, match=r"line 3\.mm: 'one'"):
         read_measured(put(tmp_path, "recording,command,axis,mm\na,1,x,1\na,2,x,one\n", "m.csv"))

@@ -16,7 +16,7 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, Pieces, chain, joined, piece
+from isel_twin.motion.joined import Joined, Pieces, Stretch, chain, joined, piece, written
 
 PERIOD_NS = 4_000_000
 PERIOD_S = 0.004
@@ -375,6 +375,7 @@ def test_a_curve_is_followed() -> None:
             x, y = 1000 * math.cos(angle) - 1000, 300 + 1000 * math.sin(angle)
             assert motion.displacement(k) == pytest.approx((x, y), abs=0.5 + 1e-6)
     assert np.abs(held.deltas(0, held.ticks)).sum() > 0
+    assert motion.since(0) is None
     assert tuple(np.add(held.displacement(held.ticks), left.displacement(left.ticks))) == (-1300, 1300)
 
 
@@ -418,6 +419,64 @@ def test_set_points_that_are_not_there() -> None:
             motion.deltas(first, last)
     with pytest.raises(IndexError):
         motion.displacement(-1)
+
+
+def test_a_plan_can_be_written_down_and_what_is_new_of_it() -> None:
+    """Through blocks of thousands of pieces, from the middle on, to the bit."""
+    motion = plan([replace(ALONG, way=(50.0, float(j % 3)), length=50, speed=3000) for j in range(3000)])
+    stretch = motion.since(0)
+    assert stretch is not None
+    known = written(stretch, PERIOD_NS, sine=False)
+    for k, factor in ((100, 0.5), (3000, 0.9), (3001, 1.0), (9000, 0.3)):
+        motion = motion.replanned(k, scale=factor)
+        stretch = motion.since(k)
+        assert stretch is not None
+        known = written(stretch, PERIOD_NS, sine=False, before=known)
+        assert known.ticks == motion.ticks
+        assert np.array_equal(known.deltas(0, known.ticks), motion.deltas(0, motion.ticks))
+    assert len(stretch.phases) < 2 * (3000 - motion.finished(9000)) + 3
+    assert known.replanned(0, scale=0.1) is known
+
+
+WRONG = {
+    "piece that is not there": {"piece": np.array([0, 1], dtype=np.int32)},
+    "piece below 0": {"piece": np.array([-1, 0], dtype=np.int32)},
+    "backwards in time": {"phases": np.array([[1.0, 1, 0, 1, 1, 1], [0, 1, 0, 1, 1, 1]])},
+    "never": {"phases": np.full((2, 6), np.nan)},
+    "no corners": {"corner": np.zeros((0, 2))},
+    "no length": {"length": np.zeros(1)},
+    "no phases": {"phases": np.zeros((0, 6)), "piece": np.zeros(0, dtype=np.int32)},
+    "ticks below 0": {"ticks": -1},
+    "first below 0": {"first": -1},
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+def test_what_was_not_written_by_us_is_refused(wrong: dict[str, object]) -> None:
+    sound = Stretch(
+        0,
+        3,
+        np.array([[0.0, 1, 0, 1, 1, 1], [1, 1, 0, 1, 1, 1]]),
+        np.zeros(2, dtype=np.int32),
+        np.zeros((2, 2)),
+        np.ones(1),
+    )
+    written(sound, PERIOD_NS, sine=False)
+    with pytest.raises(ValueError, match="stretch"):
+        written(sound._replace(**wrong), PERIOD_NS, sine=False)  # type: ignore[arg-type]
+
+
+def test_a_stretch_of_another_plan_is_refused() -> None:
+    stretch = plan([ALONG] * 3).since(700)
+    assert stretch is not None
+    assert stretch.first == 1
+    for other in (
+        plan([ALONG], sine=True),
+        joined(pieces([ALONG] * 3), 1_000_000),
+        joined(piece((1.0,), 1, 1, 1), PERIOD_NS),
+    ):
+        with pytest.raises(ValueError, match="another plan"):
+            written(stretch, PERIOD_NS, sine=False, before=other)
 
 
 # ---- random jobs ---------------------------------------------------------------------------------------------------
@@ -531,6 +590,7 @@ def test_replanned_motions_keep_what_was_made_and_every_limit(
     parts: list[Part], sine: bool, what: list[tuple[float, tuple[str, object]]]
 ) -> None:
     motion, k, free = plan(parts, sine), 0, []
+    known = written(motion.since(0), PERIOD_NS, sine=sine)  # type: ignore[arg-type]
     parts = list(parts)
     for part_of_rest, (name, value) in what:
         k += round(part_of_rest * max(motion.ticks - k, 30))
@@ -538,6 +598,10 @@ def test_replanned_motions_keep_what_was_made_and_every_limit(
         later = motion.replanned(k, **{name: given_now})  # type: ignore[arg-type]
         parts += value if name == "append" else []  # type: ignore[operator]
         same_until(k, motion, later)
+        stretch = later.since(min(k, motion.ticks))
+        assert stretch is not None
+        known = written(stretch, PERIOD_NS, sine=sine, before=known)
+        assert np.array_equal(known.deltas(0, known.ticks), later.deltas(0, later.ticks))
         assert later.speed(k) == pytest.approx(motion.speed(k), abs=1e-6)
         assert later.pieces == len(parts)
         slowest = min(part.acceleration for part in parts) * 2 / math.pi

@@ -14,7 +14,7 @@ import pytest
 from isel_twin.cli import main
 from tests.studies.conftest import COMMAND
 
-ROWS = 32
+ROWS = 24
 PLAN = """
 [sweep]
 job = "job.txt"
@@ -23,7 +23,7 @@ start_mm = [2, 2, 2]
 seeds = 4
 
 [job]
-speed = { low = 1000, high = 9000, steps = 8 }
+speed = { low = 1000, high = 9000, steps = 6 }
 ramp = [100]
 """
 

@@ -113,6 +113,7 @@ HEAD = '[sweep]\njob = "job.txt"\nscenario = "stuck.toml"\n'
         ("[sweep]\njob = 'job.txt'\nseeds = [1, 1]\n", "plan.toml:3: sweep.seeds: [1, 1]; allowed: how many, or"),
         ("[sweep]\njob = 'job.txt'\nplant = 'mud'\n", "plan.toml:3: sweep.plant: 'mud'; allowed: mujoco, kinematic"),
         (HEAD + "samples = 4\n", "plan.toml:4: sweep.samples: no parameter has a range; allowed: beside one"),
+        (HEAD + "sampling = 'sobol'\n", "plan.toml:4: sweep.sampling: no parameter has a range; allowed: beside one"),
         (HEAD + "samples = 6\n[job]\nspeed = {low = 1, high = 2}\n", "plan.toml:4: sweep.samples: 6; allowed: a power"),
         (HEAD + "[job]\nspeed = {low = 1, high = 2}\n", "plan.toml:5: job.speed: a range is sampled; allowed: beside"),
         (HEAD + "[job]\nsped = [1]\n", "plan.toml:5: job.sped: {sped} does not stand in job.txt; did you mean 'speed'"),

@@ -14,6 +14,7 @@ from isel_twin.studies.plan import Plan, load_plan
 from isel_twin.studies.points import points
 from isel_twin.studies.row import OUTCOMES
 from isel_twin.studies.sensitivity import Index, indices
+from isel_twin.studies.table import Table
 from tests.studies.test_plan import plan
 
 HEAD = '[sweep]\nmoves = [[1, 1, 1]]\nsamples = 1024\nsampling = "SAMPLING"\n[machine]\n'
@@ -84,17 +85,23 @@ def test_values_of_a_grid_by_groups(tmp_path: Path) -> None:
 
 
 def test_the_command_draws_it(plans: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a table that is there already, by way / speed."""
     (plans / "job.txt").write_text("@07\n@0R7\n@0J{ramp}\n@0A{way},{speed},0,30,0,30,0,30\n", encoding="utf-8")
     text = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nstart_mm = [2, 2, 2]\nsamples = 64\n[job]\n'
     text += "speed = { low = 300, high = 600 }\nway = { low = 1000, high = 1040, whole = true }\nramp = [100]\n"
     path, picture = plan(plans, text), plans / "what.png"
+    read = load_plan(path)
+    with Table(plans / "plan.parquet", read, points(read)) as table:
+        for point in points(read):
+            speed, way = point.values[:2]
+            table.add(point, {**dict.fromkeys(OUTCOMES), "ok": True, "cycle_s": way / speed})
     with pytest.raises(SystemExit) as caught:
         main(["sweep", str(path), "--workers", "1", "--json", "--sensitivity", str(picture)])
     *_, summary, told = map(json.loads, capsys.readouterr().out.splitlines())
     assert (caught.value.code, summary["rows"]) == (0, 64)
     assert picture.read_bytes().startswith(b"\x89PNG")
     first = {index["parameter"]: index["first"] for index in told["sensitivity"]}
-    assert first["speed"] > 0.9 > 0.1 > first["way"], "duration = way / speed"
+    assert first["speed"] > 0.9 > 0.1 > first["way"]
 
 
 @pytest.mark.parametrize(
@@ -104,6 +111,7 @@ def test_the_command_draws_it(plans: Path, capsys: pytest.CaptureFixture[str]) -
         ("small.toml --sensitivity a.png", "--sensitivity: 8 points tell too little; take 64 or more"),
         ("small.toml --workers 0", "--workers 0: must be a number of processes from 1"),
         ("small.toml --workers 1 --cluster tcp://a", "--workers and cluster: a cluster has its own workers; name one"),
+        ("-", "-: a job stands beside its plan; name a file"),
         ("none.toml", "none.toml: there is no such file"),
         ("small.toml --out small.toml", "small.toml: is named twice in this call"),
     ],

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from isel_twin.controller import controller_names
@@ -120,9 +121,11 @@ def record(path: Path, cut: str = "whole", **how: Any) -> Twin:
 @pytest.mark.parametrize("cut", ["whole", "slices"])
 @pytest.mark.parametrize("controller", controller_names())
 def test_a_session_of_each_controller_replays_to_the_bit(controller: str, cut: str, tmp_path: Path) -> None:
-    twin = record(tmp_path / "session.mcap", cut, controller=controller, line_speed=cut == "slices")
+    machine = "4030-servo" if controller == "gmi99" else "4030"
+    twin = record(tmp_path / "session.mcap", cut, controller=controller, machine=machine, line_speed=cut == "slices")
     recorded = read(tmp_path / "session.mcap")
     assert versions(recorded) == []
+    assert np.array_equal(recorded.steps().delta, twin.steps.delta)
     assert len(recorded.steps()) > 1000
     again = rebuilt(recorded, tmp_path)
     assert replay(recorded, again) is None

@@ -85,6 +85,10 @@ def test_confirmed_is_what_holds_on_machines_that_no_trial_has_seen() -> None:
     assert (held.good, held.made, held.lost) == (True, 3, 0)
     with ThreadPoolExecutor(2) as executor:
         assert confirm(asked, asked.candidate(QUICK), 3, executor=executor) == held
+    assert (
+        confirm(asked, asked.candidate(QUICK), 3, told=lambda each: seen.append(each.number), hard=[9, 4]) is not None
+    )
+    assert seen[3:] == [4, 2, 3], "where others have failed first"
     strict = confirm(asked, asked.candidate(QUICK), 3, least=0.99)
     assert strict is not None
     assert (strict.good, strict.made) == (False, 1)

@@ -165,6 +165,18 @@ def test_a_storage_that_is_none_is_told_in_a_line(tmp_path: Path) -> None:
             Study(problem(), url)
 
 
+@pytest.mark.usefixtures("quick")
+def test_a_storage_that_is_lost_on_the_way_is_told_in_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "tune.db"
+    study = Study(problem(), f"sqlite:///{file}")
+
+    def spoil(_: Tried) -> None:
+        file.write_bytes(b"no database any more" * 1000)
+
+    with pytest.raises(StudyError, match=r"^[^\n]*tune\.db: cannot be used any more: [^\n]+$"):
+        study.run(8, told=spoil)
+
+
 def test_a_study_of_something_else_is_left_alone(tmp_path: Path) -> None:
     import optuna
 

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from isel_twin.call import CallError, call_errors
 from isel_twin.cli import outputs
-from isel_twin.cli.options import check_writable
+from isel_twin.cli.options import check_writable, is_standard_input
 
 if TYPE_CHECKING:
     from isel_twin.studies.plan import Plan
@@ -42,6 +42,8 @@ def sweep(
     Exit code 0 if the table is whole, whatever its rows say; 1 if a row could not be computed, or is missing; 2 for a
     call that cannot be carried out.
     """
+    if is_standard_input(plan):
+        raise CallError("-: a job stands beside its plan; name a file")
     if workers is not None and workers < 1:
         raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
     if workers is not None and cluster is not None:
@@ -123,6 +125,8 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
                 elif outcome is not None:
                     row = table.add(missing[index], outcome)
                     shown.row(row)
+        except BrokenPipeError:  # nobody reads the rows any more
+            raise
         except (MismatchError, OSError, CallError) as error:
             if isinstance(error, CallError) and error.option:
                 raise

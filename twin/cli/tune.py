@@ -142,6 +142,7 @@ def tune(
         stopped = stack.enter_context(interruption())
         show = _Json() if json else stack.enter_context(_Table(trials, confirm))
         executor = stack.enter_context(_workers(workers))
+        stack.enter_context(_failures(job))
         begun.judge_references(lambda: bool(stopped))
         before = begun.reference("as it stands")
         if before is not None and not before.good and not before.slipped:
@@ -207,6 +208,21 @@ def _workers(number: int) -> Iterator[Executor | None]:
         yield executor
 
 
+@contextmanager
+def _failures(job: Path) -> Iterator[None]:
+    """What ends a study from outside is told in a line."""
+    from concurrent.futures import BrokenExecutor
+
+    from isel_twin.tuning.study import StudyError
+
+    try:
+        yield
+    except StudyError as error:
+        raise CallError(str(error)) from None
+    except BrokenExecutor:
+        raise CallError(f"{job}: a worker has died; the same command goes on") from None
+
+
 def _chosen(
     problem: Problem,
     study: Study,
@@ -220,17 +236,20 @@ def _chosen(
     from isel_twin.tuning.result import confirm as confirmed
     from isel_twin.tuning.result import front, tuned
 
+    hard: list[int] = []
     for tried in front(study.tried):
         if tried.judgement.margin < least:
             continue
         candidate = problem.candidate(tried.values)
         show.confirms(tried)
-        held = confirmed(problem, candidate, confirm, least, executor, lambda: bool(stopped), show.confirmed)
+        held = confirmed(problem, candidate, confirm, least, executor, lambda: bool(stopped), show.confirmed, hard)
         if held is None:
             return None
         if held.good:
             return tuned(problem, tried, held)
         show.fell(tried, held.why)
+        if held.last not in hard:
+            hard.append(held.last)
     return None
 
 
@@ -265,7 +284,7 @@ def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
         for key, what in (("saved", "as it stands"), ("saved_against_defaults", "defaults")):
             judgement = reference(what)
             good = judgement is not None and judgement.good
-            told[key] = round(gain(own.time_s, judgement.time_s), 4) if good and judgement is not None else None
+            told[key] = round(gain(own.time_s, judgement.time_s), 6) if good and judgement is not None else None
     return told
 
 
@@ -314,9 +333,17 @@ class _Table:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         self._trials, self._confirm = trials, confirm
-        messages = Console(stderr=True)
+        out, messages = Console(), Console(stderr=True)
+        shown = out if out.is_terminal else messages
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        self._progress = Progress(*columns, console=messages, transient=True, disable=not messages.is_terminal)
+        self._progress = Progress(
+            *columns,
+            console=shown,
+            transient=True,
+            redirect_stdout=out.is_terminal,  # a file must get what goes there
+            redirect_stderr=messages.is_terminal,
+            disable=not shown.is_terminal,
+        )
         self._task = self._progress.add_task("job as it stands", total=trials)
         self._seen: list[Tried] = []
 

@@ -40,7 +40,7 @@ __all__ = ["Estimate", "Fit", "Model", "Prospect", "fit", "prospect"]
 
 STEP = 0.8
 """Of the differences, in standard deviations of the prior."""
-CHANCE = 3.0
+CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
 BOUND = 3.0
 """Standard deviations from the prior beyond which nothing is searched."""
@@ -51,6 +51,8 @@ WEAK = 0.5
 NORMAL_95 = 1.96
 TOLD = 0.3
 """Part of a direction from which on a parameter is named as one of those in it."""
+ENOUGH = 0.01
+"""Relative change of cost and place at which the search ends: less than the scatter of the model makes."""
 MOST_CALLS = 8
 """Of the model by the search, beside those for its Jacobians."""
 
@@ -304,7 +306,14 @@ def fit(
         return np.concatenate((jacobian, np.eye(count)))
 
     solved = least_squares(
-        residuals, zero, jac=slope, bounds=(-BOUND, BOUND), method="trf", ftol=3e-3, xtol=3e-3, max_nfev=MOST_CALLS
+        residuals,
+        zero,
+        jac=slope,
+        bounds=(-BOUND, BOUND),
+        method="trf",
+        ftol=ENOUGH,
+        xtol=ENOUGH,
+        max_nfev=MOST_CALLS,
     )
     u = np.asarray(solved.x, dtype=np.float64)
     last = model.jacobian(u, steps, central=True)

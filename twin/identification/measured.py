@@ -340,11 +340,11 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
 
 def _lines(item: Any, keys: Sequence[str]) -> list[str]:
     values = [(key, getattr(item, key)) for key in keys]
-    left_out = {"push_n": 0.0, "gauge": ""}
+    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
     return [
         f"{key} = {_toml(value)}"
         for key, value in values
-        if value is not None and value != left_out.get(key, value is None)
+        if value is not None and not (key in left_out and value == left_out[key])
     ]
 
 

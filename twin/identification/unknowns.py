@@ -69,11 +69,13 @@ class Unknown:
     """The file has whole numbers only."""
     flag: str = ""
     """Imperfection that has to be on for it to act."""
+    place: bool = False
+    """It is counted from a zero that somebody chose: half as much means nothing."""
 
     @property
     def logarithmic(self) -> bool:
         """It can only be positive."""
-        return self.low > 0.0
+        return self.low > 0.0 and not self.place
 
     @property
     def deviation(self) -> float:
@@ -162,7 +164,7 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
         low, high = span
         source = f"range of {low:g} .. {high:g}"
         if not low <= prior <= high:
-            prior = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
+            prior = math.sqrt(low * high) if low > 0.0 and half is None else 0.5 * (low + high)
     elif half is not None:
         low, high = prior - half, prior + half
     elif prior > 0.0:
@@ -171,7 +173,7 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
     else:
         raise ValueError(f"prior {name}: is {prior:g} in the machine file; say a range: --prior {name}=LOW..HIGH")
     whole = what == "controller" and (not known or isinstance(known[0].value, int))
-    return Unknown(name, keys, prior, low, high, unit, source, factor, whole, flag)
+    return Unknown(name, keys, prior, low, high, unit, source, factor, whole, flag, half is not None)
 
 
 def _names(machine: Machine) -> list[str]:

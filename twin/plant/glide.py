@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.compiling import njit
+from isel_twin.plant.model import blank
 
 DEFLECTION_M = 2e-3
 """Bounds of a joint without stops: no frame gives as much in service."""
@@ -80,7 +81,9 @@ def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
     return True
 
 
-def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+def gliding(
+    model: mujoco.MjModel, scratch: mujoco.MjData | None = None
+) -> tuple[NDArray[np.void], NDArray[np.float64]]:
     """JOINT [nv] and mobility M^-1 [nv, nv] of a model; bounds are nan if its steps must always be MuJoCo's."""
     joints = np.zeros(model.nv, JOINT)
     joints["low_m"] = joints["high_m"] = np.nan
@@ -89,7 +92,7 @@ def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64
     if special or (model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE).any():
         return joints, mobility
     bounds = _bounds(model)
-    data = mujoco.MjData(model)
+    data = blank(model, scratch)
     data.qpos[:] = bounds.mean(axis=0)
     mujoco.mj_forward(model, data)
     if (data.efc_type != mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF).any() or _can_meet(model, data, bounds):
@@ -105,7 +108,7 @@ def gliding(model: mujoco.MjModel) -> tuple[NDArray[np.void], NDArray[np.float64
     joints["creep_per_s"][dof] = data.efc_KBIP[:, 1]
     joints["stuck_kg"][dof] = 1.0 / (np.diagonal(mobility)[dof] + data.efc_R)
     joints["low_m"], joints["high_m"] = bounds
-    if not _agrees(model, joints, mobility, bounds):
+    if not _agrees(model, blank(model, data), joints, mobility, bounds):
         joints["low_m"] = joints["high_m"] = np.nan
     return joints, mobility
 
@@ -120,11 +123,14 @@ def _bounds(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def _agrees(
-    model: mujoco.MjModel, joints: NDArray[np.void], mobility: NDArray[np.float64], bounds: NDArray[np.float64]
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    joints: NDArray[np.void],
+    mobility: NDArray[np.float64],
+    bounds: NDArray[np.float64],
 ) -> bool:
     """Whether steps are MuJoCo's: at both ends of the bounds and amid them, at rest, creeping and moving, pushed on."""
     one = np.where(np.arange(model.nv) % 2, 1.0, -1.0)
-    data = mujoco.MjData(model)
     for share in (0.01, 0.5, 0.99):
         for speed_m_s in (0.0, 1e-6, -0.1, 0.3):
             for push_n in (0.0, 10.0, -200.0):

@@ -170,7 +170,8 @@ class MujocoPlant:
             switch["passed"] = switch["sense"] * (data.qpos[self._dof[switch["axis"]]] - switch["limit"]) > 0.0
 
         self._find_free()
-        self._reach = reach(machine, model)
+        scratch = mujoco.MjData(model)
+        self._reach = reach(machine, model, scratch)
         self._pushes = np.zeros((memory.AXES, model.nv))
         """float64 [3, nv], what the push along each axis is at the joints."""
         self._push = np.zeros((2, model.nv))
@@ -178,7 +179,7 @@ class MujocoPlant:
         self._cuts = np.zeros(1, CUT)
         pulls = [self._split(way) for way in (self._reach["tool"] + self._reach["table"])[:2]]
         self._cut_joints, self._cut_nuts = (np.array(part) for part in zip(*pulls, strict=True))
-        self._left = left_of_x(machine, model)
+        self._left = left_of_x(machine, model, scratch)
         self._lost = [""] * memory.AXES
         self._power = (False, False, False)
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
@@ -204,7 +205,7 @@ class MujocoPlant:
         self._stops_m = model.jnt_range.copy()
         self._mass_kg = model.body_mass.copy()
         """What the machine has by itself, before anybody changes it."""
-        self._joints_law, mobility = gliding(model)
+        self._joints_law, mobility = gliding(model, scratch)
         self._before = data.qpos.copy()
         """float64 [nv], joint positions one window ago."""
         self._rates_before = data.qvel.copy()

@@ -219,6 +219,8 @@ def load_plan(path: str | Path) -> Plan:
     where = place.at("sweep").at("samples")
     if samples is not None and not sampled:
         raise where.wrong("no parameter has a range; allowed: beside one with low and high, without steps")
+    if "sampling" in same and not sampled:
+        raise place.at("sweep").at("sampling").wrong("no parameter has a range; allowed: beside one without steps")
     if samples is None and sampled:
         one = sampled[0]
         raise (
@@ -270,11 +272,12 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     if not isinstance(may_strike, list) or not all(isinstance(name, str) for name in may_strike):
         raise place.at("may_strike").wrong(f'{may_strike!r}; allowed: a list of end switches, or ["all"]')
     named = content.get("machine", "4030")
-    machine = load_machine(folder / named if (folder / named).is_dir() else named)
+    called = str((folder / named).resolve()) if (folder / named).is_dir() else named
+    machine = load_machine(called)
     start_mm = _triple(content["start_mm"], place.at("start_mm")) if "start_mm" in content else None
     scenario = folder / content["scenario"] if "scenario" in content else None
     call = TwinCall(
-        machine=str(folder / named) if (folder / named).is_dir() else named,
+        machine=called,
         controller=content.get("controller", "imc-s8"),
         plant=content.get("plant", "mujoco"),
         scenario=scenario,

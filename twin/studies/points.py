@@ -59,7 +59,7 @@ def unit_samples(plan: Plan) -> NDArray[np.float64]:
 
 def all_points(plan: Plan) -> Iterator[Point]:
     """All of them in their order, also those that stand twice."""
-    same = dataclasses.replace(plan.work, parameters=())
+    same = dataclasses.replace(plan.work, parameters=(), job_name="", machine="")  # names may change, content counts
     digest = hashlib.sha256(_canonical(dataclasses.asdict(same)))
     axes = [parameter.values if parameter.values else (None,) for parameter in plan.parameters]
     samples = [_sample(plan, unit) for unit in unit_samples(plan)]

@@ -126,8 +126,10 @@ def compute(work: Work, point: Point) -> dict[str, Any] | None:
 
 
 def machine_digest(machine: Machine) -> str:
-    """What tells one machine from another: its numbers, whatever file they stand in."""
-    return hashlib.sha256(json.dumps(machine.tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    """What tells one machine from another: its numbers and its model, wherever their files stand."""
+    fixture = machine.fixture_file.read_bytes().hex() if machine.fixture_file is not None else ""
+    tree = {**machine.tree, "model": machine.model_file.read_bytes().hex(), "fixture": fixture}
+    return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
 def _check(work: Work) -> None:
@@ -136,8 +138,13 @@ def _check(work: Work) -> None:
 
     if work.version != VERSION:
         raise MismatchError(f"isel-twin {VERSION} computes there, {work.version} asks")
-    if work.machine_digest and machine_digest(load_machine(work.machine)) != work.machine_digest:
-        raise MismatchError(f"the machine {work.machine} is another one there")
+    if work.machine_digest:
+        try:
+            there = machine_digest(load_machine(work.machine))
+        except ValueError as error:
+            raise MismatchError(f"the machine {work.machine} cannot be read there: {one_line(str(error))}") from None
+        if there != work.machine_digest:
+            raise MismatchError(f"the machine {work.machine} is another one there")
 
 
 def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:

@@ -170,7 +170,8 @@ class Recording:
             self._sink.message("/runs", time_ns, {"run": None})
             return
         continues = before is not None and motion.continues(before)
-        self._sink.message("/runs", time_ns, {"run": described(motion), "continues": continues})
+        known = before if continues else None
+        self._sink.message("/runs", time_ns, {"run": described(motion, known, time_ns), "continues": continues})
 
     def _look(self, twin: Twin) -> None:
         time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm

@@ -2,8 +2,12 @@
 
     StepRun(Line, Trapezoid)  <-->  {"steps": {"line": [800, -2000, 0, 0]}, "law": [...], "start_ns": t, "first": 0}
 
-What the package makes is described: lines, circles and helices under the trapezoidal law. A motion of a controller from
-outside, with a path, law or plan of its own, is written down tick by tick:
+What the package makes is described: lines, circles and helices under the trapezoidal law; joined set points by phases
+and pieces, and of a motion that continues another only what comes from the phase under way on:
+
+    {"joined": {"first": 17, "ticks": 550, "phases": "<base64>", ...}, "later": true, "period_ns": 4000000, ...}
+
+A motion of a controller from outside, with a path, law or plan of its own, is written down tick by tick:
 
     {"ticks": {"t_ns": "<base64>", "delta": "<base64>", "dtype": "int32"}, "axes": 6, "lead_ns": 1000000, ...}
 
@@ -20,8 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion import Displacement, Motion, StepRun, Steps, line
+from isel_twin.motion import Displacement, Motion, SetPointRun, StepRun, Steps, line
 from isel_twin.motion.circle import Circle
+from isel_twin.motion.joined import Joined, Stretch, written
 from isel_twin.motion.path import Line, Path
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
@@ -31,8 +36,9 @@ MOST_TICKS = 1 << 31
 """Ticks of a listed motion that are read; more are no recording of ours."""
 
 
-def described(motion: Motion) -> dict[str, Any]:
-    """The motion as a table."""
+def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) -> dict[str, Any]:
+    """The motion as a table. before: the motion that it continues at time_ns, whose table is known, None if there is
+    none."""
     if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, Line | Circle):
         return {
             "steps": _path_table(motion.path),
@@ -40,6 +46,27 @@ def described(motion: Motion) -> dict[str, Any]:
             "start_ns": motion.start_ns,
             "first": motion.first,
         }
+    if isinstance(motion, SetPointRun) and isinstance(motion.plan, Joined):
+        known = isinstance(before, SetPointRun) and isinstance(before.plan, Joined)
+        stretch = motion.plan.since(motion.count(time_ns) if known else 0)
+        if stretch is not None:
+            return {
+                "joined": {
+                    "first": stretch.first,
+                    "ticks": stretch.ticks,
+                    "phases": _shrunk(stretch.phases),
+                    "piece": _shrunk(stretch.piece),
+                    "corner": _shrunk(stretch.corner),
+                    "length": _shrunk(stretch.length),
+                    "sine": motion.plan.sine,
+                },
+                "later": known,
+                "axes": motion.axes,
+                "period_ns": motion.period_ns,
+                "start_ns": motion.start_ns,
+                "first": motion.first,
+                "end": motion.end,
+            }
     t_ns, delta = motion.window(motion.first, motion.last)
     return {
         "ticks": {
@@ -54,9 +81,12 @@ def described(motion: Motion) -> dict[str, Any]:
     }
 
 
-def motion_from(table: dict[str, Any]) -> Motion:
-    """The motion that a table describes. Raises ValueError for one that describes none."""
+def motion_from(table: dict[str, Any], before: Motion | None = None) -> Motion:
+    """The motion that a table describes; before: the one that it continues. Raises ValueError for one that describes
+    none."""
     try:
+        if "joined" in table:
+            return _joined_from(table, before)
         if "steps" in table:
             law = law_from_numbers(table["law"])
             return StepRun(_path_from(table["steps"]), law, int(table["start_ns"]), int(table["first"]))
@@ -76,12 +106,12 @@ def add_run(steps: Steps, time_ns: int, content: dict[str, Any]) -> None:
 
     Raises ValueError for a message that is none.
     """
-    motion = None if content.get("run") is None else motion_from(content["run"])
-    if motion is not None and content.get("continues"):
+    if content.get("run") is not None and content.get("continues"):
         if not steps.motions:
             raise ValueError("a motion continues none")
-        steps.replace_last(motion)
+        steps.replace_last(motion_from(content["run"], steps.motions[-1]))
         return
+    motion = None if content.get("run") is None else motion_from(content["run"])
     if steps.motions:
         steps.replace_last(steps.motions[-1].cut(time_ns))
     if motion is not None:
@@ -147,6 +177,26 @@ def _path_from(table: dict[str, Any]) -> Path:
     numbers = dict(table["circle"])
     first, second = numbers.pop("plane")
     return Circle(plane=(int(first), int(second)), **numbers)
+
+
+def _joined_from(table: dict[str, Any], before: Motion | None) -> SetPointRun:
+    content, axes, period_ns = table["joined"], int(table["axes"]), int(table["period_ns"])
+    known = None
+    if table["later"]:
+        if not isinstance(before, SetPointRun) or not isinstance(before.plan, Joined):
+            raise ValueError("what comes later of a motion, without the beginning")
+        known = before.plan
+    stretch = Stretch(
+        int(content["first"]),
+        int(content["ticks"]),
+        _grown(content["phases"], "float64").reshape(-1, 6),
+        _grown(content["piece"], "int32"),
+        _grown(content["corner"], "float64").reshape(-1, axes),
+        _grown(content["length"], "float64"),
+    )
+    plan = written(stretch, period_ns, sine=bool(content["sine"]), before=known)
+    end = None if table["end"] is None else int(table["end"])
+    return SetPointRun(plan, period_ns, int(table["start_ns"]), int(table["first"]), end)
 
 
 def _shrunk(values: NDArray[Any]) -> str:

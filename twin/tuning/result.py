@@ -49,6 +49,8 @@ class Held:
     """What was wrong in the last one."""
     lost: int = 0
     """Repetitions in which something was wrong: 0, or 1, as the first one ends them."""
+    last: int = 0
+    """Number of the last one."""
 
     @property
     def good(self) -> bool:
@@ -87,13 +89,16 @@ def confirm(
     executor: Executor | None = None,
     stop: Callable[[], bool] | None = None,
     told: Callable[[Repetition], None] | None = None,
+    hard: Sequence[int] = (),
 ) -> Held | None:
     """Make a job `wanted` times on machines that no trial has seen, until one goes wrong or keeps less than `least`.
 
-    told: given every repetition as it is over. None if it was stopped.
+    told: given every repetition as it is over. hard: repetitions that go first, as others have failed there. None if
+    it was stopped.
     """
     made: list[Repetition] = []
-    numbers = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
+    those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
+    numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
     for repetition in repetitions(candidate, Weather.of(problem), numbers, executor, stop):
         if repetition is None:
             return None
@@ -112,6 +117,7 @@ def confirm(
         margins[len(margins) * ALONE // 100],
         f"{why}, repetition {last.number}" if why else "",
         int(bool(last.why)),
+        last.number,
     )
 
 

@@ -64,26 +64,30 @@ class Study:
         self.problem = problem
         self.seed = seed
         self.least = least
+        self._where = _place(storage)
         self.batch = batch
         self._weather = Weather.of(problem)
         self._study = _opened(storage, name)
-        self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch}, _place(storage))
+        self._check({**problem.about(), "seed of the study": seed, "size of a batch": batch})
 
-    def _check(self, about: Mapping[str, Any], where: str) -> None:
+    def _check(self, about: Mapping[str, Any]) -> None:
         had = self._study.user_attrs.get("about")
         if had is None:
             ways = [direction.name for direction in self._study.directions]
             if ways != ["MINIMIZE", "MAXIMIZE"] or self._study.get_trials(deepcopy=False):
-                raise StudyError(f"{where}: study {self._study.study_name!r} is not one of jobs; choose another name")
+                raise StudyError(
+                    f"{self._where}: study {self._study.study_name!r} is not one of jobs; choose another name"
+                )
             self._study.set_user_attr("about", dict(about))
             return
         other = [key for key, value in about.items() if had.get(key) != value]
         if "job" in other:
             other = ["job"]  # much follows from that
         if other:
+            what = ", another ".join(other)
             raise StudyError(
-                f"{where}: study {self._study.study_name!r} is of another {', another '.join(other)}; choose another "
-                "name or another storage"
+                f"{self._where}: study {self._study.study_name!r} is of another {what}; choose another name or another "
+                "storage"
             )
 
     # ---- what is known -----------------------------------------------------------------------------------------------
@@ -114,7 +118,8 @@ class Study:
                 judgement = judged(candidate, self._weather, numbers, stop=stop)
                 if judgement is None:
                     return
-                self._study.set_user_attr(what, _kept(judgement))
+                with _storing(self._where):
+                    self._study.set_user_attr(what, _kept(judgement))
 
     def run(
         self,
@@ -125,13 +130,15 @@ class Study:
     ) -> None:
         """Go on until so many trials have been made in all, or `stop` returns True. told: given each as it is over."""
         while not (stop is not None and stop()):
-            asked = self._left_over() or self._ask(trials)
+            with _storing(self._where):
+                asked = self._left_over() or self._ask(trials)
             if not asked:
                 return
             for trial, judgement in zip(asked, self._judgements(asked, executor, stop), strict=False):
                 if judgement is None:
                     return
-                self._tell(trial, judgement)
+                with _storing(self._where):
+                    self._tell(trial, judgement)
                 if told is not None:
                     told(Tried(trial.number, trial.params, judgement))
 
@@ -248,6 +255,19 @@ def need_optuna() -> None:
         import optuna  # noqa: F401
     except ImportError:
         raise StudyError("a study needs optuna: pip install 'isel-twin[tune]'") from None
+
+
+@contextmanager
+def _storing(where: str) -> Iterator[None]:
+    """What goes wrong with a database in use is a StudyError."""
+    from optuna.exceptions import StorageInternalError
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (SQLAlchemyError, StorageInternalError) as error:
+        reason = " ".join(str(getattr(error.__cause__ or error, "orig", None) or error).split())
+        raise StudyError(f"{where}: cannot be used any more: {reason}") from error
 
 
 @contextmanager

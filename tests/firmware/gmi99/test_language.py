@@ -52,6 +52,12 @@ def test_replies_in_words(reply: str, text: str, words: str) -> None:
     assert (message.data, message.text, message.explanation) == (data, text, words)
 
 
+def test_several_at_once() -> None:
+    both = LANGUAGE.frame("81h 10 | 82h -5")
+    assert both == LANGUAGE.frame("81h 10") + LANGUAGE.frame("82h -5")
+    assert LANGUAGE.text(b"\xe5\xe5") == "E5 E5"
+
+
 @pytest.mark.parametrize(
     "text", ["", "Y1", "#2", "#9", "#9 256", "81h", "81h 1 2", "01h 5", "T1;2;3;4", "M99999999", "a 0", "300: #1", "é"]
 )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from conformance.gmi99_desk import command, long
 
 from isel_twin import Twin
+from isel_twin.envs import Settings, Setup, run_job
 
 STATUS = bytes.fromhex("10 E0 01 E1 16")
 
@@ -103,3 +106,77 @@ def test_an_emergency_stop_takes_the_current() -> None:
     assert twin.query("Q7;1") == "E5"
     assert twin.query("#1") == "#00"
     assert twin.outputs["stages"] == 1
+
+
+def test_it_is_saved_and_restored_in_mid_motion() -> None:
+    def life(saved_at: int | None) -> tuple[int, list[int], list[float]]:
+        twin = referenced(20_000, 100)
+        for line in ("p3;100;0", "84h 2000", "p10;14;1", "84h 0", "p3;101"):
+            twin.query(line)
+        twin.write(twin.language.frame("81h 20000 | 83h 0 9000 | p3;1;0 | 81h 5"))
+        for number in range(20):
+            twin.run(0.1)
+            if number == saved_at:
+                state = twin.save()
+                twin = Twin(controller="gmi99", machine="4030-servo", start_mm=(40.0, 40.0, 30.0))
+                twin.restore(state)
+        twin.run_until(twin.time_ns + 10**11, lambda: twin.idle)
+        return twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()
+
+    undisturbed = life(None)
+    assert undisturbed[1] == [5, 9000, 0, 0, 0, 0]
+    assert [life(number) for number in (2, 15)] == [undisturbed] * 2
+
+
+def test_events_wait_for_its_outputs_and_telegrams(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.toml"
+    output = '[[event]]\nwhen = "output a0.4 == 1"\nset.user_0 = "high"\n'
+    telegram = '[[event]]\nwhen = "sent T5;12"\nset.user_1 = "high"\n'
+    file.write_text(output + telegram)
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic", start_mm=(40.0, 40.0, 30.0), scenario=file)
+    twin.query("Q7;0")
+    twin.query("p10;16;4")
+    assert (twin.inputs["user_0"], twin.inputs["user_1"]) == ("high", "low")
+    twin.query("T5;12")
+    assert twin.inputs["user_1"] == "high"
+    assert twin.query("T1;1;1").startswith("I C3"), "E1.0 and E1.1, and both limit switches of X free"
+
+
+def test_a_job_is_tuned_on_it() -> None:
+    """5 mm at 20000 Hz and 500 Hz/ms, 1 um an increment, and as long again for Y: 0.25 s and 0.04 s each."""
+    setup = Setup(job=[(5.0, 0.0, 0.0), (5.0, 5.0, 0.0)], machine="4030-servo", controller="gmi99", tolerance_mm=0.05)
+    row = run_job(setup, Settings(20_000, 500, 300))
+    assert row.good
+    assert row.moves == 2
+    assert row.time_s == pytest.approx(0.58, abs=0.02)
+
+
+def test_the_safety_program_is_there() -> None:
+    """An open hood in motion: the relay takes the power, the PLC sets the stop flag and tells the host, once."""
+    twin = referenced(10_000, 50)
+    assert ask(twin, command("T", 3, 4)) == long(b"\x00")
+    twin.write(twin.language.frame("81h 50000"))
+    twin.run(1.0)
+    twin.set_input("hood", "forced")
+    twin.run(0.008)
+    assert int(ask(twin, command("T", 1, 3, 0)).split()[6], 16) & 1, "M0.0"
+    assert [twin.query("#1"), twin.query("#1")] == ["#42 02", "#40"]
+    twin.set_input("hood", "closed")
+    assert twin.query("Q7;1") == "E5"
+    twin.write(twin.language.frame("81h 5000"))
+    twin.run(1.0)
+    assert twin.counts[0] == 0, "the stop flag holds"
+    twin.set_input("start", "down")
+    twin.run(0.1)
+    twin.set_input("start", "up")
+    twin.run(2.0)
+    assert twin.counts[0] == 5000
+
+
+def test_the_safety_program_switches_the_spindle() -> None:
+    twin = Twin(controller="gmi99", machine="4030-servo", plant="kinematic")
+    twin.query("Q7;0")
+    assert twin.query("m53") == "E5"
+    assert twin.outputs["a0.0"] == twin.outputs["spindle_runs"] == 1
+    assert twin.query("m55") == "E5"
+    assert twin.outputs["a0.0"] == twin.outputs["spindle_runs"] == 0

@@ -734,7 +734,9 @@ class Interpreter:
         for move in function(self._call_of(targets, inner)):  # type: ignore[operator]
             yield move
             if move.cycle is not None:
-                yield from self._cycles[move.cycle](self._call_of({}, None))  # type: ignore[operator]
+                plane, place = self._frame.plane, self._program_position
+                here = {axis: place[axis] for axis in (plane.first, plane.second)}
+                yield from self._cycles[move.cycle](self._call_of(here, None))  # type: ignore[operator]
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters
@@ -779,17 +781,12 @@ class Interpreter:
         elif move.target:
             elements = self._path(spoken.block, move.target, spoken)
         functions = tuple(Machine(code, (), definition(code, self._parameters).halt) for code in move.m)
-        for code in move.m:
-            self._turning = {3: 1, 4: -1, 5: 0}.get(code, self._turning)
-        end_kind = BlockEnd.EXACT_STOP if move.exact_stop or move.reverse or move.dwell_s is not None else None
+        end_kind = BlockEnd.EXACT_STOP if move.exact_stop or move.dwell_s is not None else None
         changes: dict[str, object] = {"post": functions, "main": False, "correction": Correction()}
         if end_kind is not None:
             changes["end"] = end_kind
         if move.kind is Kind.TAP:
             changes["override"] = False
-        if move.reverse:
-            self._turning = -self._turning
-            changes["post"] = (Machine(3 if self._turning > 0 else 4), *functions)
         self._emit(spoken, elements, **changes)
 
     # Going elsewhere

@@ -8,8 +8,9 @@
     actions.py      commands that set, wait, make ready    queries.py    T
     corrections.py  G: zero points and corrections         directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store
-    images.py       process images, flags, data words      plc.py        the border to a PLC
-    drives.py       what belongs to the drives; indexer.py: their own motion
+    images.py       process images, flags, data words
+    logic.py        the PLC of the folder beside this one on them, FB 254; plc.py: what the card asks of it
+    drives.py       what belongs to the drives
     settings.py     what a host sets, and the flash image
     device.py       the card, in which all these meet
 
@@ -25,6 +26,7 @@ from isel_twin.controller import takes
 from isel_twin.firmware.gmi99.controller import Gmi99
 from isel_twin.firmware.gmi99.drives import TURN
 from isel_twin.firmware.gmi99.link import Dil
+from isel_twin.firmware.gmi99.logic import safety_program
 from isel_twin.parameters import Limits
 
 __all__ = ["Gmi99", "create"]
@@ -39,6 +41,7 @@ TURNS = 4, 10_000_000
         "host_parity": ("even", "none"),
         "override_pot_percent": Limits("%", *POT_PERCENT, whole=True),
         "drive_increments_per_rev": Limits("", *TURNS, whole=True),
+        "safety_program": bool,
     }
 )
 def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gmi99:
@@ -46,7 +49,8 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gm
 
     Settings: `dil_switches`, eight characters, switch 1 first, 1 on (default 11111111: address 224, variant E, 38400
     Bd); `host_parity`, even (default) or none; `override_pot_percent`, where the potentiometer stands, 0 .. 125 (100);
-    `drive_increments_per_rev`, increments from one zero pulse of the encoders to the next (5000).
+    `drive_increments_per_rev`, increments from one zero pulse of the encoders to the next (5000); `safety_program`,
+    whether a card without flash image has a program for its PLC (no).
     Raises ValueError for a wrong one.
     """
     pot = settings.get("override_pot_percent", 100)
@@ -62,4 +66,8 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Gm
         dil = Dil(str(settings.get("dil_switches", "11111111")))
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    return Gmi99(flash, dil, parity="E" if parity == "even" else "N", override_pot_percent=pot, turn=turn)
+    safety = settings.get("safety_program", False)
+    if not isinstance(safety, bool):
+        raise ValueError(f"{name}: safety_program is {safety!r}; allowed: true, false")
+    plc = safety_program() if safety else b""
+    return Gmi99(flash, dil, parity="E" if parity == "even" else "N", override_pot_percent=pot, turn=turn, plc=plc)

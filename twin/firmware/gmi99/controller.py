@@ -42,10 +42,11 @@ class Gmi99:
         parity: Literal["N", "E"] = "E",
         override_pot_percent: int = 100,
         turn: int = TURN,
+        plc: bytes = b"",
     ) -> None:
         self._dil = dil
         self._parity = parity
-        self._card = Card(flash, override_pot_percent, turn)
+        self._card = Card(flash, override_pot_percent, turn, plc)
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
 
@@ -57,7 +58,7 @@ class Gmi99:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        return self._card.counts_now
+        return self._card.counts
 
     @property
     def run(self) -> SetPointRun | None:
@@ -141,6 +142,7 @@ class Gmi99:
             card.flags_changed(program_ran=ran)
         card.queue.pump()
         card.refresh_flags()
+        card.plc.look(card.now_ns)
 
     # ---- records to the card ----------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ images     inputs, outputs, flags      offsets  zero points          plc      se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +17,9 @@ from isel_twin.firmware.gmi99.commands import parse
 from isel_twin.firmware.gmi99.corrections import Offsets
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import DIGITAL, STATIC_BYTES, Images
+from isel_twin.firmware.gmi99.logic import CardPlc
 from isel_twin.firmware.gmi99.path import Path
-from isel_twin.firmware.gmi99.plc import NoPlc, Plc
+from isel_twin.firmware.gmi99.plc import Plc
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS, Settings, Stored, decode, encode
 from isel_twin.firmware.gmi99.store import Store
@@ -34,21 +35,22 @@ SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
 class Card:
     """See the module. All times are those of the controller's last call."""
 
-    def __init__(
-        self, flash: bytes | None, override_pot_percent: int, turn: int, plc: Callable[[Card], Plc] | None = None
-    ) -> None:
-        stored = Stored() if flash is None else decode(flash)
+    def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
+        """`flash`: None for a new card, which then has the PLC program `plc`."""
+        stored = Stored(plc=plc.hex()) if flash is None else decode(flash)
         self.flash_fault = stored is None
         self.stored = stored or Stored()
         self.settings: Settings = self.stored.settings
         self.now_ns = 0
         self.power_on_ns = 0
         self.events: list[Event] = []
+        self._moving = False
+        self._analog = 0
         self.fault = False
-        self.counts = (0,) * SLOTS
-        """Counters when the motion in execution began; see `position`."""
+        self._made = (0,) * SLOTS
+        """Counters when the motion in execution began."""
         self._apart = (0,) * SLOTS
-        """How far T0 is from them: motions that left no set point (N17)."""
+        """How far T0 is from the counters: motions that left no set point (N17)."""
         self.override_given: int | None = None
         """Percent of `o2`."""
         self.override_external: int | None = None
@@ -56,6 +58,9 @@ class Card:
         self.reduced_mode = 1
         """FB 254.33: 0 never, 1 by M3.6, 2 always."""
         self.image_mode = 0
+        """FB 254.2."""
+        self.analog_drives = 0
+        """Drives whose analog output leaves the image (FB 254.8)."""
         self.contact_loss_reported = True
         self._pot = override_pot_percent
         self._levels: dict[tuple[int, int], int] = {}
@@ -67,7 +72,7 @@ class Card:
         self.queue = Queue(self)
         self.store = Store(self.stored.programs)
         self.store.restore(parse)
-        self.plc: Plc = NoPlc() if plc is None else plc(self)
+        self.plc: Plc = CardPlc(self)
 
     # ---- power ------------------------------------------------------------------------------------------------------
 
@@ -115,9 +120,17 @@ class Card:
             elif (slot_byte, bit) == HOOD_LOCK:
                 self.output("hood_release", 1 - level)
 
+    @property
+    def analog_asked(self) -> bool:
+        """M3.2."""
+        return self.images.flag(places.ANALOG)
+
     def put_analog_outputs(self) -> None:
         """The analog output of slot 0 leaves the image (M3.2, FB 254.8)."""
-        self.output("analog", self.images.outputs[self.images.drives_at + DIGITAL])
+        value = self.images.outputs[self.images.drives_at + DIGITAL]
+        if value != self._analog:
+            self._analog = value
+            self.output("analog", value)
 
     # ---- settings and memories --------------------------------------------------------------------------------------
 
@@ -157,28 +170,28 @@ class Card:
     @property
     def position(self) -> tuple[int, ...]:
         """Set positions, as T0 gives them."""
-        made = self.counts_now
+        made = self.counts
         ghost = self.path.run
         if ghost is not None and self.path.ghost:
             made = _sum(made, ghost.displacement(self.now_ns))
         return _sum(made, self._apart)
 
     @property
-    def counts_now(self) -> tuple[int, ...]:
+    def counts(self) -> tuple[int, ...]:
         """Counters: the sum of the set points that have left the card."""
         run = self.drives.run or (None if self.path.ghost else self.path.run)
-        return self.counts if run is None else _sum(self.counts, run.displacement(self.now_ns))
+        return self._made if run is None else _sum(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
         """A motion has ended that went so far."""
         if ghost:
             self._apart = _sum(self._apart, displacement)
         else:
-            self.counts = _sum(self.counts, displacement)
+            self._made = _sum(self._made, displacement)
 
     def set_counter(self, axis: int, value: int) -> None:
         """The counter of an axis becomes a value; nothing moves."""
-        self.counts = (*self.counts[:axis], value, *self.counts[axis + 1 :])
+        self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))
 
@@ -257,7 +270,10 @@ class Card:
         return self.reduced | (not self.drives.enabled) << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
-        """Flags of the firmware show what is."""
+        """Flags of the firmware, and the output that tells of motion, show what is."""
+        if self.moving != self._moving:
+            self._moving = self.moving
+            self.output("moving", int(self._moving))
         set_flag = self.images.set_flag
         set_flag(places.INDEXER_RUNS, self.path.run is not None)
         set_flag(places.NO_ESTOP, not self.drives.estop)
@@ -279,7 +295,7 @@ class Card:
             flags.set_flag(places.PROGRAM_RUNS, False)
             self.queue.call(flags.flags[places.PROGRAM_NUMBER])
         flags.set_flag(places.PROGRAM_RUNS, self.in_program)
-        if flags.flag(places.ANALOG):
+        if self.analog_asked:
             self.put_analog_outputs()
         self.path.speeds_changed()
 

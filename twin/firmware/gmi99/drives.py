@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
-from isel_twin.firmware.gmi99.indexer import Indexer, at_rest, braked
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
+from isel_twin.motion.indexer import Indexer, at_rest, braked
 from isel_twin.units import MILLISECOND_NS
 
 if TYPE_CHECKING:
@@ -291,7 +291,7 @@ class DriveBank:
         self._referencing = True
         plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
         self.run = SetPointRun(plan, planner.PERIOD_NS, card.path.grid_ns(card.now_ns))
-        runs = {slot: self._axis(slot, card.counts_now[slot]) for slot in axes}
+        runs = {slot: self._axis(slot, card.counts[slot]) for slot in axes}
         found: list[int] = []
         for slot in axes:
             self._zeroed[slot] = False
@@ -359,7 +359,7 @@ class DriveBank:
         """Measured position of a drive; the set point where nothing measures."""
         if self.asked is not None and slot < len(self.asked.encoder):
             return self.asked.encoder[slot]
-        return self._card.counts_now[slot]
+        return self._card.counts[slot]
 
     def _past_zero_pulse(self, slot: int) -> int:
         pulses = () if self.asked is None else self.asked.past_zero_pulse

@@ -14,8 +14,7 @@ Words have their low byte first: MWn = MBn + 256 MB(n+1), in all areas (G9). A r
 Who may change a flag
 ---------------------
 FIRMWARE_OWNS says which bits of the flags belong to the firmware; host (`p11`) and PLC may change the others, the PLC
-some of them one way only. It works on a copy and hands back what it wants changed (`write_flags`), so that a bit the
-firmware has set meanwhile is not lost.
+some of them one way only.
 """
 
 from __future__ import annotations
@@ -146,14 +145,6 @@ class Images:
         """The host writes a flag byte; bits of the firmware keep their value."""
         kept = FIRMWARE_OWNS.get(byte, 0)
         self.flags[byte] = self.flags[byte] & kept | value & ~kept & 0xFF
-
-    def write_flags(self, read: bytes, written: bytes) -> None:
-        """The PLC has read these flags and left those: what it has changed and may change is changed."""
-        for byte, (old, new) in enumerate(zip(read, written, strict=True)):
-            change = (old ^ new) & ~FIRMWARE_OWNS.get(byte, 0)
-            set_bits = change & new & ~PLC_MAY_NOT_SET.get(byte, 0)
-            reset_bits = change & old & ~PLC_MAY_NOT_RESET.get(byte, 0)
-            self.flags[byte] = self.flags[byte] & ~reset_bits | set_bits
 
     # ---- data -------------------------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@
     a 0 53 35 01  data of a PLC program: offset, bytes in hexadecimal
     #1, #9 50     short records, with their bytes         10 E0 01 E1 16
     5: #1         to the device with address 5: a drive
+    f5000 | 81h 9 | 81h 0       several at once: only so do moves in a job file join, whose lines wait for each other
 
 Replies read the same way: `E5` received, `#90` an information character, `@-5` an answer to T. Frames are those of a
 card as it comes: address 224, variant E.
@@ -17,7 +18,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from isel_twin.firmware.gmi99 import directly
-from isel_twin.firmware.gmi99.commands import COMMANDS, command_of, parse
+from isel_twin.firmware.gmi99.commands import COMMANDS, PLC_DATA_BYTES, command_of, parse
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction, signed
 from isel_twin.firmware.gmi99.link import (
     ACKNOWLEDGED,
@@ -25,6 +26,7 @@ from isel_twin.firmware.gmi99.link import (
     SHORT_COMMANDS,
     Frame,
     Receiver,
+    Variant,
     long_record,
     short_record,
 )
@@ -32,7 +34,7 @@ from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
 from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Ranges, integers
 
 ADDRESS = FIRST_ADDRESS
-VARIANT = "E"
+VARIANT: Variant = "E"
 BUFFER_FULL = 0x08
 
 RANGES: Ranges = {
@@ -98,7 +100,10 @@ class Gmi99Language:
     # ---- what a host says -------------------------------------------------------------------------------------------
 
     def frame(self, text: str) -> bytes:
-        """One line, one frame."""
+        """One frame, or several between which | stands."""
+        return b"".join(map(self._frame, text.split("|")))
+
+    def _frame(self, text: str) -> bytes:
         line = text.strip()
         address = ADDRESS
         if (match := _ADDRESSED.fullmatch(line)) is not None:
@@ -151,6 +156,11 @@ class Gmi99Language:
     def break_off(self) -> bytes:
         """`#0`."""
         return self.frame("#0")
+
+    def plc_lines(self, image: bytes) -> Sequence[str]:
+        """Lines of a job that stop the PLC, load this image and start it."""
+        parts = ((at, image[at : at + PLC_DATA_BYTES]) for at in range(0, len(image), PLC_DATA_BYTES))
+        return ["p1;2", "p1;100", *(f"a {at} {_hex(part)}" for at, part in parts), "p1;101", "p1;1"]
 
     # ---- what goes over the line ------------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class Move:
 
     target: by axis number; axes that are not named stay. centre: of an arc, (first, second) axis of the plane. feed:
     mm/min, None: that of the program. dwell_s: after the path, exact stop before it. m: M functions after that, in
-    order. reverse: the spindle turns the other way from the end of the path on.
+    order.
     """
 
     kind: Kind
@@ -37,7 +37,6 @@ class Move:
     feed_mm_min: float | None = None
     dwell_s: float | None = None
     m: tuple[int, ...] = ()
-    reverse: bool = False
     exact_stop: bool = False
     cycle: int | None = None
     """Pattern cycles: the machining cycle that is called at the target; None: none."""

@@ -1,4 +1,4 @@
-"""Motion that drives make by themselves, each axis for itself, as set points of the same 4 ms grid.
+"""Motion that axes make each for itself, as set points of one grid: reference runs, jogging, emergency ramps.
 
     speed     toward(v)              brake           to(target)
       |        ________                \\                ___

@@ -1,0 +1,622 @@
+"""The channel in real time: blocks that have been analysed are carried out, one after the other, on one clock.
+
+    interpreter --> contour --> radius correction --> waiting blocks --> stretch --> set points
+                                                                          |
+    a stretch: blocks that run into each other, one `Joined` plan, appended to while it runs
+
+Before a block's path come its parameters, S, T and pre functions, after it the exact stop, the dwell, the post
+functions and what stops. Blocks with nothing but a path pass unseen; the others are looked at in the tick in which they
+begin.
+
+    phases    IDLE -> READY -> PATH -> SETTLE -> DWELL -> FUNCTIONS -> READY ...
+              READY: the next block begins. FUNCTIONS: functions with halt wait for their acknowledgement.
+              HELD: Stop, or M00; Start goes on. EMPTY: a block without a path takes its time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Final, Protocol
+
+from isel_twin.firmware.bwo900.blocks import BlockEnd, Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.path import Limits, Path
+from isel_twin.motion import SetPointRun
+from isel_twin.motion.joined import Joined, Pieces, joined
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
+
+__all__ = ["BLOCK_NS", "PERIOD_NS", "Channel", "Phase", "Services"]
+
+PERIOD_NS: Final = 2 * MILLISECOND_NS
+"""From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
+BLOCK_NS: Final = 1_500_000
+"""Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
+AHEAD: Final = 400
+"""Blocks that are analysed ahead of the one that is made."""
+REFILL: Final = 200
+"""Analysis goes on when so few wait."""
+SETTLE_NS: Final = 3_000 * MILLISECOND_NS
+"""Longest time to get within the exact-stop window (P12018): then M2022."""
+
+
+class Phase(Enum):
+    """What a channel is at."""
+
+    IDLE = "no program"
+    READY = "the next block begins"
+    PATH = "set points are made"
+    SETTLE = "exact stop: the following error is not within its window yet"
+    DWELL = "G04"
+    FUNCTIONS = "functions wait for their acknowledgement"
+    EMPTY = "a block without a path takes its time"
+    HELD = "Start goes on"
+
+
+class Filter(Protocol):
+    """What blocks pass on their way; raises ProgramError."""
+
+    def push(self, block: PathBlock) -> list[PathBlock]: ...
+    def flush(self) -> list[PathBlock]: ...
+
+
+@dataclass(frozen=True)
+class Services:
+    """What the control does for its channel."""
+
+    function: Callable[[Machine], None]
+    """Send an M function to the PLC."""
+    acknowledged: Callable[[], bool]
+    """Whether all of them have been."""
+    speed: Callable[[int, float], None]
+    """S of a spindle, 1/min."""
+    tool: Callable[[int], None]
+    parameter: Callable[[int, float | None], None]
+    say: Callable[[Message], None]
+    text: Callable[[object], None]
+    settled: Callable[[], bool]
+    """Whether all axes are within the exact-stop window."""
+    limits: Callable[[], Limits]
+    counts: Callable[[], tuple[int, ...]]
+    ended: Callable[[], None]
+    """A program has ended by itself."""
+    allowed: Callable[[PathBlock], str]
+    """Why a block's path must not be made, such as a software limit; empty: it may."""
+
+
+@dataclass
+class _Entry:
+    """A block of the stretch, and how many of its pieces are to be made before it is over."""
+
+    block: PathBlock
+    until: int
+
+
+class Channel:
+    """Carries out what an interpreter analyses."""
+
+    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], Sequence[Filter]]) -> None:
+        """filters: makes new ones, objects with `push(block)` and `flush()`, in their order."""
+        self._interpreter, self._do, self._new_filters = interpreter, services, filters
+        self._filters: Sequence[Filter] = ()
+        self.phase = Phase.IDLE
+        self.run: SetPointRun | None = None
+        self.single = False
+        """Stop after every block."""
+        self.override = 1.0
+        self.block = ("", 0)
+        """Program and block in execution."""
+        self._blocks: deque[PathBlock] = deque()
+        self._stretch: deque[_Entry] = deque()
+        self._plan: Joined | None = None
+        self._path: Path | None = None
+        self._made = 0
+        """Pieces of the stretch that were made in earlier runs of it."""
+        self._current: PathBlock | None = None
+        """Block whose path has ended, and whose end is being carried out."""
+        self._due_ns: int | None = None
+        self._serial = 0
+        self._ended = True
+        """Nothing more comes from the interpreter."""
+        self._holds = False
+        self._drops = False
+        self._branches = False
+        self._error: Message | None = None
+        self._now_ns = 0
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def active(self) -> bool:
+        """A program is in execution, held or not."""
+        return self.phase is not Phase.IDLE
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `advance` is due."""
+        if self.phase is Phase.PATH:
+            return self._next_of_path()
+        return self._due_ns
+
+    def _next_of_path(self) -> int | None:
+        """The end of the set points, the next block that speaks, and when analysis has to go on."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return self._now_ns
+        marks = [run.end_ns]
+        if not plan.held:
+            before = self._made
+            for number, entry in enumerate(self._stretch):
+                if number and _begins_with(entry.block):
+                    marks.append(self._time_of(before))
+                    break
+                if entry.block.post and entry is not self._stretch[-1]:
+                    marks.append(self._time_of(entry.until))
+                    break
+                before = entry.until
+            if not self._ended and len(self._stretch) > REFILL:
+                marks.append(self._time_of(self._stretch[-REFILL].until))
+        return max(min(marks), self._now_ns)
+
+    def _time_of(self, pieces: int) -> int:
+        """When so many pieces of the stretch have been made."""
+        assert self.run is not None
+        assert self._plan is not None
+        try:
+            tick = self._plan.passed(pieces - self._made)
+        except IndexError:
+            return self.run.end_ns
+        return self.run.start_ns + tick * PERIOD_NS
+
+    # ---- operating --------------------------------------------------------------------------------------------------
+
+    def start(self, now_ns: int) -> None:
+        """A program has been begun in the interpreter; carry it out."""
+        self._now_ns = now_ns
+        self._filters = self._new_filters()
+        self._path = Path(self._do.limits(), self._position())
+        self._blocks.clear()
+        self._stretch.clear()
+        self._ended = self._holds = self._drops = False
+        self._plan, self.run, self._current, self._error = None, None, None, None
+        self.phase, self._due_ns = Phase.READY, now_ns
+        self.advance(now_ns)
+
+    def go_on(self, now_ns: int) -> None:
+        """Start, after Stop or M00."""
+        self._now_ns = now_ns
+        self._holds = False
+        if self.phase is Phase.PATH and self._plan is not None and self._plan.hold and not self._drops:
+            self._replan(hold=False)
+        elif self.phase is Phase.HELD:
+            self._resume()
+        self.advance(now_ns)
+
+    def stop(self, now_ns: int) -> None:
+        """Stop: brake along the path, and wait for Start."""
+        self._now_ns = now_ns
+        self._holds = True
+        if self.phase is Phase.PATH:
+            self._replan(hold=True)
+        elif self.phase in (Phase.READY, Phase.EMPTY):
+            self.phase, self._due_ns = Phase.HELD, None
+
+    def abort(self, now_ns: int) -> None:
+        """Brake along the path and forget the rest."""
+        self._now_ns = now_ns
+        if self.phase is Phase.IDLE:
+            return
+        self._drops = True
+        if self.phase is Phase.PATH and self._plan is not None and self.run is not None and now_ns < self.run.end_ns:
+            self._replan(hold=True)
+            return
+        self._end(aborted=True)
+
+    def cut(self, now_ns: int) -> None:
+        """Everything ends at once: emergency stop."""
+        self._now_ns = now_ns
+        if self.run is not None:
+            self.run = None
+        if self.phase is not Phase.IDLE:
+            self._end(aborted=True)
+
+    def set_override(self, factor: float, now_ns: int) -> None:
+        """Another override, 0 to 1.2."""
+        self._now_ns = now_ns
+        self.override = factor
+        if self.phase is Phase.PATH:
+            self._replan(scale=self._scale())
+        elif self.phase is Phase.HELD and not self._holds and self._plan is not None and factor > 0.0:
+            self._resume()
+
+    def branch(self, now_ns: int) -> None:
+        """The M function with a jump was acknowledged: its path is deleted, and the program goes on elsewhere."""
+        self._now_ns = now_ns
+        if self._interpreter.waiting is not Waiting.ACKNOWLEDGEMENT:
+            return
+        self._branches = True
+        if self.phase is Phase.PATH:
+            self._replan(hold=True, drop=True)
+        self.advance(now_ns)
+
+    # ---- going on ---------------------------------------------------------------------------------------------------
+
+    def advance(self, now_ns: int) -> None:
+        """Let time pass to now_ns: everything that is due."""
+        self._now_ns = now_ns
+        for _ in range(100_000):
+            before = (self.phase, len(self._stretch), len(self._blocks), self.run, self._due_ns)
+            self._step()
+            if before == (self.phase, len(self._stretch), len(self._blocks), self.run, self._due_ns):
+                return
+
+    def _step(self) -> None:
+        match self.phase:
+            case Phase.READY:
+                self._begin()
+            case Phase.PATH:
+                self._follow()
+            case Phase.SETTLE:
+                if self._do.settled() or (self._due_ns is not None and self._now_ns >= self._due_ns):
+                    if not self._do.settled():
+                        self._do.say(self._message(2022))
+                    self._after_stop()
+            case Phase.DWELL:
+                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                    self._after_dwell()
+            case Phase.FUNCTIONS:
+                if self._do.acknowledged():
+                    self._after_functions()
+            case Phase.EMPTY:
+                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                    self.phase, self._due_ns = Phase.READY, self._now_ns
+
+    # Analysis
+
+    def _fill(self) -> None:
+        """Analyse ahead, as far as there is room for it."""
+        while not self._ended and self._error is None and len(self._blocks) + len(self._stretch) < AHEAD:
+            try:
+                block = self._interpreter.next()
+            except ProgramError as error:
+                program, number = self._interpreter.place
+                self._error = message(
+                    error.number, program=program, block=number, column=error.column, detail=error.detail
+                )
+                self._flush()
+                return
+            for note in self._interpreter.notes:
+                self._do.say(note)
+                if note.effect is Effect.STOP:
+                    self._holds = True
+            self._interpreter.notes.clear()
+            if block is None:
+                self._ended = True
+                self._flush()
+                return
+            if isinstance(block, Waiting):
+                self._flush()
+                return
+            self._push(block)
+            if block.stop in (Stop.END,):
+                self._ended = True
+                self._flush()
+                return
+            if block.stop is not Stop.NONE:
+                self._flush()
+                if self._interpreter.waiting is not None:
+                    return
+
+    def _push(self, block: PathBlock) -> None:
+        self._through([block], 0)
+
+    def _flush(self) -> None:
+        try:
+            for number, item in enumerate(self._filters):
+                self._through(item.flush(), number + 1)
+        except ProgramError as error:
+            self._fault(error)
+
+    def _through(self, blocks: list[PathBlock], first: int) -> None:
+        """Blocks through the filters from one on."""
+        try:
+            for item in self._filters[first:]:
+                blocks = [out for block in blocks for out in item.push(block)]
+        except ProgramError as error:
+            self._fault(error, blocks[0] if blocks else None)
+            return
+        self._blocks.extend(blocks)
+
+    def _fault(self, error: ProgramError, block: PathBlock | None = None) -> None:
+        program, number = (block.program, block.number) if block else self._interpreter.place
+        self._error = message(error.number, program=program, block=number, column=error.column, detail=error.detail)
+
+    # Blocks
+
+    def _begin(self) -> None:
+        """The next block, if there is one."""
+        if self._drops:
+            self._end(aborted=True)
+            return
+        if self._holds:
+            self.phase, self._due_ns = Phase.HELD, None
+            return
+        self._fill()
+        if not self._blocks:
+            self._nothing()
+            return
+        block = self._blocks[0]
+        self.block = (block.program, block.number)
+        if why := self._do.allowed(block):
+            self._blocks.clear()
+            self._fail(why, block)
+            return
+        if not block.elements:
+            self._blocks.popleft()
+            self._speak(block)
+            self._current = block
+            self._after_functions_pre(block)
+            return
+        self._speak(block)
+        if not self._do.acknowledged() and any(function.halt for function in block.pre):
+            self.phase, self._due_ns = Phase.FUNCTIONS, None
+            self._current = None
+            return
+        self._begin_path()
+
+    def _fail(self, why: str, block: PathBlock) -> None:
+        number, _, detail = why.partition(" ")
+        self._do.say(message(int(number), program=block.program, block=block.number, detail=detail))
+        self._end(aborted=True)
+
+    def _nothing(self) -> None:
+        """No block waits: the program has ended, failed, or waits for something."""
+        if self._error is not None:
+            self._do.say(self._error)
+            self._end(aborted=True)
+        elif self._ended:
+            self._end(aborted=False)
+        else:
+            self._due_ns = self._now_ns + BLOCK_NS  # waituntil, or an acknowledgement: look again
+            self.phase = Phase.EMPTY
+
+    def _after_functions_pre(self, block: PathBlock) -> None:
+        """A block without a path: on with what comes behind one."""
+        if block.end is BlockEnd.EXACT_STOP or block.dwell_s is not None:
+            self._settle()
+        elif any(function.halt for function in block.pre):
+            self._after_stop()
+        else:
+            self._post()
+
+    def _speak(self, block: PathBlock) -> None:
+        """What happens as a block begins."""
+        for number, value in block.parameters:
+            self._do.parameter(number, value)
+        for spindle, speed in block.speeds.items():
+            self._do.speed(spindle, speed)
+        if block.tool is not None:
+            self._do.tool(block.tool)
+        if block.text is not None:
+            self._do.text(block.text)
+        for function in block.pre:
+            self._do.function(function)
+
+    # The path
+
+    def _begin_path(self) -> None:
+        """A stretch begins with the first of the waiting blocks."""
+        assert self._path is not None
+        self._path.limits = self._do.limits()
+        self._stretch.clear()
+        self._made = 0
+        self._path.stop()
+        pieces = self._take()
+        if pieces is None:
+            return
+        self._serial += 1
+        self._plan = joined(pieces, PERIOD_NS, scale=self._scale(), identity=self._serial)
+        self.run = SetPointRun(self._plan, PERIOD_NS, self._now_ns)
+        self.phase = Phase.PATH
+
+    def _take(self) -> Pieces | None:
+        """Pieces of the waiting blocks that belong to the stretch; None after an error."""
+        assert self._path is not None
+        chosen: list[PathBlock] = []
+        while self._blocks:
+            block = self._blocks[0]
+            last = chosen[-1] if chosen else (self._stretch[-1].block if self._stretch else None)
+            if last is not None and not _joins(last, block, self.single):
+                break
+            if last is not None and self._do.allowed(block):
+                break
+            chosen.append(self._blocks.popleft())
+        done = self._stretch[-1].until if self._stretch else 0
+        try:
+            pieces, counts = self._path.pieces(chosen)
+        except ProgramError as error:
+            self._do.say(message(error.number, program=chosen[0].program, block=chosen[0].number, detail=error.detail))
+            self._end(aborted=True)
+            return None
+        for block, count in zip(chosen, counts, strict=True):
+            done += count
+            self._stretch.append(_Entry(block, done))
+        return pieces
+
+    @property
+    def _open(self) -> bool:
+        """Whether the stretch could go on with another block."""
+        return bool(self._stretch) and not _breaks_after(self._stretch[-1].block, self.single) and not self._holds
+
+    def _follow(self) -> None:
+        """The stretch runs: pass on from block to block, append what has been analysed, end."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return
+        made = self._made + plan.finished(max(run.count(self._now_ns) - run.first, 0))
+        while len(self._stretch) > 1 and self._stretch[0].until <= made:
+            over = self._stretch.popleft()
+            for function in over.block.post:
+                self._do.function(function)
+            block = self._stretch[0].block
+            self.block = (block.program, block.number)
+            self._speak(block)
+        if self._now_ns >= run.end_ns:
+            self._path_ended()
+            return
+        if not self._ended and not plan.held and self._open and len(self._stretch) <= REFILL:
+            self._fill()
+        if self._blocks and self._open and not plan.held:
+            pieces = self._take()
+            if pieces is not None and len(pieces):
+                self._replan(append=pieces)
+
+    def _path_ended(self) -> None:
+        """Set points have come to an end: of the stretch, or because it was held."""
+        assert self._plan is not None
+        assert self.run is not None
+        plan = self._plan
+        self.run = None
+        if self._drops:
+            self._end(aborted=True)
+            return
+        over = self._made + plan.finished(plan.ticks)
+        if plan.held and over < self._stretch[-1].until and not self._branches:
+            self._made = over
+            self.phase, self._due_ns = Phase.HELD, None
+            return
+        self._plan = None
+        self._current = self._stretch[-1].block
+        self._stretch.clear()
+        waits = self._current.end is BlockEnd.EXACT_STOP or self._current.dwell_s is not None
+        if waits or self._current.stop is not Stop.NONE:
+            self._settle()
+        else:
+            self._post()
+
+    def _resume(self) -> None:
+        """Go on where it was held."""
+        if self._plan is None:
+            self.phase, self._due_ns = Phase.READY, self._now_ns
+            return
+        self._serial += 1
+        self._plan = self._plan.remainder(self._serial, scale=self._scale())
+        self.run = SetPointRun(self._plan, PERIOD_NS, self._now_ns)
+        self.phase = Phase.PATH
+
+    def _replan(self, **changes: object) -> None:
+        """Another future from the next tick on."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return
+        tick = max(0, -((run.start_ns - self._now_ns) // PERIOD_NS))
+        self._plan = plan.replanned(tick, **changes)  # type: ignore[arg-type]
+        self.run = replace(run, plan=self._plan)
+
+    def _scale(self) -> float:
+        block = self._stretch[0].block if self._stretch else (self._blocks[0] if self._blocks else None)
+        return 1.0 if block is not None and not block.override else self.override
+
+    # The end of a block
+
+    def _settle(self) -> None:
+        self.phase, self._due_ns = Phase.SETTLE, self._now_ns + SETTLE_NS
+
+    def _after_stop(self) -> None:
+        block = self._current
+        if block is not None and block.dwell_s is not None:
+            self.phase, self._due_ns = Phase.DWELL, self._now_ns + round(block.dwell_s * SECOND_NS)
+            return
+        self._after_dwell()
+
+    def _after_dwell(self) -> None:
+        self._post()
+
+    def _post(self) -> None:
+        """Post functions, and the wait for those with halt."""
+        block = self._current
+        assert block is not None
+        for function in block.post:
+            self._do.function(function)
+        halting = any(function.halt for function in (*block.pre, *block.post))
+        if halting and not self._do.acknowledged():
+            self.phase, self._due_ns = Phase.FUNCTIONS, None
+            return
+        self._block_over()
+
+    def _after_functions(self) -> None:
+        if self._current is None:  # functions before a path
+            self._begin_path()
+        else:
+            self._block_over()
+
+    def _block_over(self) -> None:
+        """A block has been carried out whole."""
+        block, self._current = self._current, None
+        assert block is not None
+        if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
+            self._interpreter.executed()
+        if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._blocks:
+            if self._branches:
+                self._interpreter.stand(self._position())
+                self._path = Path(self._do.limits(), self._position())
+            self._interpreter.acknowledged(self._branches)
+            self._branches = False
+        if block.stop is Stop.END:
+            self._end(aborted=False)
+            return
+        if block.stop is Stop.MEASURING_STOP or self._holds or (self.single and block.main):
+            self._holds = True
+            self.phase, self._due_ns = Phase.HELD, None
+            return
+        if block.elements:
+            self.phase, self._due_ns = Phase.READY, self._now_ns
+        else:
+            self.phase, self._due_ns = Phase.EMPTY, self._now_ns + BLOCK_NS
+
+    def _end(self, *, aborted: bool) -> None:
+        """No program any more."""
+        self._interpreter.end()
+        self._blocks.clear()
+        self._stretch.clear()
+        self._plan, self.run, self._current, self._error = None, None, None, None
+        self._ended, self._holds, self._drops = True, False, False
+        self.phase, self._due_ns = Phase.IDLE, None
+        if not aborted:
+            self._do.ended()
+
+    def _position(self) -> tuple[float, ...]:
+        per_mm = self._do.limits().increments_per_mm
+        return tuple(count / per for count, per in zip(self._do.counts(), per_mm, strict=True))
+
+    def _message(self, number: int) -> Message:
+        return message(number, program=self.block[0], block=self.block[1])
+
+
+def _begins_with(block: PathBlock) -> bool:
+    """Whether something happens as it begins."""
+    return bool(block.pre or block.parameters or block.speeds or block.text is not None or block.tool is not None)
+
+
+def _breaks_after(block: PathBlock, single: bool) -> bool:
+    """Whether the axes stand at its end, and something is waited for."""
+    return (
+        block.end is BlockEnd.EXACT_STOP
+        or block.dwell_s is not None
+        or block.stop is not Stop.NONE
+        or any(function.halt for function in block.post)
+        or (single and block.main)
+    )
+
+
+def _joins(block: PathBlock, following: PathBlock, single: bool) -> bool:
+    """Whether a block belongs to the stretch of the one before it."""
+    return (
+        not _breaks_after(block, single)
+        and not any(function.halt for function in following.pre)
+        and following.override == block.override
+        and not (not following.elements and _breaks_after(following, single))
+    )

@@ -1,0 +1,510 @@
+"""The control: host, inputs and clock. Implements `isel_twin.controller.Controller`.
+
+    bytes     files of programs and parameters (transfer.py); parameters are also the operator's keys, as for a PLC:
+              P8683 mode, P8684 start and stop, P8705 abort, P8800 program, P12130 reference run of an axis
+    inputs    start, stop, E-stop, limit switches, hood, key
+    outputs   stages, brake, spindle, coolant ...: a0.0 on, of the PLC
+    run       set points of the channel, or of a reference run
+
+Modes: HAND 1, AUTO 2, single block 4, positioning 8. A program starts in AUTO or single block, with all axes referenced
+and the drives on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import Any, Final
+
+from isel_twin.controller import (
+    CounterSet,
+    DriveInput,
+    Drives,
+    Event,
+    FlashWrite,
+    Output,
+    Remark,
+    SerialFormat,
+)
+from isel_twin.firmware.bwo900 import memory
+from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
+from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
+from isel_twin.firmware.bwo900.homing import Homing
+from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.machine_plc import MachinePlc
+from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
+from isel_twin.firmware.bwo900.path import Limits
+from isel_twin.firmware.bwo900.transfer import Receiver
+from isel_twin.motion import SetPointRun
+from isel_twin.units import MILLISECOND_NS
+
+__all__ = ["Control", "Mode"]
+
+AXES: Final = 3
+PULSES: Final = 5_000
+"""Increments from zero pulse to zero pulse."""
+POWER_NS: Final = 500 * MILLISECOND_NS
+MOST_MESSAGES: Final = 1_000
+"""Of the history."""
+
+TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
+    "estop": ("estop_1", "estop_2", "overtemperature"),
+    "power": ("power_ok",),
+    "e0.1": ("start",),
+    "e0.2": ("stop",),
+    "e0.3": ("hood_automatic",),
+    "e0.4": ("hood_setup",),
+    "e0.5": ("key",),
+    "e0.6": ("probe",),
+    "e0.7": ("spindle",),
+    **{f"limit_{'xyz'[axis]}{end + 1}": (f"limit_{'xyz'[axis]}{end + 1}",) for axis in range(AXES) for end in (0, 1)},
+}
+"""Where the contacts of machine and cabinet lead to."""
+
+
+class Mode(IntEnum):
+    """P8683, P8703."""
+
+    HAND = 1
+    AUTO = 2
+    SINGLE = 4
+    POSITIONING = 8
+
+
+class Control:
+    """Implements isel_twin.controller.Controller, UsesDrives and NamesOutputs."""
+
+    direction = (1,) * AXES
+    output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
+
+    def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
+        """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
+        self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._interpreter = Interpreter(self._parameters, self._store)
+        self._plc = MachinePlc(plc)
+        self._receiver = Receiver(self._parameters, self._store, self._written)
+        self._channel = Channel(
+            self._interpreter,
+            Services(
+                function=self._function,
+                acknowledged=lambda: self._plc.idle,
+                speed=self._plc.speed,
+                tool=self._plc.tool,
+                parameter=self._parameters.write,
+                say=self._say,
+                text=self._show,
+                settled=self._settled,
+                limits=self._limits,
+                counts=lambda: self.counts,
+                ended=self._program_ended,
+                allowed=self._allowed,
+            ),
+            lambda: memory.filters(self._parameters),
+        )
+        self._drives: Drives | None = None
+        self._events: list[Event] = []
+        self._now_ns = 0
+        self._base: tuple[int, ...] = (0,) * AXES
+        self._homing: Homing | None = None
+        self._referenced = [False] * AXES
+        self._levels: dict[str, bool] = {}
+        self._faulty = [False] * AXES
+        self.mode = Mode.HAND
+        self.messages: list[Message] = []
+        """Those that stand, the newest last."""
+        self.history: list[tuple[int, Message]] = []
+        self._enabled = False
+        self._power_until_ns: int | None = None
+        self._wants: list[int] = []
+        """Axes that a reference run has been asked for."""
+        self._outputs: dict[str, int] = {}
+        self._starts = False
+        self.fault = False
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        p = self._parameters
+        parity = ("N", "O", "E")[min(max(int(p.get(11_175)), 0), 2)]
+        return SerialFormat(
+            int(p.given(11_172, 9600.0)),
+            int(p.given(11_173, 8.0)),
+            parity,  # type: ignore[arg-type]
+            int(p.given(11_174, 2.0)),
+        )
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        run = self.run
+        if run is None:
+            return self._base
+        return tuple(b + m for b, m in zip(self._base, run.displacement(self._now_ns), strict=True))
+
+    @property
+    def run(self) -> SetPointRun | None:
+        return self._shown
+
+    _shown: SetPointRun | None = None
+
+    @property
+    def next_ns(self) -> int | None:
+        times = [self._channel.next_ns, self._plc.next_ns, self._power_until_ns]
+        if self._homing is not None:
+            times.append(self._homing.next_ns)
+        if self._shown is not None and self._channel.run is None and self._homing is None:
+            times.append(self._shown.end_ns)
+        known = [t for t in times if t is not None]
+        return max(min(known), self._now_ns) if known else None
+
+    @property
+    def idle(self) -> bool:
+        held = self._channel.phase is Phase.HELD
+        working = self._channel.active and not held
+        asked = self._power_until_ns is not None or not self._plc.idle
+        return not (working or self._homing is not None or asked or self._receiver.busy)
+
+    # ---- what happens -----------------------------------------------------------------------------------------------
+
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
+        self._now_ns = t_ns
+        self._levels = dict(levels)
+        self._output("software_ok", 1)
+        if self._flash_fault:
+            self._output("flash_fault", 1)
+        for terminal, level in levels.items():
+            self._plc.set_input(t_ns, terminal, level)
+        self._plc.power_on(t_ns)
+        self._status()
+
+    def receive(self, t_ns: int, data: bytes) -> None:
+        self.advance(t_ns)
+        for error in self._receiver.take(data):
+            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+        if self._receiver.changed and not self._receiver.busy:
+            self._receiver.changed = False
+            self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
+        self._settle()
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        self._now_ns = t_ns
+        before, self._levels[terminal] = self._levels.get(terminal), level
+        self._plc.set_input(t_ns, terminal, level)
+        if terminal in ("estop", "power") and not level:
+            self._lose(3001 if terminal == "estop" else 3002)
+        elif terminal.startswith("fault"):
+            axis = int(terminal[-1])
+            self._faulty[axis] = level
+            if level:
+                self._referenced[axis] = False
+                self._lose(2001)
+        elif terminal.startswith("limit") and before and not level:
+            self._limit("xyz".index(terminal[6]), int(terminal[7]))
+        elif terminal == "e0.1" and level and not before:
+            self._start()
+        elif terminal == "e0.2" and not level and before:
+            self._channel.stop(t_ns)
+        self._settle()
+
+    def advance(self, t_ns: int) -> None:
+        self._now_ns = t_ns
+        self._settle()
+
+    def take(self) -> list[Event]:
+        events, self._events = self._events, []
+        return events
+
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        return TERMINALS
+
+    def machine_overrides(self) -> Mapping[str, Any]:
+        return {"axes.all.drive": "servo"}
+
+    def drive_inputs(self) -> Sequence[DriveInput]:
+        return [DriveInput(f"fault{axis}", axis, "fault") for axis in range(AXES)]
+
+    def use_drives(self, drives: Drives) -> None:
+        self._drives = drives
+
+    # ---- going on ---------------------------------------------------------------------------------------------------
+
+    def _settle(self) -> None:
+        """Everything that is due now."""
+        if self._power_until_ns is not None and (self._ready or self._now_ns >= self._power_until_ns):
+            self._powered()
+        self._plc.advance(self._now_ns)
+        if self._homing is not None:
+            self._homing.advance(self._now_ns)
+            self._follow(self._homing.run)
+            if not self._homing.active:
+                self._homed()
+        self._channel.advance(self._now_ns)
+        self._follow(self._channel.run if self._homing is None else self._homing.run)
+        for name, value in self._plc.take().items():
+            self._output(name, value)
+        self._status()
+
+    def _follow(self, run: SetPointRun | None) -> None:
+        """The motion in execution is this one now."""
+        shown = self._shown
+        if run is shown:
+            return
+        if shown is not None and (run is None or not run.continues(shown)):
+            self._base = tuple(b + m for b, m in zip(self._base, shown.displacement(self._now_ns), strict=True))
+        self._shown = run
+
+    def _status(self) -> None:
+        p = self._parameters
+        channel = self._channel
+        state = 0.0 if not channel.active else 1.0 if channel.phase is Phase.HELD else 2.0
+        if p.get(8_685) != state:
+            p.write(8_685, state)
+            p.write(8_687, 1.0 if channel.active else 0.0)
+        self._output("active", int(state))
+        self._output("moving", int(self._shown is not None))
+        self._output("auto", int(self.mode is not Mode.HAND))
+
+    def _output(self, name: str, value: int) -> None:
+        if self._outputs.get(name) != value:
+            self._outputs[name] = value
+            self._events.append(Output(name, value))
+
+    # ---- drives -----------------------------------------------------------------------------------------------------
+
+    @property
+    def _ready(self) -> bool:
+        """E-stop, supply and drives let the axes move."""
+        return self._levels.get("estop", True) and self._levels.get("power", True) and not any(self._faulty)
+
+    def _request_power(self) -> None:
+        """Ask the cabinet for its relay, the drives to forget their faults; then what was asked for goes on."""
+        self._events += [Output("power_request", 1), Output("power_request", 0)]
+        if any(self._faulty):
+            self._events += [Output("drive_reset", 1), Output("drive_reset", 0)]
+        self._power_until_ns = self._now_ns + POWER_NS
+        if self._ready:
+            self._powered()
+
+    def _powered(self) -> None:
+        self._power_until_ns = None
+        starts, self._starts = self._starts, False
+        wants, self._wants = self._wants, []
+        if not self._ready:
+            self._say(message(3001 if not self._levels.get("estop", True) else 3002))
+            return
+        self._enable(on=True)
+        if wants:
+            self._home(wants)
+        elif starts:
+            self._begin_program()
+
+    def _enable(self, *, on: bool) -> None:
+        self._enabled = on
+        self._output("stages", int(on))
+        self._output("brake", int(on))
+
+    def _lose(self, number: int) -> None:
+        """Drives off, everything ends."""
+        moving = self._channel.active or self._homing is not None
+        if self._homing is not None:
+            self._homing.stop()
+            self._homing = None
+        self._channel.cut(self._now_ns)
+        self._follow(None)
+        self._interpreter.end()
+        if self._enabled:
+            self._enable(on=False)
+            self._say(message(number))
+        elif moving:
+            self._say(message(number))
+
+    def _limit(self, axis: int, end: int) -> None:
+        """A limit switch is struck: outside of a reference run everything ends."""
+        if self._homing is not None or self._shown is None:
+            return
+        self._say(message(2102 if end == 1 else 2101, detail="XYZ"[axis]))
+        self._channel.abort(self._now_ns)
+
+    def _settled(self) -> bool:
+        return self._drives is None or all(self._drives.in_position[:AXES])
+
+    # ---- reference runs ---------------------------------------------------------------------------------------------
+
+    def _home(self, axes: list[int]) -> None:
+        self._homing = Homing(
+            sorted(axes, reverse=True),
+            AXES,
+            PERIOD_NS,
+            self._now_ns,
+            struck=lambda axis: not self._levels.get(f"limit_{'xyz'[axis]}1", True),
+            to_pulse=self._to_pulse,
+            done=self._at_reference,
+        )
+        self._follow(self._homing.run)
+
+    def _to_pulse(self, axis: int) -> int:
+        past = 0 if self._drives is None else self._drives.past_zero_pulse[axis] % PULSES
+        return (PULSES - past) % PULSES
+
+    def _at_reference(self, axis: int) -> None:
+        """An axis stands at its reference point: its position is P12040."""
+        self._follow(None)
+        place = self._parameters.axis(axis, 40, 0.0)
+        value = round(place * self._limits().increments_per_mm[axis])
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self._events.append(CounterSet(axis, value))
+        self._referenced[axis] = True
+        self._parameters.write(12_180 + AXIS_SIZE * axis, 1.0)
+
+    def _homed(self) -> None:
+        assert self._homing is not None
+        failed, self._homing = self._homing.failed, None
+        if failed is not None:
+            self._say(message(2110, detail="XYZ"[failed]))
+            self.fault = True
+        self._parameters.write(8_579, float(all(self._referenced)))
+        self._parameters.write(8_709, float(all(self._referenced)))
+
+    # ---- programs ---------------------------------------------------------------------------------------------------
+
+    def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
+        """A parameter has been written from the line: some are keys."""
+        if area != "P" or channel != 1:
+            return
+        given = int(value or 0)
+        if number in (8_683, 8_703):
+            self._set_mode(given)
+        elif number in (8_684, 8_704):
+            self._start() if given else self._channel.stop(self._now_ns)
+        elif number == 8_682 and given:
+            self._start() if given == 2 else self._channel.stop(self._now_ns)
+        elif number == 8_705 and given:
+            self._channel.abort(self._now_ns)
+            self._parameters.write(8_705, 0.0)
+        elif number == 8_508:
+            self.messages.clear()
+        elif number == 11_310:
+            self._channel.set_override(min(max(value or 0.0, 0.0), 120.0) / 100.0, self._now_ns)
+        elif 12_000 <= number < 12_000 + AXIS_SIZE * AXES and (number - 12_000) % AXIS_SIZE == 130 and given:
+            self._parameters.write(number, 0.0)
+            self._reference((number - 12_000) // AXIS_SIZE)
+
+    def _reference(self, axis: int) -> None:
+        if self.mode is not Mode.HAND or self._channel.active:
+            self._say(message(1321, detail="a reference run"))
+            return
+        if self._homing is not None:
+            self._say(message(1321, detail="a reference run is under way"))
+            return
+        self._wants.append(axis)
+        if self._power_until_ns is None:
+            self._request_power_later()
+
+    def _request_power_later(self) -> None:
+        """The axes of one file are referenced together: the file is read first."""
+        self._events += [Output("power_request", 1), Output("power_request", 0)]
+        if any(self._faulty):
+            self._events += [Output("drive_reset", 1), Output("drive_reset", 0)]
+        self._power_until_ns = self._now_ns + POWER_NS
+
+    def _set_mode(self, given: int) -> None:
+        try:
+            mode = Mode(given)
+        except ValueError:
+            self._say(message(1322, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
+            return
+        if Mode.POSITIONING in (mode, self.mode) and Mode.HAND not in (mode, self.mode) and mode is not self.mode:
+            self._say(message(1009))
+            return
+        if mode is Mode.HAND:
+            self._channel.abort(self._now_ns)
+            self.messages.clear()
+            self.fault = False
+            self._output("message", 0)
+        self.mode = mode
+        self._channel.single = mode is Mode.SINGLE
+
+    def _start(self) -> None:
+        """Start: the program of P8800, or on with the one that is held."""
+        if self._channel.active:
+            self._channel.go_on(self._now_ns)
+            return
+        if self.mode not in (Mode.AUTO, Mode.SINGLE):
+            self._say(message(1322, detail="Start"))
+            return
+        if not all(self._referenced):
+            missing = "".join(name for name, known in zip("XYZ", self._referenced, strict=True) if not known)
+            self._say(message(1008, detail=missing))
+            return
+        self._starts = True
+        if self._enabled and self._ready:
+            self._starts = False
+            self._begin_program()
+        else:
+            self._request_power()
+
+    def _begin_program(self) -> None:
+        p = self._parameters
+        name = f"P{int(p.get(8_800))}"
+        block = int(p.get(8_801)) or None
+        self.fault = False
+        try:
+            self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
+        except ProgramError as error:
+            self._say(message(error.number, program=name, detail=error.detail))
+            return
+        self._channel.single = self.mode is Mode.SINGLE
+        self._channel.start(self._now_ns)
+
+    @property
+    def _position(self) -> tuple[float, ...]:
+        per_mm = self._limits().increments_per_mm
+        return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
+
+    def _program_ended(self) -> None:
+        """M30, or the last block."""
+
+    def _limits(self) -> Limits:
+        p = self._parameters
+        per_mm = [(p.axis(a, 12, 0.0) or 1000.0) / (p.axis(a, 13, 0.0) or 1.0) for a in range(AXES)]
+        return Limits.of(p, per_mm)
+
+    def _allowed(self, block: PathBlock) -> str:
+        """Software limits (P12030, P12031)."""
+        p = self._parameters
+        for axis in range(AXES):
+            high, low = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+            if not (p.loaded(high) or p.loaded(low)):
+                continue
+            places = [element.point(share)[axis] for element in block.elements for share in (0.25, 0.5, 0.75, 1.0)]
+            if p.loaded(high) and places and max(places) > p.get(high):
+                return f"2103 {'XYZ'[axis]}"
+            if p.loaded(low) and places and min(places) < p.get(low):
+                return f"2104 {'XYZ'[axis]}"
+        return ""
+
+    def _function(self, function: Machine) -> None:
+        self._plc.function(self._now_ns, function.code)
+
+    # ---- messages ---------------------------------------------------------------------------------------------------
+
+    def _say(self, said: Message) -> None:
+        """A message: shown, kept in the history, and what it does."""
+        self.messages.append(said)
+        self.history.append((self._now_ns, said))
+        del self.history[:-MOST_MESSAGES]
+        self._parameters.write(8_501 if said.effect is not Effect.SHOWN else 8_503, float(said.number))
+        if said.program:
+            self._parameters.write(8_910, float(said.program[1:]))
+            self._parameters.write(8_911, float(said.block))
+        if said.effect is not Effect.SHOWN:
+            self.fault = True
+        self._output("message", said.number)
+        self._events.append(Remark(str(said)))
+
+    def _show(self, text: object) -> None:
+        """A text of the program for the operator."""
+        words = getattr(text, "text", None)
+        if words:
+            self._events.append(Remark(f"{self._channel.block[0]} N{self._channel.block[1]}: {words}"))

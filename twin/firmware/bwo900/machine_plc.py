@@ -1,0 +1,169 @@
+"""What the PLC of the machine does: spindle, coolant, tool change, clamping, as a program of the twin's PLC.
+
+    control --- M code, S, T, strobe ---> flags ---> OB 1 ---> outputs, strobe reset: acknowledged
+
+    MB 30      code of the M function, while M 32.0 is on        A 0.0   spindle on       A 0.3   coolant 1
+    MW 34      speed in 1/min    MB 36  tool                      A 0.1   turns left       A 0.4   coolant 2
+    M 32.0     strobe: set by the control, reset by the program   A 0.2   tool is changed  A 0.5   clamped (M10)
+
+DEFAULT is small on purpose: another one is given as text (setting `plc_program` of the machine file).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from isel_twin.firmware.plc import Memory, Plc, Rights
+from isel_twin.firmware.plc.assembler import assemble
+from isel_twin.units import MILLISECOND_NS
+
+__all__ = ["DEFAULT", "MachinePlc"]
+
+SHORTEST_NS: Final = 4 * MILLISECOND_NS
+CODE, STROBE, SPEED, TOOL = 30, 32, 34, 36
+
+DEFAULT: Final = """
+OB 1
+UN M 32.0        ; nothing to do
+SPB =SAFE
+L MB 30
+L KB 3
+!=F
+S A 0.0          ; M03
+R A 0.1
+L MB 30
+L KB 4
+!=F
+S A 0.0          ; M04
+S A 0.1
+L MB 30
+L KB 5
+!=F
+R A 0.0          ; M05
+L MB 30
+L KB 0
+!=F
+R A 0.0          ; M00
+L MB 30
+L KB 7
+!=F
+S A 0.3          ; M07
+L MB 30
+L KB 8
+!=F
+S A 0.4          ; M08
+L MB 30
+L KB 9
+!=F
+R A 0.3          ; M09
+R A 0.4
+L MB 30
+L KB 10
+!=F
+S A 0.5          ; M10
+L MB 30
+L KB 11
+!=F
+R A 0.5          ; M11
+L MB 30
+L KB 6
+!=F
+R A 0.0          ; M06: the spindle stands, the change takes two seconds
+L KT 020.1
+SE T 1
+L MB 30
+L KB 6
+!=F
+UN T 1
+= A 0.2
+U A 0.2
+BEB
+L KB 255
+T MB 30          ; the timer sees that M06 is over
+UN A 0.2
+R M 32.0         ; acknowledged
+SAFE: UN E 0.4   ; hood open, key not on setup: no spindle
+R A 0.0
+U M 32.0
+BEB
+L KB 0
+L KB 1
+!=F
+L KT 020.1
+SE T 1           ; off
+BE
+"""
+
+
+class MachinePlc:
+    """The PLC with the control's side of the flags. M functions go to it one after the other."""
+
+    OUTPUTS: Final = ("spindle", "hood_release", "analog", *(f"a0.{bit}" for bit in range(8)))
+
+    def __init__(self, text: str | None = None) -> None:
+        """text: STEP 5 in place of DEFAULT. Raises AssemblyError, ImageError."""
+        self._plc = Plc(Rights(), {}, SHORTEST_NS)
+        self._plc.load(assemble(DEFAULT if text is None else text).image)
+        self._memory = Memory()
+        self._waiting: deque[int] = deque()
+        self._shown: dict[str, int] = {}
+
+    @property
+    def next_ns(self) -> int | None:
+        """End of the present pass."""
+        return self._plc.next_ns
+
+    @property
+    def idle(self) -> bool:
+        """Every M function has been acknowledged."""
+        return not self._waiting and not self._memory.m[STROBE] & 1
+
+    def power_on(self, t_ns: int) -> None:
+        """Passes begin."""
+        self._plc.start(t_ns, self._memory, power_on=True)
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        """A terminal e0.n; others are none of the PLC's business."""
+        if terminal[:3] == "e0.":
+            bit = 1 << int(terminal[3:])
+            self._memory.e[0] = self._memory.e[0] | bit if level else self._memory.e[0] & ~bit
+            self._plc.touch(t_ns)
+
+    def function(self, t_ns: int, code: int) -> None:
+        """An M function for the PLC."""
+        self._waiting.append(code)
+        self._hand_over(t_ns)
+
+    def speed(self, spindle: int, value: float) -> None:
+        """S of the first spindle, 1/min."""
+        if spindle == 1:
+            word = min(max(round(value), 0), 0xFFFF)
+            self._memory.m[SPEED : SPEED + 2] = word.to_bytes(2, "little")
+
+    def tool(self, number: int) -> None:
+        """T."""
+        self._memory.m[TOOL] = number & 0xFF
+
+    def advance(self, t_ns: int) -> None:
+        """Passes that are over."""
+        while (due := self._plc.next_ns) is not None and due <= t_ns:
+            self._plc.end_pass(due, self._memory)
+            self._hand_over(due)
+            self._plc.begin_pass(due, self._memory)
+
+    def take(self) -> dict[str, int]:
+        """Outputs that have changed, by name."""
+        a = self._memory.a
+        now = {f"a0.{bit}": a[0] >> bit & 1 for bit in range(8)}
+        now |= {"spindle": a[0] & 1}
+        changed = {name: value for name, value in now.items() if self._shown.get(name, 0) != value}
+        self._shown |= changed
+        return changed
+
+    def _hand_over(self, t_ns: int) -> None:
+        """The next M function, if the one before it has been acknowledged."""
+        if self._waiting and not self._memory.m[STROBE] & 1:
+            self._memory.m[CODE] = self._waiting.popleft() & 0xFF
+            self._memory.m[STROBE] |= 1
+            self._plc.touch(t_ns)

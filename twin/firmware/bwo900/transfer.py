@@ -1,0 +1,149 @@
+"""Programs and parameters over the serial line: E/A traffic of the peripheral port (manual 3.10, P11170 on).
+
+    CR LF  P1 CR LF  N10 ... CR LF  ...  # CR LF  04 CR LF          programs, Z: cycles
+    CR LF  D  CR LF  K1:P 10: 1 S:$00000009 CR LF  q 3: 30000 ...   parameters; D+ with their status; a dash deletes
+
+Lines end in CR LF, CR or LF. What is wrong with a line is a message with its number, and the rest of the file is
+skipped to its end. The control answers nothing by itself; what it is asked to put out are files of the same form.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
+from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Program, Store, program_name, read_program
+
+__all__ = ["EOT", "Receiver", "parameter_file"]
+
+EOT: Final = 0x04
+"""End of a file, unless P11177 says otherwise."""
+_LINE = re.compile(
+    r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
+    r"(?P<value>--|[-–—]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
+    r"(?:\s*S(?P<how>[:|])\s*\$(?P<status>[0-9A-Fa-f]+))?\s*"
+)
+
+
+class Receiver:
+    """Reads files from the line, byte by byte, and says what they come to.
+
+    written: called with (number, value, area, channel) for each parameter that a file sets, after it has been set.
+    """
+
+    def __init__(
+        self, parameters: Parameters, store: Store, written: Callable[[int, float | None, str, int], None]
+    ) -> None:
+        self._parameters, self._store, self._written = parameters, store, written
+        self._line = bytearray()
+        self._number = 0
+        self._kind = ""
+        """Of the file that is being read: a program's name, "D", "D+", "?" for one that is skipped."""
+        self._lines: list[tuple[int, str]] = []
+        self.changed = False
+        """Programs or parameters are not what they were since this was set to False."""
+
+    @property
+    def busy(self) -> bool:
+        """In the middle of a file."""
+        return bool(self._kind)
+
+    def take(self, data: bytes) -> Iterator[ProgramError]:
+        """Bytes of the line; what was wrong with them."""
+        for byte in data:
+            if byte in (0x0D, 0x0A):
+                yield from self._end_of_line()
+            elif byte == EOT:
+                yield from self._end_of_line()
+                yield from self._end_of_file()
+                self._number = 0
+            elif len(self._line) <= MOST_LINE:
+                self._line.append(byte)
+
+    def _end_of_line(self) -> Iterator[ProgramError]:
+        if not self._line:
+            return
+        text, self._line = self._line.decode("latin-1"), bytearray()
+        self._number += 1
+        if len(text) > MOST_LINE:
+            yield self._skip(1113, f"line {self._number}: more than {MOST_LINE} characters")
+            return
+        word = text.strip()
+        if not word:
+            return
+        if not self._kind:
+            yield from self._begin(word)
+        elif word == END:
+            yield from self._end_of_file()
+        elif self._kind in ("D", "D+"):
+            yield from self._parameter(word)
+        elif self._kind != "?":
+            self._lines.append((self._number, text))
+
+    def _begin(self, word: str) -> Iterator[ProgramError]:
+        if word in ("D", "D+"):
+            self._kind = word
+        elif name := program_name(word):
+            self._kind, self._lines = name, []
+        else:
+            yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
+
+    def _skip(self, number: int, detail: str) -> ProgramError:
+        self._kind, self._lines = "?", []
+        return ProgramError(number, detail)
+
+    def _end_of_file(self) -> Iterator[ProgramError]:
+        kind, self._kind = self._kind, ""
+        lines, self._lines = self._lines, []
+        if kind in ("", "D", "D+", "?"):
+            return
+        try:
+            program = read_program(iter(lines), kind)
+        except ProgramError as error:
+            yield error
+            return
+        if kind in self._store:
+            yield ProgramError(1106, kind)
+        self._store[kind] = program
+        self.changed = True
+
+    def _parameter(self, word: str) -> Iterator[ProgramError]:
+        match = _LINE.fullmatch(word)
+        if match is None:
+            yield ProgramError(1111, f"line {self._number}: {word[:40]!r}")
+            return
+        text, area = match["value"], match["area"]
+        channel, number = int(match["channel"] or 1), int(match["number"])
+        value: float | None = None
+        if text[0] == "$":
+            value = float(int(text.strip("$;"), 16))
+        elif text not in ("--", "-", "–", "—"):
+            value = float(text.replace(",", "."))
+        try:
+            self._parameters.write(number, value, area, channel)
+            if match["status"] is not None and self._kind == "D+":
+                status = int(match["status"], 16) | (LOADED if value is not None else 0)
+                self._parameters.set_status(number, status, area, channel, add=match["how"] == "|")
+        except ProgramError as error:
+            yield error
+            return
+        self.changed = True
+        self._written(number, value, area, channel)
+
+
+def parameter_file(parameters: Parameters, status: bool = True) -> str:
+    """All parameters as a file, D+ with their status."""
+    lines = ["D+" if status else "D"]
+    known = dict(parameters.statuses())
+    for q, value in parameters.items():
+        tail = f" S:${known.get(q, 0) | LOADED:08X}" if status else ""
+        lines.append(f"q {q}: {value:.15g}{tail}")
+    return "".join(f"{line}\r\n" for line in (*lines, END))
+
+
+def program_file(program: Program) -> str:
+    """A program as a file."""
+    return program.text

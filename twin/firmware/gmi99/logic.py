@@ -1,0 +1,249 @@
+"""The card's PLC: what twin/firmware/plc makes of programs, on the card's images and flags, with its block FB 254.
+
+    images.py   E A M D   <---- pass by pass ---->   isel_twin.firmware.plc.Plc
+                                                         |
+    card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 says which function, 2 has its argument
+
+Implements `isel_twin.firmware.gmi99.plc.Plc`. A pass takes 45 us an instruction, a multiple of the 4 ms grid (G31); its
+effects are true at its end. What FB 254 does it does when it is called. Functions that the manual names but does not
+describe have no effect (G32).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from isel_twin.firmware.gmi99.corrections import PLC_ZERO_LIMIT
+from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.planner import PERIOD_NS
+from isel_twin.firmware.gmi99.settings import FINE, SLOTS
+from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
+from isel_twin.firmware.plc.assembler import assemble
+
+if TYPE_CHECKING:
+    from isel_twin.firmware.gmi99.device import Card
+
+__all__ = ["CardPlc", "safety_program"]
+
+SAFETY = "safety.awl"
+"""Text of the program that a card may have from the beginning, beside this file."""
+LONGEST_IMAGE = 0xFFFF
+DEVICE = 0x5B
+READ = 0x8000
+ALL = 0xFFFF
+INVALID_STATUS = 0x0100
+EXTENDED = 254
+
+
+@cache
+def safety_program() -> bytes:
+    """Image of the safety program (G33)."""
+    return assemble(resources.files(__package__).joinpath(SAFETY).read_text(encoding="utf-8")).image
+
+
+def _rights() -> Rights:
+    """What a program may do to the flags (6.1.1)."""
+    free = [0xFF & ~FIRMWARE_OWNS.get(byte, 0) for byte in range(256)]
+    return Rights(
+        bytes(mask & ~PLC_MAY_NOT_SET.get(byte, 0) for byte, mask in enumerate(free)),
+        bytes(mask & ~PLC_MAY_NOT_RESET.get(byte, 0) for byte, mask in enumerate(free)),
+    )
+
+
+class CardPlc:
+    """See the module."""
+
+    def __init__(self, card: Card) -> None:
+        self._card = card
+        images = card.images
+        self._outputs = bytearray(images.outputs)
+        self._memory = Memory(images.inputs, self._outputs, images.flags, images.data)
+        self._plc = Plc(_rights(), {EXTENDED: self._extended}, PERIOD_NS)
+        self._download = bytearray()
+        self._seen = b""
+        self.load_error = False
+
+    # ---- what the card asks -----------------------------------------------------------------------------------------
+
+    @property
+    def running(self) -> bool:
+        return self._plc.running
+
+    @property
+    def stored(self) -> bool:
+        return bool(self._plc.image)
+
+    @property
+    def next_ns(self) -> int | None:
+        return self._plc.next_ns
+
+    def power_on(self, t_ns: int, image: bytes) -> None:
+        if not image:
+            return
+        try:
+            self._plc.load(image)
+        except ImageError as error:
+            self._failed(str(error))
+            return
+        self._begin(t_ns, power_on=True)
+
+    def start(self, t_ns: int) -> None:
+        if not self._plc.running:
+            self._begin(t_ns, power_on=False)
+
+    def stop(self, t_ns: int) -> None:
+        if self._plc.running:
+            self._plc.stop_at_end(t_ns)
+
+    def look(self, t_ns: int) -> None:
+        seen = _bytes(self._card.images)
+        if self._plc.running and seen != self._seen:
+            self._plc.touch(t_ns)
+        self._seen = seen
+
+    def advance(self, t_ns: int) -> None:
+        images = self._card.images
+        self._outputs[:] = images.outputs
+        self._plc.end_pass(t_ns, self._memory)
+        for byte, value in enumerate(self._outputs):
+            images.set_output_byte(byte, value)
+        if self._plc.running:
+            self._outputs[:] = images.outputs
+            self._plc.begin_pass(t_ns, self._memory)
+        else:
+            images.clear_outputs()
+            if self._plc.stopped_by:
+                self._card.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
+        if self._card.analog_drives or self._card.analog_asked:
+            self._card.put_analog_outputs()
+        self._seen = _bytes(images)
+        self._card.keep_data()
+
+    def begin_load(self) -> None:
+        self._plc.clear()
+        self._card.images.clear_outputs()
+        self._download.clear()
+
+    def load(self, offset: int, data: bytes) -> None:
+        if offset + len(data) > LONGEST_IMAGE:
+            self._failed(f"an image of more than {LONGEST_IMAGE} bytes")
+            return
+        self._download.extend(bytes(max(0, offset + len(data) - len(self._download))))
+        self._download[offset : offset + len(data)] = data
+
+    def end_load(self) -> bytes | None:
+        try:
+            self._plc.load(bytes(self._download))
+        except ImageError as error:
+            self._failed(str(error))
+            return None
+        self.load_error = False
+        return self._plc.image
+
+    def entry(self, block: int) -> int | None:
+        program: Program | None = self._plc.program
+        return None if program is None else program.entries.get(("OB", block))
+
+    def code(self, offset: int, count: int) -> bytes:
+        part = self._plc.image[offset : offset + count]
+        return part.ljust(count, b"\0") if part else b""
+
+    def _begin(self, t_ns: int, *, power_on: bool) -> None:
+        self._outputs[:] = self._card.images.outputs
+        self._plc.start(t_ns, self._memory, power_on)
+        self._seen = _bytes(self._card.images)
+
+    def _failed(self, why: str) -> None:
+        self.load_error = True
+        self._card.refuse(f"no PLC program: {why}")
+
+    # ---- FB 254 -----------------------------------------------------------------------------------------------------
+
+    def _extended(self, number: int, argument: int, memory: Memory) -> tuple[int, int]:
+        """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""
+        axis = number - 0x110
+        if 0 <= axis < SLOTS:
+            return self._plc_zero(axis, argument), argument
+        function = _FUNCTIONS.get(number)
+        return (number, argument) if function is None else function(self._card, argument)
+
+    def _plc_zero(self, axis: int, argument: int) -> int:
+        zeros = self._card.offsets.plc_zero
+        value = argument - 0x10000 if argument & 0x8000 else argument
+        if argument != READ and abs(value) <= PLC_ZERO_LIMIT:
+            zeros[axis] = value
+        return zeros[axis] & ALL
+
+
+def _images(card: Card, mode: int) -> tuple[int, int]:
+    if mode in (0, 1):
+        card.image_mode = mode
+        card.parameters_changed()
+    return 2, mode
+
+
+def _searching(card: Card, argument: int) -> tuple[int, int]:
+    return card.drives.searching, argument
+
+
+def _device(card: Card, argument: int) -> tuple[int, int]:
+    return DEVICE, card.settings.sgx & ALL
+
+
+def _fine(card: Card, argument: int) -> tuple[int, int]:
+    if argument < FINE:
+        card.offsets.preselected = argument
+    return card.offsets.preselected, argument
+
+
+def _state(card: Card, argument: int) -> tuple[int, int]:
+    what, axis = argument & 0xFF, argument >> 8
+    if what == 3 and axis < SLOTS:
+        position = card.position[axis]
+        return position & ALL, position >> 16 & ALL
+    if what == 5:
+        return 0, argument  # no axis is ever uncoupled
+    if what == 15:
+        return card.queue.block_number & ALL, argument
+    return 6, argument
+
+
+def _analog(card: Card, argument: int) -> tuple[int, int]:
+    card.analog_drives = argument >> 4 & 0x0F
+    return 8, argument
+
+
+def _status(card: Card, axis: int) -> tuple[int, int]:
+    return (card.drives.status(axis).register if axis < SLOTS else INVALID_STATUS), axis
+
+
+def _home(card: Card, axis: int) -> tuple[int, int]:
+    if axis >= SLOTS:
+        return 0, axis
+    return int(card.settings.home_from[axis] <= card.position[axis] <= card.settings.home_to[axis]), axis
+
+
+def _reduced(card: Card, mode: int) -> tuple[int, int]:
+    if mode in (0, 1, 2):
+        card.reduced_mode = mode
+    return 33, mode
+
+
+_FUNCTIONS: Mapping[int, Callable[[Card, int], tuple[int, int]]] = {
+    2: _images,
+    3: _searching,
+    4: _device,
+    5: _fine,
+    6: _state,
+    8: _analog,
+    10: _status,
+    12: _home,
+    33: _reduced,
+}
+
+
+def _bytes(images: Images) -> bytes:
+    return b"".join((images.inputs, images.outputs, images.flags, images.data))
