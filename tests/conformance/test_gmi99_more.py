@@ -185,7 +185,7 @@ def test_parameters_are_not_recorded() -> None:
     [(50_000, 1), (50_001, 2), (100_000, 2), (100_001, 4), (200_001, 8), (400_001, 10), (500_001, 20), (1_000_000, 20)],
 )
 def test_the_v_factor_is_that_of_the_table(m_hz: int, factor: int) -> None:
-    """f = 11 k - 1 becomes 10 k; the smallest speed is 2 k. A way of 40 k takes 4 s, or 20 s, the ramps next to nothing."""
+    """f = 11 k - 1 becomes 10 k; the smallest speed is 2 k. A way of 40 k takes 4 s, or 20 s, ramps almost nothing."""
     desk = prepared(command("M", m_hz), command("B", 30_000), command("f", 11 * factor - 1))
     if factor == 1:
         desk.ask(command("f", 10))
