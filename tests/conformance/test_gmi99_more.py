@@ -20,13 +20,15 @@ from conformance.gmi99_desk import (
     Q,
     command,
     fresh,
+    load,
     long,
     moved_s,
     prepared,
+    running,
     short,
+    word,
 )
 from conformance.rows import shows
-from conformance.test_gmi99_plc import load, running, word
 
 from isel_twin.firmware.plc.assembler import assemble
 
