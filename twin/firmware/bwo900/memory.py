@@ -39,7 +39,7 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
             parameters = Parameters({int(q): float(value) for q, value in content["q"]})
             for q, status in content["status"]:
                 parameters.set_status(int(q), int(status), "q")
-            store = Store({name: Program(name, tuple(blocks)) for name, blocks in content["programs"].items()})
+            store = Store({name: Program.of(name, blocks) for name, blocks in content["programs"].items()})
             return parameters, store, False
         except (ValueError, KeyError, TypeError, zlib.error):
             pass
