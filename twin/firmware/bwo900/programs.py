@@ -40,7 +40,7 @@ class Program:
 
     name: str
     text: bytes
-    """Of all blocks, without ends of lines, Latin-1."""
+    """Of all blocks, each ended by LF, Latin-1."""
     begins: array[int]
     """Where each begins in it, and where the last one ends."""
     numbers: array[int]
@@ -66,7 +66,7 @@ class Program:
 
     def line(self, place: int) -> str:
         """The text of the block at a place, from 0."""
-        return self.text[self.begins[place] : self.begins[place + 1]].decode("latin-1")
+        return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
 
     def block(self, place: int) -> Block:
         """The block at a place, read. Raises ProgramError if it cannot be."""
@@ -115,7 +115,7 @@ class Builder:
             if int(found[1]) <= self._last:
                 raise ProgramError(1290, f"N{found[1]} after N{self._last}, line {number}")
             self._last = int(found[1])
-        self._text += text.encode("latin-1", errors="replace")
+        self._text += text.encode("latin-1", errors="replace") + b"\n"
         self._begins.append(len(self._text))
         self._numbers.append(-1 if found is None else self._last)
         self._highest.append(self._last)
