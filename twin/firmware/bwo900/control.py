@@ -105,7 +105,7 @@ class Control:
         self._drives: Drives | None = None
         self._events: list[Event] = []
         self._now_ns = 0
-        self._base = (0,) * AXES
+        self._base: tuple[int, ...] = (0,) * AXES
         self._homing: Homing | None = None
         self._referenced = [False] * AXES
         self._levels: dict[str, bool] = {}
