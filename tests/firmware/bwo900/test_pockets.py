@@ -9,44 +9,19 @@ Reckoned from the pocket's definition (rounded rectangle, circle), not from the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
+from firmware.bwo900.draw_pockets import distances, draw
 from firmware.bwo900.run import Analysed
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.elements import Arc, Element
+from isel_twin.firmware.bwo900.elements import Arc
 
 Places = NDArray[np.float64]
-
-
-def chords(elements: Sequence[Element]) -> tuple[Places, Places]:
-    """Beginnings and ends of the chords of elements in X and Y, each (n, 2); an arc is 1 um away at most."""
-    points: list[tuple[float, float]] = []
-    ends: list[tuple[float, float]] = []
-    for element in elements:
-        steps = 1
-        if isinstance(element, Arc):
-            steps = max(math.ceil(abs(element.sweep_rad) / math.sqrt(8.0 * 1e-3 / max(element.radius_mm, 1e-3))), 2)
-        places = [element.point(k / steps)[:2] for k in range(steps + 1)]
-        points += [(x, y) for x, y in places[:-1]]
-        ends += [(x, y) for x, y in places[1:]]
-    return np.array(points).reshape(-1, 2), np.array(ends).reshape(-1, 2)
-
-
-def distances(places: Places, elements: Sequence[Element]) -> Places:
-    """Of each place (n, 2) to the nearest of the elements, (n,)."""
-    begin, end = chords(elements)
-    way = end - begin
-    size = np.maximum((way**2).sum(axis=1), 1e-18)
-    nearest = np.full(len(places), np.inf)
-    for k in range(len(begin)):
-        share = np.clip((places - begin[k]) @ way[k] / size[k], 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(*(places - begin[k] - share[:, None] * way[k]).T))
-    return nearest
 
 
 def rounded(places: Places, half: tuple[float, float], corner: float) -> Places:
@@ -188,3 +163,8 @@ def test_mirrored(cycle: str) -> None:
         for a, b in ways
         if isinstance(a.elements[0], Arc) and isinstance(b.elements[0], Arc)
     )
+
+
+def test_the_picture_of_the_docs(tmp_path: Path) -> None:
+    draw(tmp_path / "pockets.png", grid=30)
+    assert (tmp_path / "pockets.png").stat().st_size > 50_000
