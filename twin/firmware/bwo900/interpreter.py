@@ -56,6 +56,8 @@ class Waiting(Enum):
     EXECUTION = "the last block, to be executed"
     CONDITION = "the parameters that waituntil asks for"
     ACKNOWLEDGEMENT = "the M function with a jump"
+    BEGINNING = "the path of the last block, to begin (sc:2)"
+    PASS = "the next pass: a block of supervision (sc:1) has been analysed"
 
 
 @dataclass
@@ -66,8 +68,8 @@ class _Level:
     place: int = 0
     last: int | None = None
     """Place of the last block to be executed, of a call with an end."""
-    loops: list[tuple[int, int]] = field(default_factory=list)
-    """Place after M24, and passes that are left, this one included."""
+    loops: list[tuple[int, int, int]] = field(default_factory=list)
+    """Place after M24, passes that are left, this one included, and all of them."""
     cycle: bool = False
     """It was called as a cycle: its blocks are intermediate ones."""
     change: bool = False
@@ -97,6 +99,9 @@ class Interpreter:
         self._levels: list[_Level] = []
         self._ready: deque[PathBlock] = deque()
         self._waiting: Waiting | None = None
+        self._supervises = False
+        """sc:1, sc:2: what blocks come to stays here."""
+        self._kept: list[PathBlock] = []
         self._symbols: dict[str, float] = {}
         self._bound: dict[str, int] = {}
         self._modal = START
@@ -179,6 +184,30 @@ class Interpreter:
         """The same, of coordinates."""
         return self._frame
 
+    @property
+    def depth(self) -> int:
+        """Subprograms that are open."""
+        return max(len(self._levels) - 1, 0)
+
+    @property
+    def loops(self) -> list[tuple[int, int]]:
+        """Passes and passes left of each open loop of the program that is analysed, the innermost last."""
+        return [(passes, left) for _, left, passes in self._levels[-1].loops] if self._levels else []
+
+    @property
+    def feed_mm_min(self) -> float | None:
+        """F, None before there is one."""
+        return self._feed
+
+    @property
+    def program_position(self) -> Point:
+        """The target that has been analysed last, in the program's coordinates."""
+        return self._program_position
+
+    def put_back(self, *blocks: PathBlock) -> None:
+        """Blocks that are to come next."""
+        self._ready.extendleft(reversed(blocks))
+
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._levels, self._waiting = [], None
@@ -190,6 +219,11 @@ class Interpreter:
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
             self._renew()
+
+    def begun(self) -> None:
+        """The path of the last block has begun."""
+        if self._waiting is Waiting.BEGINNING:
+            self._waiting = None
 
     def acknowledged(self, jumps: bool) -> None:
         """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
@@ -236,7 +270,32 @@ class Interpreter:
         except ProgramError:
             level.place -= 1
             raise
+        if self._supervises and self._stays():
+            return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
+
+    def _stays(self) -> bool:
+        """Keep what a block of supervision has come to, unless it has functions or ends something."""
+        speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
+        if speaks or self._waiting is not None or not self._levels:
+            return False
+        self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
+        self._ready.clear()
+        return True
+
+    def _call_system(self, block: Block) -> None:
+        """`sc:n`: 0 blocks go on, 1 and 2 they stay (supervision), 100 those that stay go on now."""
+        for expression in block.calls:
+            number = whole(self._value(expression))
+            if number not in (0, 1, 2, 100):
+                raise ProgramError(1211, f"sc:{number}; there are 0, 1, 2 and 100")
+            if number in (0, 100):
+                self._ready.extendleft(reversed(self._kept))
+                self._kept.clear()
+            if number != 100:
+                self._supervises = number in (1, 2)
+            if number == 2:
+                self._waiting = Waiting.BEGINNING
 
     def _empty(self, block: Block) -> PathBlock:
         level = self._levels[-1] if self._levels else None
@@ -260,6 +319,7 @@ class Interpreter:
     def _execute(self, block: Block) -> None:
         """One block, in the manual's order."""
         level = self._levels[-1]
+        self._call_system(block)
         later = self._assign(block)
         goal = self._parameter_jump(block)
         spoken = _Spoken(block, level.program.name, main=len(self._levels) == 1)
@@ -490,7 +550,7 @@ class Interpreter:
             raise ProgramError(1228, f"M{m.number} {wrong}", m.column)
         if defined.jump:
             spoken.jump = self._goal(values, m)
-        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt)
+        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
         if defined.pre:
             spoken.pre.append(function)
         if defined.post:
@@ -668,6 +728,8 @@ class Interpreter:
             return arc
         if not self._centre:
             raise ProgramError(1233)
+        if all(block.word(name) for name in (*CENTRES, *list(self._names)[:3])):
+            raise ProgramError(1232, "circles in space are not in this twin")
         letters = (CENTRES[plane.first], CENTRES[plane.second])
         base = plane.of(start_program) if self._modal.dimension == 91 else (0.0, 0.0)
         here = plane.of(start_program)
@@ -857,11 +919,11 @@ class Interpreter:
     def _loop(self, spoken: _Spoken, level: _Level) -> None:
         """M24, M25, and the ends of programs."""
         if spoken.passes is not None:
-            level.loops.append((level.place, spoken.passes))
+            level.loops.append((level.place, spoken.passes, spoken.passes))
         if spoken.loops_back:
-            place, left = level.loops.pop()
+            place, left, passes = level.loops.pop()
             if left > 1:
-                level.loops.append((place, left - 1))
+                level.loops.append((place, left - 1, passes))
                 level.place = place
         if spoken.stop in (Stop.END, Stop.REPEAT) or spoken.returns:
             in_subprogram = len(self._levels) > 1 and self._levels[-1] is level
