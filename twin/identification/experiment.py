@@ -43,7 +43,7 @@ __all__ = ["Block", "Choice", "Experiment", "Step", "assemble", "blocks", "choos
 
 PUSH_N = 150.0
 """A spring scale or a 15 kg weight over a pulley."""
-STALL_HZ_PER_MS = (150, 400, 1000)
+STALL_HZ_PER_MS = (400, 1000)
 """Accelerations of the stall series: each has chaos of its own."""
 PULLS = 2
 REVERSALS = 4
@@ -141,7 +141,7 @@ def blocks(
         for speed in (6000.0, 10_000.0, 16_000.0):
             found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
         for acceleration in STALL_HZ_PER_MS:
-            found.append(_stall(name, machine, controller, 15.0, min(35.0, axis.travel_mm - 5.0), acceleration))
+            found.append(_stall(name, machine, controller, 15.0, min(55.0, axis.travel_mm - 5.0), acceleration))
         if f"lead.{name}" in names:
             found.append(_far(tell, axis.travel_mm))
         for contact in machine.switches:

@@ -40,7 +40,7 @@ __all__ = ["Estimate", "Fit", "Model", "Prospect", "fit", "prospect"]
 
 STEP = 0.8
 """Of the differences, in standard deviations of the prior."""
-CHANCE = 3.0
+CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
 BOUND = 3.0
 """Standard deviations from the prior beyond which nothing is searched."""

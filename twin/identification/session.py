@@ -13,7 +13,7 @@ What comes of it are numbers beside numbers, `Datum` by `Datum`:
     it
                  begins where nobody knows (the first reference run of an axis) or somebody interferes
     reading      position at rest or in motion; less the counter where the file says what it was
-    stall        logarithm of the speed at which steps begin to be lost, found by bisection
+    stall        logarithm of the speed at which steps begin to be lost, found as at the machine: ever faster
     scatter      logarithm of the standard deviation over reference runs
 
 The model is deterministic: one seed, switches that do not scatter, chance only in the data. Two candidates differ by
@@ -54,10 +54,10 @@ STALL_SCATTER = 0.03
 chaotic in narrow bands of speed."""
 START_MM = 3.0
 """Where the carriages of the model stand at power-on: near the switch, so that the first reference run is short."""
-STALL_STEPS = 7
-"""Bisections of a stall speed between the factors below: to 0.8 %."""
 STALL_LOW, STALL_HIGH = 0.6, 1.7
-"""Searched from and to, over the speed measured."""
+"""Looked for from and to, over the speed measured."""
+STALL_COARSE, STALL_FINE = 1.06, 1.02
+"""From one speed to the next: upwards until steps are lost, then once more from the last one that held."""
 REST_SIGMA_MM = 0.001
 """Standard deviation of a place of rest beside the gauge's: dry friction lets rotor and carriage stand anywhere in a
 narrow band (0.7 to 1.5 um on the 4030, over forty places)."""
@@ -372,23 +372,25 @@ def converse(twin: Twin, data: bytes) -> bytes:
 
 
 def stall_speed_hz(twin: Twin, stall: Stall) -> float:
-    """The speed at which the move there and back begins to lose steps, by bisection of its logarithm.
+    """The speed at which the move there and back begins to lose steps, as one finds it at the machine: ever faster.
 
-    The end of the range searched, where it always or never does.
+    Upwards and not by bisection, for near stall there are bands of speed that hold beyond the first that does not.
+    The highest speed, where none loses any.
     """
     language = needed(twin.language, twin.controller_name)
     lowest, highest = language.ranges["speed_hz"]
     middle = math.sqrt(stall.held_hz * stall.lost_hz)
-    low, high = math.log(max(lowest, STALL_LOW * middle)), math.log(min(highest, STALL_HIGH * middle))
-    for _ in range(STALL_STEPS):
-        speed = 0.5 * (low + high)
-        if stalls(twin, stall, round(math.exp(speed))):
-            high = speed
-            for command in language.reference():  # nobody knows where it stands now
-                converse(twin, command)
-        else:
-            low = speed
-    return math.exp(0.5 * (low + high))
+    held, top = max(float(lowest), STALL_LOW * middle), min(float(highest), STALL_HIGH * middle)
+    for factor in (STALL_COARSE, STALL_FINE):
+        while held < top:
+            faster = min(held * factor, top)
+            if stalls(twin, stall, round(faster)):
+                for command in language.reference():  # nobody knows where it stands now
+                    converse(twin, command)
+                top = faster
+                break
+            held = faster
+    return math.sqrt(held * top)
 
 
 def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:

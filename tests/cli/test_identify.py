@@ -1,0 +1,162 @@
+"""`isel-twin experiment` and `isel-twin identify`: from a plan to a machine, and what is refused in one line."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from isel_twin.cli import main
+from isel_twin.identification.experiment import Block, assemble, job_text
+from isel_twin.identification.experiment import _reversal as reversal
+from isel_twin.identification.experiment import _Teller as Teller
+from isel_twin.identification.measured import read_measured, written
+from isel_twin.identification.stand_in import carry_out, write_recording
+from isel_twin.job import parse_job
+from isel_twin.language import create_language, needed
+from isel_twin.machine import load_machine, with_overrides
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as caught:
+        main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    return int(caught.value.code or 0), out, err
+
+
+@pytest.fixture
+def days(tmp_path: Path) -> list[Path]:
+    """Two recordings of a machine with twice the backlash, and what its gauge has said; a reversal each."""
+    language = needed(create_language("imc-s8"), "imc-s8")
+    machine = load_machine("4030")
+    hidden = with_overrides(machine, {"axes.x.backlash": 0.04})
+    made = []
+    for seed, mm in ((1, 12.0), (2, 17.0)):
+        block: Block = reversal(Teller(language, "x", machine.axes[0].steps_per_mm), mm)
+        experiment = assemble(f"day{seed}", [block], language)
+        recorded, measured = carry_out(experiment, hidden, "imc-s8", seed=seed, noise_mm=0.002, time_noise_s=0.0)
+        path = tmp_path / f"day{seed}.mcap"
+        write_recording(path, recorded)
+        path.with_suffix(".toml").write_text(written(measured))
+        made.append(path)
+    return made
+
+
+def measured(days: list[Path]) -> list[object]:
+    return [part for day in days for part in ("--measured", day.with_suffix(".toml"))]
+
+
+def test_from_recordings_to_a_machine(days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shop, page = tmp_path / "shop", tmp_path / "page.html"
+    options = ("--fit", "backlash.x", "--patch", shop, "--report", page)
+    code, out, err = call(capsys, "identify", *days, *measured(days), *options)
+    assert (code, err) == (0, "")
+    assert "before the fit:\n  rank 1 of 1" in out
+    assert "held out: rms" in out
+    backlash = load_machine(shop).tree["axes"]["x"]["backlash"]
+    assert backlash["value"] == pytest.approx(0.04, rel=0.1)
+    assert backlash["grade"] == "measured"
+    assert "day1" in backlash["source"]
+    assert "day2" not in backlash["source"]
+    assert page.read_text().startswith("<!DOCTYPE html>")
+
+
+def test_what_predicts_worse_writes_nothing(
+    days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Day 1 was read on another scale: every second reading is 0.06 mm too low."""
+    form = days[0].with_suffix(".toml")
+    lines = form.read_text().splitlines()
+    number = 0
+    for index, line in enumerate(lines):
+        if line.startswith("mm = "):
+            number += 1
+            lines[index] = f"mm = {float(line[5:]) - 0.06 * (number % 2 == 0)!r}"
+    form.write_text("\n".join(lines))
+    shop = tmp_path / "shop"
+    code, out, err = call(capsys, "identify", *days, *measured(days), "--fit", "backlash.x", "--patch", shop)
+    assert code == 1
+    assert err.startswith("isel-twin: refused: the fit predicts day2 worse than before")
+    assert err.count("\n") == 1
+    assert "worse" in out
+    assert not shop.exists()
+
+
+def test_json_has_it_all(days: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "identify", *days, *measured(days), "--fit", "backlash.x", "--hold-out", "0", "--json")
+    content = json.loads(out)
+    assert code == 0
+    assert content["fitted"]["recordings"] == ["day1", "day2"]
+    assert content["times_better"] is None
+    (found,) = content["parameters"]
+    assert found["interval"][0] < 0.04 < found["interval"][1]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ((), "--measured: name at least one file"),
+        (("--measured", "no.toml"), "no.toml: there is no such file"),
+        (("MEASURED", "--fit", "fricton.x"), "did you mean 'friction.x'"),
+        (("MEASURED", "--hold-out", "day9"), "--hold-out 'day9': no such recording; allowed: day1, day2"),
+        (("MEASURED", "--hold-out", "day1", "--hold-out", "day2"), "nothing is left to be fitted"),
+        (("MEASURED", "--fit", "backlash.x", "--prior", "supply=20..60"), "--prior supply: is not fitted"),
+        (("MEASURED", "--prior", "supply=60..20"), "must be NAME=LOW..HIGH"),
+        (("MEASURED", "--processes", "0"), "--processes 0: must be"),
+    ],
+)
+def test_a_wrong_call_is_one_line(
+    days: list[Path], options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    every = [part for option in options for part in (measured(days) if option == "MEASURED" else (option,))]
+    code, _, err = call(capsys, "identify", *days, *every)
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_without_scipy_the_extra_is_named(
+    days: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import importlib.util
+
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    code, _, err = call(capsys, "identify", *days)
+    assert code == 2
+    assert "pip install 'isel-twin[tune]'" in err
+
+
+@pytest.mark.slow
+def test_a_plan_is_a_job_and_a_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What tells backlash is a reversal; the job runs, the form waits to be filled in."""
+    code, out, err = call(capsys, "experiment", tmp_path / "day1", "--fit", "backlash.x", "--blocks", "1")
+    assert (code, err) == (0, "")
+    assert "backlash.x" in out
+    job, form = (tmp_path / "day1").with_suffix(".txt"), (tmp_path / "day1").with_suffix(".toml")
+    assert parse_job(job.read_text(), create_language("imc-s8"), "imc-s8")
+    assert "read" in job.read_text()
+    content = tomllib.loads(form.read_text())
+    assert len(content["reading"]) >= 2
+    assert read_measured(form).unread == len(content["reading"])
+    code, _, _ = call(capsys, "run", job)
+    assert code == 0
+
+
+def test_a_job_says_above_its_line_what_to_measure() -> None:
+    language = needed(create_language("imc-s8"), "imc-s8")
+    machine = load_machine("4030")
+    experiment = assemble("day1", [reversal(Teller(language, "x", machine.axes[0].steps_per_mm), 12.0)], language)
+    lines = job_text(experiment, language).splitlines()
+    wanted = experiment.template().readings[0].command
+    index = next(n for n, line in enumerate(lines) if line.startswith(f"# command {wanted}:"))
+    assert "read the gauge on x" in lines[index]
+    commands = [line for line in lines[: index + 2] if line and not line.startswith("#")]
+    assert len(commands) == wanted
+
+
+def test_an_experiment_needs_a_plain_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = call(capsys, "experiment", tmp_path / "day1.txt")
+    assert code == 2
+    assert "has no ending" in err
