@@ -7,7 +7,8 @@
     backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
 
 Only what the data have told is in it; the rest stays what it was. Grade `measured` if recordings were held back and
-are predicted better; without any held back the numbers are estimates, and graded so, and so is what is known only roughly.
+are predicted better; without any held back the numbers are estimates, and graded so, and so is what is known only
+roughly.
 """
 
 from __future__ import annotations
