@@ -18,6 +18,7 @@ from golden.sessions import FILE, session
 from plugin.card6 import Card6, Card6Language, create
 
 from isel_twin import Twin
+from isel_twin.language import MoveSettings
 from isel_twin.parameters import Place
 from isel_twin.sampling import TwinSamples
 from isel_twin.state import StateError
@@ -354,3 +355,20 @@ def test_another_twin_is_as_if_it_had_been_built(plant: str) -> None:
     assert went(other) == went(built)
     assert other.origin.seed == 8
     assert one.another(1).machine_position_mm.tolist() == Twin("4030", plant=plant, seed=1).machine_position_mm.tolist()
+
+
+def test_servo_drives_and_a_controller_that_only_tells_its_life() -> None:
+    """The GMI99 on three servo axes, one of which hits something: its loops, heat and following errors."""
+    twin, other = (Twin("4030-servo", "gmi99", seed=seed, start_mm=(3.0, 2.0, 1.0)) for seed in (1, 2))
+    for data in twin.language.reference():
+        twin.write(data)
+        assert twin.run_until_idle(60.0)
+    twin.carry_out(event_now({"obstacle_mm": {"x": 12.0}}, PLACE, twin.settable))
+    twin.write(twin.language.move([6400, 2000, 100], MoveSettings(4000, 100, 300))[-1])
+    twin.run(0.7)
+    assert twin.velocity_mm_s[0] > 1.0
+    state, seen = pickle.loads(pickle.dumps(twin.save())), went(twin, 4.0)
+    other.restore(state)
+    assert went(other, 4.0) == seen
+    twin.restore(state)
+    assert went(twin, 4.0) == seen

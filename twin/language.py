@@ -149,6 +149,10 @@ class RetimesJobs(Protocol):
     """
 
     @property
+    def ranges(self) -> Ranges:
+        """See Language.ranges."""
+
+    @property
     def defaults(self) -> Mapping[str, int]:
         """`acceleration_hz_per_ms` and `start_stop_hz` of a controller as it was delivered."""
 

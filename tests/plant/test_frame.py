@@ -66,12 +66,14 @@ def magnetic_m(force_n: float) -> float:
 @pytest.mark.parametrize("place", ["tool", "table"])
 def test_static_give_is_the_sum_of_the_compliances(tmp_path, bench, name, axis, place):
     free = {f"axes.all.{key}": value for key, value in FREE.items()}
-    b = bench(free, machine=without_detent(tmp_path, name), lowering=False)
+    servo = load_machine(name).axes[0].closed_loop
+    b = bench(free, machine=name if servo else without_detent(tmp_path, name), lowering=False)
     machine = b.plant.machine
     b.wait(3000)
     before = b.plant.position_mm
     b.plant.apply_force(axis, PUSH_N, place)
     b.wait(4000)
+    name = name.removesuffix("-servo")  # the same gantry
     carries_tool = not (name == "4030" and axis == 1)
     loaded = STRUCTURE.get((name, axis, place))
     if loaded is None:
@@ -81,11 +83,12 @@ def test_static_give_is_the_sum_of_the_compliances(tmp_path, bench, name, axis, 
         loaded = ["flex_x", "x"]
     expected_m = sum(PUSH_N / mode.stiffness_n_per_m for mode in machine.structure if mode.joint in loaded)
     if "xyz"[axis] in loaded:
-        expected_m += PUSH_N / machine.axes[axis].screw.stiffness_n_per_m + magnetic_m(PUSH_N)
+        expected_m += PUSH_N / machine.axes[axis].screw.stiffness_n_per_m + (0.0 if servo else magnetic_m(PUSH_N))
     give_mm = b.plant.position_mm - before
-    assert give_mm[axis] == pytest.approx(1e3 * expected_m, rel=0.02, abs=1e-6)
+    increment_mm = 2e-3 if servo else 0.0  # its integral takes the rest away, but for what the encoder does not see
+    assert give_mm[axis] == pytest.approx(1e3 * expected_m, rel=0.02, abs=1e-6 + increment_mm)
     others = np.delete(give_mm, axis)
-    np.testing.assert_allclose(others, 0.0, atol=1e-5)
+    np.testing.assert_allclose(others, 0.0, atol=1e-5 + increment_mm)
 
 
 def two_masses_peak_m(carried_kg: float, axis_kg: float, frame: tuple[float, float], nut: tuple[float, float]) -> float:

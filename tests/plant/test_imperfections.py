@@ -273,7 +273,8 @@ def test_every_machine_describes_them_and_can_be_real(name: str) -> None:
     machine = with_overrides(load_machine(name), {"imperfections": "real"})
     listed = {row.parameter: row for row in describe(machine)}
     for key in KEYS.values():
-        assert listed[f"axes.all.{key}"].source
+        if not (machine.axes[0].closed_loop and key.startswith("stage.")):  # a servo drive has no steps to be off
+            assert listed[f"axes.all.{key}"].source
     for flag in NEW:
         assert listed[f"imperfections.{flag}"].value is True
     MujocoPlant(machine, (), np.array([100.0, 100.0, 30.0]))

@@ -333,9 +333,17 @@ class _Table:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         self._trials, self._confirm = trials, confirm
-        messages = Console(stderr=True)
+        out, messages = Console(), Console(stderr=True)
+        shown = out if out.is_terminal else messages
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        self._progress = Progress(*columns, console=messages, transient=True, disable=not messages.is_terminal)
+        self._progress = Progress(
+            *columns,
+            console=shown,
+            transient=True,
+            redirect_stdout=out.is_terminal,  # a file must get what goes there
+            redirect_stderr=messages.is_terminal,
+            disable=not shown.is_terminal,
+        )
         self._task = self._progress.add_task("job as it stands", total=trials)
         self._seen: list[Tried] = []
 

@@ -9,7 +9,7 @@ A motion is a sequence of ticks; at each tick every axis changes its command by 
     step_run.py     a path, timed by a law, started at a time
     set_points.py   a plan with one tick a period, led evenly from tick to tick
     joined.py       such plans for chains of pieces: look-ahead, ramps, override, hold
-    look_ahead.py   the compiled part of it
+    pieces.py, blocks.py, look_ahead.py   what they are made of, how they are kept, the compiled part
     record.py       all motions since power-on, expanded where they are looked at
     stream.py       the same as time goes on: what is being made, and what is still to be made of it
 

@@ -32,18 +32,17 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES
+from isel_twin.motion.blocks import Block, Law, State
 from isel_twin.motion.look_ahead import (
     DT,
-    FAULTS,
     LENGTH,
     LIMIT,
     S0,
@@ -53,71 +52,22 @@ from isel_twin.motion.look_ahead import (
     V1,
     T,
     brake,
-    faults,
     lay,
     places,
     positions,
     speed_at,
 )
 from isel_twin.motion.path import Displacement, check_range
+from isel_twin.motion.pieces import Curve, Pieces, chain, piece
 from isel_twin.units import SECOND_NS
 
 __all__ = ["Curve", "Joined", "Pieces", "Stretch", "chain", "joined", "piece", "written"]
-
 
 BLOCK = 512
 """Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
 
 GRID_NOISE = 1e-6
 """Periods by which an end may miss a tick and fall on it: some nanoseconds, in which nothing moves at an end."""
-
-
-class Curve(Protocol):
-    """A piece that is not straight."""
-
-    def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """float64 [n, axes], increments from the beginning of the piece at these places of it, float64 [n] in units of
-        path; zeros at 0, the displacement of the piece at its length."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """n pieces as columns; made by `piece`, `chain`, or at once from arrays.
-
-    displacement: float64 [n, axes], increments, whole multiples of 2^-16 below 2^31: whole numbers as a rule, so that
-    sums are exact. The others float64 [n]: length in units of path, positive; speed in units per second, wanted, times
-    the scale of the plan; limit, never exceeded whatever the scale; acceleration in units per second^2; entry, greatest
-    speed at the joint with the piece before. curves: numbers of the pieces that are not straight, with their curves.
-
-    Raises ValueError for shapes that do not agree, numbers that are not as said, or a speed, limit or acceleration that
-    is not positive. An empty chain is allowed.
-    """
-
-    displacement: NDArray[np.float64]
-    length: NDArray[np.float64]
-    speed: NDArray[np.float64]
-    limit: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    entry: NDArray[np.float64]
-    curves: tuple[tuple[int, Curve], ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.displacement.ndim != 2 or not 1 <= self.displacement.shape[1] <= len(AXIS_NAMES):
-            raise ValueError(f"displacements are a table of 1 to {len(AXIS_NAMES)} axes, not {self.displacement.shape}")
-        columns = self.length, self.speed, self.limit, self.acceleration, self.entry
-        if any(column.shape != (len(self.displacement),) for column in columns):
-            raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
-        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in (self.displacement, *columns)))
-        if fault:
-            raise ValueError(FAULTS[fault])
-
-    @property
-    def axes(self) -> int:
-        """Number of axes."""
-        return int(self.displacement.shape[1])
-
-    def __len__(self) -> int:
-        return len(self.length)
 
 
 class Stretch(NamedTuple):
@@ -137,44 +87,6 @@ class Stretch(NamedTuple):
     """float64 [pieces]."""
 
 
-def piece(
-    displacement: Sequence[float],
-    length: float,
-    speed: float,
-    acceleration: float,
-    limit: float = math.inf,
-    entry: float = math.inf,
-    curve: Curve | None = None,
-) -> Pieces:
-    """One piece; see `Pieces`."""
-    columns = np.array([[length], [speed], [limit], [acceleration], [entry]], dtype=np.float64)
-    curves = () if curve is None else ((0, curve),)
-    return Pieces(
-        np.array([displacement], dtype=np.float64), columns[0], columns[1], columns[2], columns[3], columns[4], curves
-    )
-
-
-def chain(parts: Sequence[Pieces]) -> Pieces:
-    """Several, one after the other. Raises ValueError for none, or different numbers of axes."""
-    if len({part.axes for part in parts}) != 1:
-        raise ValueError(f"a chain needs parts of the same axes, got {[part.axes for part in parts]}")
-    if len(parts) == 1:
-        return parts[0]
-    curves, done = [], 0
-    for part in parts:
-        curves += [(done + j, curve) for j, curve in part.curves]
-        done += len(part)
-    return Pieces(
-        np.concatenate([part.displacement for part in parts]),
-        np.concatenate([part.length for part in parts]),
-        np.concatenate([part.speed for part in parts]),
-        np.concatenate([part.limit for part in parts]),
-        np.concatenate([part.acceleration for part in parts]),
-        np.concatenate([part.entry for part in parts]),
-        tuple(curves),
-    )
-
-
 def joined(
     pieces: Pieces,
     period_ns: int,
@@ -192,7 +104,7 @@ def joined(
     """
     if period_ns <= 0:
         raise ValueError(f"the period of set points must be positive, got {period_ns} ns")
-    block = _Block(
+    block = Block(
         0,
         np.empty((0, 6)),
         np.empty(0, dtype=np.int32),
@@ -222,7 +134,7 @@ class Joined:
     """It was stopped: what was left is forgotten, and nothing can be appended."""
     ticks: int
     """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
-    _blocks: tuple[_Block, ...]
+    _blocks: tuple[Block, ...]
 
     @property
     def held(self) -> bool:
@@ -423,7 +335,7 @@ class Joined:
     def _block_at(self, t_s: float) -> int:
         return max(bisect_right(self._blocks, t_s, key=lambda block: block.start_s) - 1, 0)
 
-    def _state(self, k: int) -> tuple[int, _State]:
+    def _state(self, k: int) -> tuple[int, State]:
         """Number of the block at tick k, and where it is there."""
         t_s = k * self._period_s
         number = len(self._blocks) - 1 if k >= self.ticks else self._block_at(t_s)
@@ -431,13 +343,13 @@ class Joined:
         if k >= self.ticks:
             row = len(block.phases) - 1
             if row < 0:
-                return number, _State(-1, 0, 0.0, 0.0, t_s, True)
-            return number, _State(row, int(block.piece[row]), float(block.phases[row, S1]), 0.0, t_s, True)
+                return number, State(-1, 0, 0.0, 0.0, t_s, True)
+            return number, State(row, int(block.piece[row]), float(block.phases[row, S1]), 0.0, t_s, True)
         row = block.row(t_s)
         place, at = np.empty(1), np.empty(1, dtype=np.int64)
         places(k, self._period_s, block.phases, block.piece, self.sine, place, at)
         speed = speed_at(t_s - block.phases[row, T], block.phases, row, self.sine) if row >= 0 else 0.0
-        return number, _State(row, max(int(at[0]), 0), float(place[0]), float(speed), t_s, row < 0)
+        return number, State(row, max(int(at[0]), 0), float(place[0]), float(speed), t_s, row < 0)
 
     def _positions(self, first: int, last: int) -> NDArray[np.int64]:
         """int64 [last - first + 1, axes]: displacements at ticks first .. last."""
@@ -462,7 +374,7 @@ class Joined:
             k = end
         return out
 
-    def _bend(self, block: _Block, k: int, out: NDArray[np.int64]) -> None:
+    def _bend(self, block: Block, k: int, out: NDArray[np.int64]) -> None:
         """Put what lies on curves where it is."""
         place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
         places(k, self._period_s, block.phases, block.piece, self.sine, place, at)
@@ -483,7 +395,7 @@ class Joined:
         """Mean acceleration of a ramp over its greatest."""
         return 2.0 / math.pi if self.sine else 1.0
 
-    def _open(self, number: int, state: _State) -> tuple[tuple[_Block, ...], _Block, _State]:
+    def _open(self, number: int, state: State) -> tuple[tuple[Block, ...], Block, State]:
         """What is over and done with, and the rest as one block, with the present in it."""
         before, tail = self._blocks[:number], self._blocks[number]
         later = self._blocks[number:]
@@ -510,7 +422,7 @@ class Joined:
             state = replace(state, row=state.row - row, piece=state.piece + before[-1].first - tail.first)
         return before, tail, state
 
-    def _with(self, before: tuple[_Block, ...], tail: _Block, k: int) -> Joined:
+    def _with(self, before: tuple[Block, ...], tail: Block, k: int) -> Joined:
         """This plan with these blocks, the last one cut where nothing will change any more."""
         if not len(tail.phases) and len(tail.table):
             tail = replace(tail, phases=np.zeros((1, 6)), piece=np.zeros(1, np.int32), back=np.zeros(1, np.int8))
@@ -522,16 +434,16 @@ class Joined:
         ticks = math.ceil(plan.duration_s / self._period_s - GRID_NOISE)
         return replace(plan, ticks=max(ticks, min(k, self.ticks), 0))
 
-    def _lay(self, block: _Block, piece: int, t_s: float, s: float, v: float) -> _Law:
+    def _lay(self, block: Block, piece: int, t_s: float, s: float, v: float) -> Law:
         """From place s of a piece on to the end of the chain."""
         table = block.table[piece:]
         wanted = np.minimum(np.minimum(table[:, SPEED] * self.scale, table[:, LIMIT]), self.ceiling)
         phases, at = np.empty((3 * len(table), 6)), np.empty(3 * len(table), dtype=np.int32)
         back = np.empty(len(at), dtype=np.int8)
         count, settled, kept = lay(t_s, s, v, table, wanted, self._mean, phases, at, back)
-        return _Law(phases[:count], at[:count], back[:count], settled, kept or not count)
+        return Law(phases[:count], at[:count], back[:count], settled, kept or not count)
 
-    def _laid(self, block: _Block, state: _State) -> tuple[int, int, _Law]:
+    def _laid(self, block: Block, state: State) -> tuple[int, int, Law]:
         """How it goes on: number of phases that stay, piece on which the law of the others begins, that law."""
         if not state.ended:
             row = state.row - int(block.back[state.row])
@@ -546,15 +458,15 @@ class Joined:
         piece, t_s, s, v = self._fallen(block, state)
         return state.row + 1, piece, self._lay(block, piece, t_s, s, v)
 
-    def _brake(self, block: _Block, piece: int, t_s: float, s: float, v: float, sharpness: float) -> _Law:
+    def _brake(self, block: Block, piece: int, t_s: float, s: float, v: float, sharpness: float) -> Law:
         """From place s of a piece on to standstill."""
         table = block.table[piece:]
         phases, at = np.empty((len(table), 6)), np.empty(len(table), dtype=np.int32)
         back = np.empty(len(table), dtype=np.int8)
         count, kept = brake(t_s, s, v, table, self._mean * sharpness, phases, at, back) if v > 0 else (0, True)
-        return _Law(phases[:count], at[:count], back[:count], 0, kept)
+        return Law(phases[:count], at[:count], back[:count], 0, kept)
 
-    def _braked(self, block: _Block, state: _State, sharpness: float) -> tuple[int, int, _Law]:
+    def _braked(self, block: Block, state: State, sharpness: float) -> tuple[int, int, Law]:
         """How it comes to a stop: like `_laid`."""
         row, piece, s = self._now(block, state)
         law = self._brake(block, piece, state.t_s, s, state.v, sharpness)
@@ -563,17 +475,17 @@ class Joined:
         piece, t_s, s, v = self._fallen(block, state)
         return state.row + 1, piece, self._brake(block, piece, t_s, s, v, sharpness)
 
-    def _now(self, block: _Block, state: _State) -> tuple[int, int, float]:
+    def _now(self, block: Block, state: State) -> tuple[int, int, float]:
         """Number of phases that have begun before the present, and where a new one begins."""
         row = int(block.phases[:, T].searchsorted(state.t_s))
         if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
             return row, state.piece + 1, 0.0
         return row, state.piece, state.s
 
-    def _falling(self, block: _Block, state: _State) -> bool:
+    def _falling(self, block: Block, state: State) -> bool:
         return self.sine and not state.ended and bool(block.phases[state.row, V1] < block.phases[state.row, V0])
 
-    def _fallen(self, block: _Block, state: _State) -> tuple[int, float, float, float]:
+    def _fallen(self, block: Block, state: State) -> tuple[int, float, float, float]:
         """Piece, time, place and speed at the end of the ramp under way."""
         at = block.phases[state.row]
         t_s, s, v = float(at[T] + at[DT]), float(at[S1]), float(at[V1])
@@ -605,7 +517,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         raise ValueError("no stretch of a joined plan")
     table = np.zeros((len(length), 5))
     table[:, LENGTH] = length
-    block = _Block(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
+    block = Block(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
     if before is None:
         return Joined(corner.shape[1], period_ns, sine, 1.0, math.inf, 0, False, True, ticks, (block,))
     if (
@@ -624,7 +536,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         kept = (*kept, replace(last, phases=last.phases[:row], piece=last.piece[:row], back=last.back[:row]))
     elif row:
         pieces = first - last.first
-        block = _Block(
+        block = Block(
             last.first,
             np.vstack((last.phases[:row], phases)),
             np.concatenate((last.piece[:row], piece + np.int32(pieces))),
@@ -637,7 +549,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
     return replace(before, ticks=ticks, _blocks=(*kept, block))
 
 
-def _agree(phases: NDArray[np.float64], law: _Law, t_s: float) -> bool:
+def _agree(phases: NDArray[np.float64], law: Law, t_s: float) -> bool:
     """Whether the law begins with these phases; the last of them, under way at t_s, may be longer if it is no ramp."""
     n = len(phases)
     if len(law.phases) < n or law.piece[n - 1] != 0 or not np.array_equal(phases[:-1], law.phases[: n - 1]):
@@ -647,118 +559,3 @@ def _agree(phases: NDArray[np.float64], law: _Law, t_s: float) -> bool:
         return bool(np.array_equal(now, then))
     same = now[T] == then[T] and now[S0] == then[S0] and now[V0] == then[V0] == then[V1]
     return bool(same and t_s < then[T] + then[DT])
-
-
-def _table(pieces: Pieces) -> NDArray[np.float64]:
-    """float64 [n, 5], the columns that `look_ahead` names."""
-    return np.column_stack((pieces.length, pieces.speed, pieces.limit, pieces.acceleration, pieces.entry))
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Block:
-    """A stretch of the plan: phases in the order of time, and the pieces that they, or later ones, lead along."""
-
-    first: int
-    """Number of its first piece; it may be the last one of the block before."""
-    phases: NDArray[np.float64]
-    piece: NDArray[np.int32]
-    back: NDArray[np.int8]
-    corner: NDArray[np.float64]
-    """float64 [pieces + 1, axes], where pieces begin and the last one ends, increments from tick 0 on."""
-    table: NDArray[np.float64]
-    curves: tuple[tuple[int, Curve], ...]
-    settled: int
-    """The last piece (of the block) whose beginning keeps its speed whatever is appended."""
-
-    @property
-    def start_s(self) -> float:
-        return float(self.phases[0, T]) if len(self.phases) else 0.0
-
-    def row(self, t_s: float) -> int:
-        """The phase at this time; -1 before the first."""
-        return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
-
-    def split(self, row: int) -> tuple[_Block, _Block]:
-        """The phases before this one, the others."""
-        last, first = int(self.piece[row - 1]) + 1, int(self.piece[row])
-        before = _Block(
-            self.first,
-            self.phases[:row].copy(),
-            self.piece[:row].copy(),
-            self.back[:row].copy(),
-            self.corner[: last + 1].copy(),
-            self.table[:last].copy(),
-            tuple((j, curve) for j, curve in self.curves if j < last),
-            0,
-        )
-        after = _Block(
-            self.first + first,
-            self.phases[row:],
-            self.piece[row:] - np.int32(first),
-            self.back[row:],
-            self.corner[first:],
-            self.table[first:],
-            tuple((j - first, curve) for j, curve in self.curves if j >= first),
-            max(self.settled - first, 0),
-        )
-        return before, after
-
-    def with_pieces(self, pieces: Pieces) -> _Block:
-        """With these behind it, without phases."""
-        if not len(pieces):
-            return self
-        n = len(self.table)
-        return replace(
-            self,
-            corner=np.vstack((self.corner, self.corner[-1] + np.cumsum(pieces.displacement, axis=0))),
-            table=np.vstack((self.table, _table(pieces))),
-            curves=self.curves + tuple((n + j, curve) for j, curve in pieces.curves),
-        )
-
-    def shortened(self, count: int) -> _Block:
-        """With its first so many pieces; what led along others was standing."""
-        if count >= len(self.table):
-            return self
-        row = int(self.piece.searchsorted(count))
-        return replace(
-            self,
-            phases=self.phases[:row],
-            piece=self.piece[:row],
-            back=self.back[:row],
-            corner=self.corner[: count + 1],
-            table=self.table[:count],
-            curves=tuple((j, curve) for j, curve in self.curves if j < count),
-        )
-
-    def with_phases(self, row: int, piece: int, law: _Law) -> _Block:
-        """With the first `row` phases, then those of a law that begins on this piece."""
-        return replace(
-            self,
-            phases=np.vstack((self.phases[:row], law.phases)),
-            piece=np.concatenate((self.piece[:row], law.piece + np.int32(piece))),
-            back=np.concatenate((self.back[:row], law.back)),
-            settled=piece + law.settled,
-        )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Law:
-    """What `lay` or `brake` made, piece numbers from the first piece on."""
-
-    phases: NDArray[np.float64]
-    piece: NDArray[np.int32]
-    back: NDArray[np.int8]
-    settled: int
-    kept: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _State:
-    """Where a plan is: phase `row` of its last block (-1: before all), place s of the piece `piece` of that block."""
-
-    row: int
-    piece: int
-    s: float
-    v: float
-    t_s: float
-    ended: bool

@@ -57,7 +57,7 @@ class Lost:
 
 def here(executor: Executor | None = None) -> Crew:
     """Work with an executor that somebody else has opened; None: in this process, one by one."""
-    return Crew(lambda: nullcontext(executor), 1 if executor is None else 1 << 30)
+    return Crew(lambda: nullcontext(executor), 1 if executor is None else 1024)
 
 
 def local(count: int) -> Crew:

@@ -26,7 +26,7 @@ from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.path import Limits, Path
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.joined import Joined, Pieces, joined
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["BLOCK_NS", "PERIOD_NS", "Channel", "Phase", "Services"]
@@ -422,7 +422,7 @@ class Channel:
         self.run = SetPointRun(self._plan, PERIOD_NS, self._now_ns)
         self.phase = Phase.PATH
 
-    def _take(self) -> object:
+    def _take(self) -> Pieces | None:
         """Pieces of the waiting blocks that belong to the stretch; None after an error."""
         assert self._path is not None
         chosen: list[PathBlock] = []
@@ -471,7 +471,7 @@ class Channel:
             self._fill()
         if self._blocks and self._open and not plan.held:
             pieces = self._take()
-            if pieces is not None and len(pieces):  # type: ignore[arg-type]
+            if pieces is not None and len(pieces):
                 self._replan(append=pieces)
 
     def _path_ended(self) -> None:

@@ -105,7 +105,7 @@ class Control:
         self._drives: Drives | None = None
         self._events: list[Event] = []
         self._now_ns = 0
-        self._base = (0,) * AXES
+        self._base: tuple[int, ...] = (0,) * AXES
         self._homing: Homing | None = None
         self._referenced = [False] * AXES
         self._levels: dict[str, bool] = {}
@@ -162,7 +162,8 @@ class Control:
     def idle(self) -> bool:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
-        return not (working or self._homing is not None or self._power_until_ns is not None or self._receiver.busy)
+        asked = self._power_until_ns is not None or not self._plc.idle
+        return not (working or self._homing is not None or asked or self._receiver.busy)
 
     # ---- what happens -----------------------------------------------------------------------------------------------
 

@@ -94,7 +94,8 @@ class Frame:
     @property
     def bare(self) -> Frame:
         """G66: nothing of it, for one block."""
-        return Frame(self.axes, self.plane, *[(0.0,) * self.axes], shift=(0.0,) * self.axes, zero=(0.0,) * self.axes)
+        nothing = (0.0,) * self.axes
+        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing)
 
     def machine(self, program: Point) -> Point:
         """The place of the machine of a point of the program, correction included."""

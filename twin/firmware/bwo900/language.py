@@ -108,7 +108,7 @@ class Bwo900Language:
         first = next(name for name, _ in files if name[0] == "P") if any(n[0] == "P" for n, _ in files) else files[0][0]
         steps = [(f"{name}, {len(blocks)} blocks", _file([name, *blocks])) for name, blocks in files]
         start = _file(["D", f"K1:P8800: {first[1:]}", "K1:P8683: 2", "K1:P8684: 1"])
-        return [*steps, ("reference", *self.reference()), (f"start {first}", start)]
+        return [*steps, ("reference", self.reference()[0]), (f"start {first}", start)]
 
 
 def _programs(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:

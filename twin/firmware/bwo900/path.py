@@ -135,7 +135,8 @@ class Path:
                 self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
-        return Pieces(np.array(rows, dtype=np.float64).reshape(len(rows), axes), *table, curves=tuple(curves)), counts
+        ways = np.array(rows, dtype=np.float64).reshape(len(rows), axes)
+        return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
         """The axes stand at the end of the last piece: the next one begins at 0."""

@@ -199,7 +199,8 @@ class _Parser:
         return self.text[self.at : self.at + 12].strip()
 
     def at_end(self) -> bool:
-        self.at = _SPACE.match(self.text, self.at).end()  # type: ignore[union-attr]  (it matches nothing, too)
+        blank = _SPACE.match(self.text, self.at)
+        self.at = self.at if blank is None else blank.end()
         return self.at == len(self.text)
 
     # Blocks

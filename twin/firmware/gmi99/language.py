@@ -26,6 +26,7 @@ from isel_twin.firmware.gmi99.link import (
     SHORT_COMMANDS,
     Frame,
     Receiver,
+    Variant,
     long_record,
     short_record,
 )
@@ -33,7 +34,7 @@ from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST
 from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Ranges, integers
 
 ADDRESS = FIRST_ADDRESS
-VARIANT = "E"
+VARIANT: Variant = "E"
 BUFFER_FULL = 0x08
 
 RANGES: Ranges = {

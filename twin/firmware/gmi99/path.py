@@ -119,7 +119,7 @@ class Path:
         """G2, G3: the next move is the centre, the one after the end."""
         self._circle = _Circle(clockwise)
 
-    def move(self, instruction: Instruction, *, from_host: bool = True) -> None:
+    def move(self, instruction: Instruction) -> None:
         """`V` or the general motion command, in its turn. Raises OutOfRangeError for what cannot be moved."""
         given = dict(zip(instruction.axes, instruction.values, strict=False))
         if self._circle is not None and self._circle.centre is None:
@@ -149,7 +149,7 @@ class Path:
         except ValueError as error:
             raise OutOfRangeError(str(error)) from error
         if len(made.pieces):
-            self._append(made, start, way, from_host)
+            self._append(made, start, way)
 
     def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
         """How far each slot goes."""
@@ -167,7 +167,7 @@ class Path:
                 way[axis] = way[source]
         return tuple(way)
 
-    def _append(self, made: planner.Move, start: Position, way: Position, from_host: bool) -> None:
+    def _append(self, made: planner.Move, start: Position, way: Position) -> None:
         rules = self.rules()
         if self._plan is None:
             onto = self._card.drives.struck_ahead(way)
@@ -186,7 +186,7 @@ class Path:
             self._replace(planner.more(self._plan, self._tick(), [made], rules, self._heading))
         self._heading = made.last
         self._end = tuple(s + n for s, n in zip(start, way, strict=True))
-        self._marks.append(_Mark(self._plan.pieces, None, from_host))
+        self._marks.append(_Mark(self._plan.pieces, None, from_host=not self._card.in_program))
 
     def on_the_way(self, act: Callable[[], None]) -> None:
         """Do this when what is planned so far has been made: at once at rest."""

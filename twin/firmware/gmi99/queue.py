@@ -162,9 +162,13 @@ class Queue:
         if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
             if not card.path.accepts or not card.drives.at_rest or (self._programs and card.path.moves >= MOVES):
                 return False
-            from_host = not self._programs
             self._take()
-            self._on_the_way(instruction, from_host) if kind is Kind.SYNCHRONOUS else self._move(instruction, from_host)
+            if kind is Kind.MOVE and not card.drives.ready:
+                card.refuse("a move while the indexer is not ready")
+            elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch where they stand
+                card.path.on_the_way(lambda: self._begin(instruction))
+            else:
+                self._begin(instruction)
             return True
         if not card.path.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
             return False
@@ -211,22 +215,6 @@ class Queue:
             card.store.error = True
         elif not card.store.record(data, instruction):
             self.recording = False
-
-    def _move(self, instruction: Instruction, from_host: bool) -> None:
-        card = self._card
-        if not card.drives.ready:
-            card.refuse("a move while the indexer is not ready")
-            return
-        try:
-            card.path.move(instruction, from_host=from_host)
-        except OutOfRangeError as error:
-            card.refuse(str(error))
-
-    def _on_the_way(self, instruction: Instruction, from_host: bool) -> None:
-        if instruction.code == ord("p"):  # outputs are switched where they stand between moves
-            self._card.path.on_the_way(lambda: self._begin(instruction))
-        else:
-            self._begin(instruction)
 
     def _begin(self, instruction: Instruction) -> None:
         try:

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
-from isel_twin.firmware.bwo900.cycles import drilling, pattern
+from isel_twin.firmware.bwo900.cycles import drilling, milling, pattern
 from isel_twin.firmware.bwo900.cycles.call import Call, Move
 
 __all__ = ["CYCLES"]
 
 CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {
+    71: milling.rectangle,
+    72: milling.rectangle_zigzag,
+    73: milling.rectangle_finished,
+    74: milling.circle,
+    75: milling.circle_finished,
     81: drilling.drilling,
     83: drilling.deep_hole,
     84: drilling.tapping,

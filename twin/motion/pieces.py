@@ -1,0 +1,111 @@
+"""Pieces of a path as columns: what a chain is made of before anything is planned; `joined` says what it is for.
+
+piece     where each axis goes on it, its length, how fast, how steeply, and how fast it may be entered
+chain     one piece after the other
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.axes import AXIS_NAMES
+from isel_twin.motion.look_ahead import FAULTS, faults
+
+__all__ = ["Curve", "Pieces", "chain", "piece", "table"]
+
+
+class Curve(Protocol):
+    """A piece that is not straight."""
+
+    def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [n, axes], increments from the beginning of the piece at these places of it, float64 [n] in units of
+        path; zeros at 0, the displacement of the piece at its length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """n pieces as columns; made by `piece`, `chain`, or at once from arrays.
+
+    displacement: float64 [n, axes], increments, whole multiples of 2^-16 below 2^31: whole numbers as a rule, so that
+    sums are exact. The others float64 [n]: length in units of path, positive; speed in units per second, wanted, times
+    the scale of the plan; limit, never exceeded whatever the scale; acceleration in units per second^2; entry, greatest
+    speed at the joint with the piece before. curves: numbers of the pieces that are not straight, with their curves.
+
+    Raises ValueError for shapes that do not agree, numbers that are not as said, or a speed, limit or acceleration that
+    is not positive. An empty chain is allowed.
+    """
+
+    displacement: NDArray[np.float64]
+    length: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    entry: NDArray[np.float64]
+    curves: tuple[tuple[int, Curve], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.displacement.ndim != 2 or not 1 <= self.displacement.shape[1] <= len(AXIS_NAMES):
+            raise ValueError(f"displacements are a table of 1 to {len(AXIS_NAMES)} axes, not {self.displacement.shape}")
+        columns = self.length, self.speed, self.limit, self.acceleration, self.entry
+        if any(column.shape != (len(self.displacement),) for column in columns):
+            raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
+        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in (self.displacement, *columns)))
+        if fault:
+            raise ValueError(FAULTS[fault])
+
+    @property
+    def axes(self) -> int:
+        """Number of axes."""
+        return int(self.displacement.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+
+def piece(
+    displacement: Sequence[float],
+    length: float,
+    speed: float,
+    acceleration: float,
+    limit: float = math.inf,
+    entry: float = math.inf,
+    curve: Curve | None = None,
+) -> Pieces:
+    """One piece; see `Pieces`."""
+    columns = np.array([[length], [speed], [limit], [acceleration], [entry]], dtype=np.float64)
+    curves = () if curve is None else ((0, curve),)
+    return Pieces(
+        np.array([displacement], dtype=np.float64), columns[0], columns[1], columns[2], columns[3], columns[4], curves
+    )
+
+
+def chain(parts: Sequence[Pieces]) -> Pieces:
+    """Several, one after the other. Raises ValueError for none, or different numbers of axes."""
+    if len({part.axes for part in parts}) != 1:
+        raise ValueError(f"a chain needs parts of the same axes, got {[part.axes for part in parts]}")
+    if len(parts) == 1:
+        return parts[0]
+    curves, done = [], 0
+    for part in parts:
+        curves += [(done + j, curve) for j, curve in part.curves]
+        done += len(part)
+    return Pieces(
+        np.concatenate([part.displacement for part in parts]),
+        np.concatenate([part.length for part in parts]),
+        np.concatenate([part.speed for part in parts]),
+        np.concatenate([part.limit for part in parts]),
+        np.concatenate([part.acceleration for part in parts]),
+        np.concatenate([part.entry for part in parts]),
+        tuple(curves),
+    )
+
+
+def table(pieces: Pieces) -> NDArray[np.float64]:
+    """float64 [n, 5], the columns that `look_ahead` names."""
+    return np.column_stack((pieces.length, pieces.speed, pieces.limit, pieces.acceleration, pieces.entry))
