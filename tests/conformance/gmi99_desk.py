@@ -1,11 +1,11 @@
 """The GMI99 on the test desk: frames as hexadecimal text, what they must be, and closed forms of its moves.
 
-Nothing here is the twin's code: frames are put together once more from DIN 19244, and checked by an independent parser
-in test_gmi99_link.py.
+Frames are put together here once more from DIN 19244; PLC programs are assembled by the twin.
 """
 
 from __future__ import annotations
 
+from isel_twin.firmware.plc.assembler import assemble
 from isel_twin.testing import Desk, PositionSwitch
 
 OK = "E5"
@@ -24,6 +24,12 @@ TO_10000 = "68 05 05 68 E0 81 10 27 00 98 16"
 TO_238 = "68 05 05 68 E0 81 EE 00 00 4F 16"
 TO_0 = "68 05 05 68 E0 81 00 00 00 61 16"
 G91 = "68 05 05 68 E0 47 5B 00 00 82 16"
+
+PLC_STOP = "68 0B 0B 68 E0 70 01 00 00 02 00 00 00 00 00 53 16"
+PLC_BEGIN = "68 0B 0B 68 E0 70 01 00 00 64 00 00 00 00 00 B5 16"
+PLC_END = "68 0B 0B 68 E0 70 01 00 00 65 00 00 00 00 00 B6 16"
+PLC_START = "68 0B 0B 68 E0 70 01 00 00 01 00 00 00 00 00 52 16"
+"""Of the PLC: stop it, begin to load it, end that, start it."""
 
 TICK_NS = 4_000_000
 
@@ -112,3 +118,30 @@ def moved_s(desk: CardDesk, *frames: str) -> float:
     assert desk.tell(*frames) == [OK] * len(frames)
     desk.finish()
     return (desk.time_ns - start_ns) / 1e9
+
+
+# ---- the PLC ---------------------------------------------------------------------------------------------------------
+
+
+def load(desk: CardDesk, *data: str) -> None:
+    """Stop, load, start."""
+    assert desk.tell(PLC_STOP, PLC_BEGIN, *data, PLC_END, PLC_START) == [OK] * (len(data) + 4)
+
+
+def assembled(text: str) -> tuple[str, ...]:
+    """Telegrams that load a program."""
+    image = assemble(text).image
+    parts = [image[at : at + 128] for at in range(0, len(image), 128)]
+    return tuple(long(b"a" + (128 * n).to_bytes(3, "little") + part) for n, part in enumerate(parts))
+
+
+def running(text: str) -> CardDesk:
+    """A card whose PLC runs this program."""
+    desk = prepared()
+    load(desk, *assembled(text))
+    return desk
+
+
+def word(desk: CardDesk, byte: int) -> int:
+    """A flag word."""
+    return int.from_bytes(bytes.fromhex(desk.ask(command("T", 1, 3, byte)))[6:8], "little")

@@ -5,15 +5,26 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from conformance.gmi99_desk import BUSY, OK, PRE, READY, STATUS, CardDesk, Q, command, fresh, long, prepared
+from conformance.gmi99_desk import (
+    BUSY,
+    OK,
+    PLC_BEGIN,
+    PLC_END,
+    PLC_STOP,
+    PRE,
+    READY,
+    STATUS,
+    Q,
+    assembled,
+    command,
+    fresh,
+    load,
+    long,
+    prepared,
+    running,
+    word,
+)
 from conformance.rows import shows
-
-from isel_twin.firmware.plc.assembler import assemble
-
-STOP = "68 0B 0B 68 E0 70 01 00 00 02 00 00 00 00 00 53 16"
-BEGIN = "68 0B 0B 68 E0 70 01 00 00 64 00 00 00 00 00 B5 16"
-END = "68 0B 0B 68 E0 70 01 00 00 65 00 00 00 00 00 B6 16"
-START = "68 0B 0B 68 E0 70 01 00 00 01 00 00 00 00 00 52 16"
 
 M50_AFTER_5_S = (
     "68 21 21 68 E0 61 00 00 00 53 35 01 01 01 01 0A 00 12 00 "
@@ -36,30 +47,6 @@ CALLS_1 = (
     "00 80 06 B0 06 65 00 3B 16"
 )
 CYCLE_S = 0.004
-
-
-def load(desk: CardDesk, *data: str) -> None:
-    """Stop, load, start."""
-    assert desk.tell(STOP, BEGIN, *data, END, START) == [OK] * (len(data) + 4)
-
-
-def assembled(text: str) -> tuple[str, ...]:
-    """Telegrams that load a program."""
-    image = assemble(text).image
-    parts = [image[at : at + 128] for at in range(0, len(image), 128)]
-    return tuple(long(b"a" + (128 * n).to_bytes(3, "little") + part) for n, part in enumerate(parts))
-
-
-def running(text: str) -> CardDesk:
-    """A card whose PLC runs this program."""
-    desk = prepared()
-    load(desk, *assembled(text))
-    return desk
-
-
-def word(desk: CardDesk, byte: int) -> int:
-    """A flag word."""
-    return int.from_bytes(bytes.fromhex(desk.ask(command("T", 1, 3, byte)))[6:8], "little")
 
 
 @shows("gmi99-6-2", "gmi99-6-3", "gmi99-6.1-1", "gmi99-3.1.1-46")
@@ -173,11 +160,11 @@ def test_stop_sets_the_outputs_back_and_what_is_no_program_is_refused() -> None:
     desk.run(0.1)
     assert desk.outputs["a0.4"] == 1
     assert desk.ask(command("T", 3, 4)) == long(b"\x00")
-    desk.ask(STOP)
+    desk.ask(PLC_STOP)
     desk.run(0.1)
     assert desk.outputs["a0.4"] == 0
     assert desk.ask(command("T", 3, 4)) == long(b"\x02")
-    desk.tell(BEGIN, long(b"a\0\0\0\x53\x35\x01\x01\x01"), END)
+    desk.tell(PLC_BEGIN, long(b"a\0\0\0\x53\x35\x01\x01\x01"), PLC_END)
     assert desk.ask(command("T", 3, 4)) == long(b"\x03")
     assert desk.controller.fault
 
@@ -185,7 +172,7 @@ def test_stop_sets_the_outputs_back_and_what_is_no_program_is_refused() -> None:
 @shows("gmi99-3.1.1-47")
 def test_a_download_makes_the_programs_invalid() -> None:
     desk = prepared(command("p", 3, 100, 0), command(0x81, 50), command("p", 3, 101))
-    desk.tell(BEGIN, END, command("p", 3, 1, 0))
+    desk.tell(PLC_BEGIN, PLC_END, command("p", 3, 1, 0))
     desk.finish()
     assert desk.counts[0] == 0
 

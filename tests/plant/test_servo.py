@@ -263,3 +263,23 @@ def test_friction_takes_current(bench):
             some.append(line.plant._states["current_a_a"][0])
         currents.append(np.mean(some))
     assert currents[1] - currents[0] == pytest.approx(300 * 0.005 / (2 * np.pi) / 0.9 / 0.1, rel=0.03)
+
+
+def test_a_brake_holds_an_axis_whose_drive_does_not(bench):
+    """Without friction Z falls when its drive is off, unless its brake is closed."""
+    loose = {"axes.z.shaft_coulomb": 0.0, "axes.z.guide_friction": 0.0, "axes.z.efficiency": 1.0}
+    line = Line(bench, {**loose, "axes.z.brake": 300.0})
+    plant, held = line.plant, line.plant.position_mm[2]
+    plant.set_power(stages=False, brake_released=False, lowering=True)
+    line.rest(300)
+    assert plant.position_mm[2] == pytest.approx(held, abs=0.03)
+    plant.set_power(stages=False, brake_released=True, lowering=True)
+    line.rest(300)
+    fell = plant.position_mm[2] - held
+    assert fell > 5.0
+    plant.set_power(stages=True, brake_released=True, lowering=True)
+    line.rest(1000)
+    stays = plant.position_mm[2]
+    line.rest(500)
+    assert plant.position_mm[2] == pytest.approx(stays, abs=0.003)
+    assert not plant.fault.any()

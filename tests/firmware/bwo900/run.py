@@ -18,7 +18,7 @@ def programs(text: str) -> Store:
         word = line.strip()
         if word[:1] in ("P", "Z") and word[1:].isdigit():
             if blocks:
-                store[name] = Program(name, tuple(blocks))
+                store[name] = Program.of(name, blocks)
             name, blocks = word, []
         elif word and word != "#":
             blocks.append(word)

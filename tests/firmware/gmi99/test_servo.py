@@ -83,7 +83,7 @@ def test_a_push(newton: float, faults: bool) -> None:
         return
     assert int(ask(twin, STATUS.hex()).split()[2], 16) & 0x40
     assert ask(twin, command("T", 1, 3, 0)).split()[6] in ("90", "98"), "M0.4 no E-stop, M0.7 an error of a drive"
-    assert ask(twin, command("T", 3, 8)) == long(b"\x00")
+    assert ask(twin, command("T", 3, 8)) == long(b"\x02"), "pulses blocked"
     assert ask(twin, "10 00 01 01 16") == "10 00 40 40 16", "of the drive: reference missing"
     twin.apply_force(0, 0.0)
     twin.run(0.5)

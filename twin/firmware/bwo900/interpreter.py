@@ -43,6 +43,11 @@ NEAR_MM: Final = 1e-9
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 CENTRES: Final = "IJK"
+DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+STAYING, ADDRESSED = 0x01, 0x02
+"""Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+MOST_MOVES: Final = 100_000
+"""Of a cycle (M8006): its moves are reckoned before the first of them is made."""
 
 
 class Waiting(Enum):
@@ -112,11 +117,14 @@ class Interpreter:
         self._centre: dict[str, float] = {}
         self._radius: float | None = None
         self._feed: float | None = None
-        self._speed, self._turning = 0.0, 0
+        self._speed: float | None = None
+        self._turning = 0
         self._pole, self._polar = (0.0, 0.0), (0.0, 0.0)
         self._tool: int | None = None
         self._jump_to: tuple[str, int] | None = None
         self._skips = False
+        self._drilling: int | None = None
+        """The drilling cycle that stays."""
         self._block_now: Block | None = None
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
@@ -441,6 +449,10 @@ class Interpreter:
             raise ProgramError(1232, f"G{number}: {BEYOND[number]} are not in this twin", column)
         elif number in self._cycles or number == 82:
             spoken.cycles.append(number)
+            if number in DRILLING and self._drill_flags & STAYING:
+                self._drilling = number
+        elif number == 80:
+            self._drilling = None
         elif f"Z{number}" in self._store:
             spoken.call = (f"Z{number}", None, None)
         else:
@@ -557,8 +569,11 @@ class Interpreter:
     def _words(self, block: Block, spoken: _Spoken) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
         self._select(spoken)
-        self._feed_words(block, spoken)
-        targets = self._axis_words(block, spoken)
+        taken = self._drilling_words(block, spoken)
+        self._feed_words(block, spoken, taken)
+        targets = self._axis_words(block, spoken, taken)
+        if self._drilling is not None and targets and not spoken.cycles:
+            spoken.cycles.append(self._drilling)
         if spoken.cycles:
             self._cycle(block, spoken, targets)
             return
@@ -589,8 +604,26 @@ class Interpreter:
         self._length = self._tools.length_mm
         self._renew()
 
-    def _feed_words(self, block: Block, spoken: _Spoken) -> None:
+    @property
+    def _drill_flags(self) -> int:
+        return byte(self._parameters.get(8_806), 3)
+
+    def _drilling_words(self, block: Block, spoken: _Spoken) -> frozenset[str]:
+        """Words that are parameters of the block's drilling cycle; their names."""
+        if not DRILLING.intersection(spoken.cycles) or not self._drill_flags & ADDRESSED:
+            return frozenset()
+        third = self._frame.plane.third
+        axis = next(name for name, number in self._names.items() if number == third)
+        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[third]: 35, "H": 36}
+        taken = [word for word in block.words if word.name in numbers]
+        for word in taken:
+            self._parameters.write(numbers[word.name], self._value(word.value))
+        return frozenset(word.name for word in taken)
+
+    def _feed_words(self, block: Block, spoken: _Spoken, taken: frozenset[str]) -> None:
         for word in block.words:
+            if word.name in taken:
+                continue
             if word.name == "F":
                 self._feed = self._value(word.value)
             elif word.name == "f":
@@ -602,13 +635,20 @@ class Interpreter:
                 self._radius = self._value(word.value)
                 spoken.centred = False
 
-    def _axis_words(self, block: Block, spoken: _Spoken) -> dict[int, float] | None:
-        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs."""
+    def _axis_words(self, block: Block, spoken: _Spoken, taken: frozenset[str]) -> dict[int, float] | None:
+        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs.
+
+        taken: words of a drilling cycle; its depth alone drills where the tool stands.
+        """
         named: dict[int, float] = {}
         radial: dict[str, float] = {}
         letters = {chr(int(self._parameters.get(q, d, "q"))): part for q, d, part in ((150, 120, "r"), (151, 99, "a"))}
         for word in block.words:
-            if word.name in self._names:
+            if word.name in taken:
+                if word.name in self._names:
+                    first = self._frame.plane.first
+                    named.setdefault(first, 0.0 if self._modal.dimension == 91 else self._program_position[first])
+            elif word.name in self._names:
                 named[self._names[word.name]] = self._value(word.value)
             elif word.name in letters and self._modal.polar == 10:
                 radial[letters[word.name]] = self._value(word.value)
@@ -779,7 +819,7 @@ class Interpreter:
         """The moves of a cycle, each a PathBlock of its own."""
         numbers = [81 if number == 82 else number for number in spoken.cycles]
         outer = next((n for n in numbers if 86 <= n <= 89), None)
-        inner = next((n for n in numbers if n != outer), None)
+        inner = next((n for n in numbers if n != outer), None if outer is None else self._drilling)
         first = outer if outer is not None else numbers[0]
         if len(numbers) > (2 if outer is not None else 1):
             raise ProgramError(1232, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
@@ -787,7 +827,9 @@ class Interpreter:
         spoken.pre, spoken.post = before, []
         stop, spoken.stop = spoken.stop, Stop.NONE
         motion = self._modal
-        for move in self._moves(first, inner, targets or {}, spoken):
+        for count, move in enumerate(self._moves(first, inner, targets or {}, spoken)):
+            if count >= MOST_MOVES:
+                raise ProgramError(8006, f"more than {MOST_MOVES} moves")
             self._move(move, spoken)
             spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = [], {}, (), None
         self._modal = motion
@@ -798,12 +840,14 @@ class Interpreter:
     def _moves(self, number: int, inner: int | None, targets: Mapping[int, float], spoken: _Spoken) -> Iterator[Move]:
         """A cycle's moves; at each place of a pattern the moves of the machining cycle."""
         function = self._cycles[number]
-        for move in function(self._call_of(targets, inner)):  # type: ignore[operator]
+        call = self._call_of(targets, inner)
+        for move in function(call):  # type: ignore[operator]
             yield move
             if move.cycle is not None:
                 plane, place = self._frame.plane, self._program_position
                 here = {axis: place[axis] for axis in (plane.first, plane.second)}
-                yield from self._cycles[move.cycle](self._call_of(here, None))  # type: ignore[operator]
+                within = replace(call, position=place, words=here, inner=None)
+                yield from self._cycles[move.cycle](within)  # type: ignore[operator]
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters

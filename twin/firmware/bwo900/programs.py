@@ -11,15 +11,15 @@ from __future__ import annotations
 import re
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 
-__all__ = ["END", "MOST_LINE", "Program", "read_program"]
+__all__ = ["END", "MOST_LINE", "Builder", "Program", "Store", "program_name"]
 
 END: Final = "#"
 """What stands behind the last block of a file."""
@@ -34,73 +34,97 @@ def _parsed(text: str, line: int) -> Block:
     return parse_block(text, line)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Program:
-    """A program: name (P or Z and its number), and its blocks as they are in the file, chained lines joined."""
+    """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
     name: str
-    blocks: tuple[str, ...]
-    lines: array[int] = field(default_factory=lambda: array("q"))
-    """Line of the file of each block."""
+    text: bytes
+    """Of all blocks, each ended by LF, Latin-1."""
+    begins: array[int]
+    """Where each begins in it, and where the last one ends."""
+    numbers: array[int]
+    """Number of each, -1 without one; those that there are rise."""
+    highest: array[int]
+    """The highest number up to each."""
 
-    def __post_init__(self) -> None:
-        numbers = array("q", (int(m[1]) if (m := _NUMBER.match(text)) else -1 for text in self.blocks))
-        object.__setattr__(self, "_numbers", numbers)
-        order = sorted((number, place) for place, number in enumerate(numbers) if number >= 0)
-        object.__setattr__(self, "_order", order)
+    @classmethod
+    def of(cls, name: str, blocks: Iterable[str]) -> Program:
+        """A program of lines. Raises ProgramError as `Builder` does."""
+        builder = Builder(name)
+        for number, line in enumerate(blocks, start=1):
+            builder.add(number, line)
+        return builder.program()
 
     def __len__(self) -> int:
-        return len(self.blocks)
+        return len(self.numbers)
+
+    @property
+    def blocks(self) -> Iterator[str]:
+        """The text of each block."""
+        return (self.line(place) for place in range(len(self)))
+
+    def line(self, place: int) -> str:
+        """The text of the block at a place, from 0."""
+        return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
 
     def block(self, place: int) -> Block:
-        """The block at a place, from 0. Raises ProgramError if it cannot be read."""
-        return _parsed(self.blocks[place], self.lines[place] if place < len(self.lines) else place + 1)
+        """The block at a place, read. Raises ProgramError if it cannot be."""
+        return _parsed(self.line(place), place + 1)
 
     def number(self, place: int) -> int:
         """The number of the block at a place, -1 if it has none."""
-        return int(self._numbers[place])  # type: ignore[attr-defined]
+        return self.numbers[place]
 
     def place(self, number: int) -> int:
         """The place of the block with that number. Raises ProgramError M1255 if there is none."""
-        order: list[tuple[int, int]] = self._order  # type: ignore[attr-defined]
-        at = bisect_left(order, (number, 0))
-        if at == len(order) or order[at][0] != number:
+        at = bisect_left(self.highest, number)
+        if at == len(self) or self.numbers[at] != number:
             raise ProgramError(1255, f"N{number} in {self.name}")
-        return order[at][1]
+        return at
 
     @property
-    def text(self) -> str:
+    def file(self) -> str:
         """The program as a file, lines ended by CR LF."""
         return "".join(f"{line}\r\n" for line in (self.name, *self.blocks, END))
 
 
-def read_program(lines: Iterator[tuple[int, str]], name: str) -> Program:
-    """The program of numbered lines up to its end. Raises ProgramError: M1113 line too long, M1111 a line that is none,
-    M1290 block numbers that do not rise, M1256 nothing."""
-    blocks: list[str] = []
-    places = array("q")
-    last, chained = -1, ""
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        if len(text) > MOST_LINE:
+class Builder:
+    """Takes the lines of a program one by one, so that a long one costs its bytes once."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._text = bytearray()
+        self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
+        self._last = -1
+        self._chained = ""
+
+    def add(self, number: int, line: str) -> None:
+        """The next line, number: of the file. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
+        if len(line) > MOST_LINE:
             raise ProgramError(1113, f"line {number}")
-        if text.strip() == END:
-            break
+        text = line.rstrip()
         if not text.strip() or text.lstrip().startswith(";"):
-            continue
-        if text.rstrip().endswith("\\"):
-            chained += text.rstrip()[:-1] + " "
-            continue
-        text, chained = (chained + text).strip(), ""
-        if (found := _NUMBER.match(text)) is not None:
-            if int(found[1]) <= last:
-                raise ProgramError(1290, f"N{found[1]} after N{last}, line {number}")
-            last = int(found[1])
-        blocks.append(text)
-        places.append(number)
-    if chained:
-        raise ProgramError(1111, "the last line is chained to nothing")
-    return Program(name, tuple(blocks), places)
+            return
+        if text.endswith("\\"):
+            self._chained += text[:-1] + " "
+            return
+        text, self._chained = (self._chained + text).strip(), ""
+        found = _NUMBER.match(text)
+        if found is not None:
+            if int(found[1]) <= self._last:
+                raise ProgramError(1290, f"N{found[1]} after N{self._last}, line {number}")
+            self._last = int(found[1])
+        self._text += text.encode("latin-1", errors="replace") + b"\n"
+        self._begins.append(len(self._text))
+        self._numbers.append(-1 if found is None else self._last)
+        self._highest.append(self._last)
+
+    def program(self) -> Program:
+        """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
+        if self._chained:
+            raise ProgramError(1111, "the last line is chained to nothing")
+        return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
 def program_name(line: str) -> str:
@@ -118,8 +142,3 @@ class Store(dict[str, Program]):
         if program is None:
             raise ProgramError(1252, name)
         return program
-
-    def of(self, programs: Mapping[str, Program]) -> Store:
-        """These as well."""
-        self.update(programs)
-        return self

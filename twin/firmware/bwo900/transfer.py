@@ -15,12 +15,13 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
-from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Program, Store, program_name, read_program
+from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Builder, Program, Store, program_name
 
 __all__ = ["EOT", "Receiver", "parameter_file"]
 
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
+_END = re.compile(b"[\\x0a\\x0d\\x04]")
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
     r"(?P<value>--|[-–—]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
@@ -42,7 +43,8 @@ class Receiver:
         self._number = 0
         self._kind = ""
         """Of the file that is being read: a program's name, "D", "D+", "?" for one that is skipped."""
-        self._lines: list[tuple[int, str]] = []
+        self._builder: Builder | None = None
+        """Of the program that is being read."""
         self.changed = False
         """Programs or parameters are not what they were since this was set to False."""
 
@@ -53,15 +55,19 @@ class Receiver:
 
     def take(self, data: bytes) -> Iterator[ProgramError]:
         """Bytes of the line; what was wrong with them."""
-        for byte in data:
-            if byte in (0x0D, 0x0A):
-                yield from self._end_of_line()
-            elif byte == EOT:
-                yield from self._end_of_line()
+        at = 0
+        for end in _END.finditer(data):
+            self._more(data[at : end.start()])
+            at = end.end()
+            yield from self._end_of_line()
+            if end[0][0] == EOT:
                 yield from self._end_of_file()
                 self._number = 0
-            elif len(self._line) <= MOST_LINE:
-                self._line.append(byte)
+        self._more(data[at:])
+
+    def _more(self, data: bytes) -> None:
+        """More of a line; of one that is too long no more than shows it."""
+        self._line += data[: max(MOST_LINE + 1 - len(self._line), 0)]
 
     def _end_of_line(self) -> Iterator[ProgramError]:
         if not self._line:
@@ -80,28 +86,31 @@ class Receiver:
             yield from self._end_of_file()
         elif self._kind in ("D", "D+"):
             yield from self._parameter(word)
-        elif self._kind != "?":
-            self._lines.append((self._number, text))
+        elif self._builder is not None:
+            try:
+                self._builder.add(self._number, text)
+            except ProgramError as error:
+                yield self._skip(error.number, error.detail)
 
     def _begin(self, word: str) -> Iterator[ProgramError]:
         if word in ("D", "D+"):
             self._kind = word
         elif name := program_name(word):
-            self._kind, self._lines = name, []
+            self._kind, self._builder = name, Builder(name)
         else:
             yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
 
     def _skip(self, number: int, detail: str) -> ProgramError:
-        self._kind, self._lines = "?", []
+        self._kind, self._builder = "?", None
         return ProgramError(number, detail)
 
     def _end_of_file(self) -> Iterator[ProgramError]:
         kind, self._kind = self._kind, ""
-        lines, self._lines = self._lines, []
-        if kind in ("", "D", "D+", "?"):
+        builder, self._builder = self._builder, None
+        if builder is None:
             return
         try:
-            program = read_program(iter(lines), kind)
+            program = builder.program()
         except ProgramError as error:
             yield error
             return
@@ -146,4 +155,4 @@ def parameter_file(parameters: Parameters, status: bool = True) -> str:
 
 def program_file(program: Program) -> str:
     """A program as a file."""
-    return program.text
+    return program.file

@@ -267,7 +267,8 @@ class Card:
     def safety_status(self) -> int:
         """T3;8."""
         stop = self.images.flag(places.STOP)
-        return self.reduced | (not self.drives.enabled) << 1 | stop << 2 | self.enable_missing << 3
+        blocked = any(self.drives.blocked(slot) for slot in range(SLOTS) if self.settings.axis_mask >> slot & 1)
+        return self.reduced | blocked << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
         """Flags of the firmware, and the output that tells of motion, show what is."""

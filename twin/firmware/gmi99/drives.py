@@ -139,8 +139,12 @@ class DriveBank:
             i2t=self.is_overloaded(slot),
             estop=self._estop,
             in_position=self._is_in_position(slot),
-            blocked=not self.enabled or self._faulty[slot],
+            blocked=self.blocked(slot),
         )
+
+    def blocked(self, slot: int) -> bool:
+        """No current: the stages are off, or this drive has switched itself off."""
+        return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
         """Faults of the drives that have a motor."""
