@@ -633,7 +633,7 @@ class Channel:
         halting = any(function.halt and not function.jump for function in (*block.pre, *block.post))
         jumping = self._jumps and not block.elements
         jumping = jumping and not self._do.option(WITHOUT_FUNCTIONS)
-        if halting and not self._do.acknowledged() or jumping:
+        if (halting and not self._do.acknowledged()) or jumping:
             self.phase, self._due_ns = Phase.FUNCTIONS, self._now_ns + JUMP_NS if jumping else None
             return
         self._block_over()
