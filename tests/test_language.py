@@ -23,7 +23,7 @@ from isel_twin.language import (
 
 
 def test_every_controller_of_the_package_has_a_language() -> None:
-    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99"}
+    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99", "bwo900"}
     for name in language_names():
         language = create_language(name)
         assert language is not None

@@ -527,7 +527,11 @@ class Channel:
     @property
     def _open(self) -> bool:
         """Whether the stretch could go on with another block."""
-        return bool(self._stretch) and not _breaks_after(last := self._stretch[-1].block, self._halts(last)) and not self._holds
+        return (
+            bool(self._stretch)
+            and not _breaks_after(last := self._stretch[-1].block, self._halts(last))
+            and not self._holds
+        )
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
@@ -627,7 +631,7 @@ class Channel:
         halting = any(function.halt and not function.jump for function in (*block.pre, *block.post))
         jumping = self._jumps and not block.elements
         jumping = jumping and not self._do.option(WITHOUT_FUNCTIONS)
-        if halting and not self._do.acknowledged() or jumping:
+        if (halting and not self._do.acknowledged()) or jumping:
             self.phase, self._due_ns = Phase.FUNCTIONS, self._now_ns + JUMP_NS if jumping else None
             return
         self._block_over()
