@@ -35,7 +35,7 @@ def test_every_controller_of_the_package_has_a_language() -> None:
 
 
 def test_a_controller_that_is_not_there_is_named() -> None:
-    with pytest.raises(UnknownNameError, match="unknown controller 'imc-s9'; installed: c142"):
+    with pytest.raises(UnknownNameError, match="unknown controller 'imc-s9'; installed: bwo900"):
         create_language("imc-s9")
 
 
