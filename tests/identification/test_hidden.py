@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +94,17 @@ def test_a_replay_gives_the_same_bits(found: Found) -> None:
         found.sessions[0], measured=dataclasses.replace(found.sessions[0].measured, stalls=())
     )
     assert predict(session, machine).tobytes() == predict(session, machine).tobytes()
+
+
+def test_any_executor_gives_the_same_bits(found: Found) -> None:
+    session = found.sessions[1]
+    session = dataclasses.replace(session, measured=dataclasses.replace(session.measured, stalls=()))
+    points = [np.zeros(len(found.unknowns)), np.full(len(found.unknowns), 0.3)]
+    assert pickle.loads(pickle.dumps((session, found.believed, found.unknowns)))[0] == session  # for processes
+    with ThreadPoolExecutor(2) as pool:
+        one = Model(found.believed, found.unknowns, [session], pool).predictions(points)
+    other = Model(found.believed, found.unknowns, [session]).predictions(points)
+    assert [each.tobytes() for each in one] == [each.tobytes() for each in other]
 
 
 def test_the_first_reference_run_says_nothing_of_the_machine(found: Found) -> None:
