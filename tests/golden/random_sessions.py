@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from golden.servo_sessions import bwo900_actions, gmi99_actions
 from golden.session import Action, Session
 
 Draw = np.random.Generator
@@ -375,6 +376,8 @@ def ismif_actions(draw: Draw, length: int, full_steps: bool) -> list[Action]:
 
 def random_session(controller: str, plant: str, number: int) -> Session:
     """Session `number` of a controller; the number is the seed."""
+    if controller in SERVO:
+        return _servo_session(controller, plant, number)
     ismif = controller == "ismif"
     physics = plant == "mujoco"
     draw = np.random.default_rng([number, sum(controller.encode()), physics])
@@ -397,6 +400,21 @@ def random_session(controller: str, plant: str, number: int) -> Session:
     if ismif and not full_steps:
         actions = [_without_full_steps(action) for action in actions]
     return Session(options, tuple(actions), scenario)
+
+
+SERVO = {"gmi99": gmi99_actions, "bwo900": bwo900_actions}
+"""Controllers of servo axes."""
+
+
+def _servo_session(controller: str, plant: str, number: int) -> Session:
+    draw = np.random.default_rng([number, sum(controller.encode()), plant == "mujoco"])
+    options: dict[str, Any] = {"controller": controller, "machine": "4030-servo", "plant": plant, "seed": number}
+    if chance(draw, 0.3):
+        options["line_speed"] = True
+    options["start_mm"] = tuple(round(float(x), 3) for x in draw.uniform(1.0, 12.0, 3))
+    scenario = pick(draw, SCENARIOS[:3]) if chance(draw, 0.15) else None
+    length = int(draw.integers(6, 10) if plant == "mujoco" else draw.integers(8, 20))
+    return Session(options, tuple(SERVO[controller](draw, length)), scenario)
 
 
 def _without_full_steps(action: Action) -> Action:

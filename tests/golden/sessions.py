@@ -25,8 +25,9 @@ from golden.session import Session, digest_of, play
 
 FILE = FOLDER / "sessions.txt"
 CONTROLLERS = ("c142", "imc-m", "imc-mp", "imc-s8", "ismif")
+SERVO = ("bwo900", "gmi99")
 RANDOM = {"kinematic": 200, "mujoco": 12}
-"""Random sessions of every controller on each plant."""
+"""Random sessions of every controller on each plant; of those in SERVO a fifth."""
 CHUNK = 20
 """Sessions in one test."""
 FIRST_TICKS = 20
@@ -35,9 +36,8 @@ FIRST_TICKS = 20
 def names(plant: str = "kinematic") -> list[str]:
     """Names of all sessions on a plant: controller/plant/number, and fixed/plant/name."""
     fixed = [f"fixed/{plant}/{name}" for name in SCRIPTS]
-    return fixed + [
-        f"{controller}/{plant}/{number:03}" for controller in CONTROLLERS for number in range(RANDOM[plant])
-    ]
+    count = {**dict.fromkeys(CONTROLLERS, RANDOM[plant]), **dict.fromkeys(SERVO, RANDOM[plant] // 5)}
+    return fixed + [f"{controller}/{plant}/{number:03}" for controller in count for number in range(count[controller])]
 
 
 def session(name: str) -> Session:
