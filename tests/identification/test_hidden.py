@@ -129,6 +129,17 @@ def test_a_zero_of_the_gauge_makes_no_difference(found: Found) -> None:
     assert one == pytest.approx(two, abs=1e-6)
 
 
+def test_a_step_that_loses_steps_is_no_slope(found: Found) -> None:
+    """Its readings jump by hundreds of standard deviations; the other way the same parameter changes them by five."""
+    model = Model(found.believed, found.unknowns, found.sessions[1:])
+    coast = np.array(["coast" in item.group for item in model.data])
+    back = np.where(coast, -5.0, 3.0)
+    ahead = np.where(coast, -500.0, 3.0)
+    slope = model._between(ahead, back)
+    assert slope[coast] == pytest.approx(-5.0)
+    assert slope[[item.kind == "duration" for item in model.data]] == pytest.approx(3.0)
+
+
 def test_what_the_data_do_not_touch_is_said_before_the_fit() -> None:
     names = ("friction.x", "backlash.x", "supply")
     machine = load_machine("4030")

@@ -527,7 +527,11 @@ class Channel:
     @property
     def _open(self) -> bool:
         """Whether the stretch could go on with another block."""
-        return bool(self._stretch) and not _breaks_after(last := self._stretch[-1].block, self._halts(last)) and not self._holds
+        return (
+            bool(self._stretch)
+            and not _breaks_after(last := self._stretch[-1].block, self._halts(last))
+            and not self._holds
+        )
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""

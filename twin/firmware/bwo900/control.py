@@ -516,7 +516,11 @@ class Control:
             self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
             if p.get(8_804) and p.get(8_802):
                 find(
-                    self._interpreter, f"P{int(p.get(8_802))}", int(p.get(8_803)), self._position, self._parameters.write
+                    self._interpreter,
+                    f"P{int(p.get(8_802))}",
+                    int(p.get(8_803)),
+                    self._position,
+                    self._parameters.write,
                 )
                 p.write(8_804, 0.0)
         except ProgramError as error:
