@@ -162,7 +162,6 @@ class Model:
     def _between(self, ahead: Floats, back: Floats) -> Floats:
         """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF).
 
-
         There one of the two candidates has lost steps where the other has not: no slope of anything.
         """
         mean = self._told(ahead + back) / 2.0
