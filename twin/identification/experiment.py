@@ -216,7 +216,8 @@ def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -
 
 
 def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: float, acceleration: int) -> Block:
-    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, 20_000.0, 20_400.0)
+    middle = 0.5 * needed(create_language(controller), controller).ranges["speed_hz"][1]
+    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle)
     expected = stall_speed_hz(referenced(controller, machine), wanted)
     stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
     return Block(
