@@ -41,6 +41,7 @@ AHEAD: Final = 400
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
 WITHOUT_MOVING, WITHOUT_FUNCTIONS, EVERY_BLOCK, START_FLAGS = 8_812, 8_813, 8_814, 8_806
+LONGEST_SETTLING: Final = 12_018
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
@@ -610,7 +611,8 @@ class Channel:
 
     def _settle(self) -> None:
         self.phase, self._due_ns = Phase.SETTLE, self._now_ns
-        self._settles_until_ns = self._now_ns + SETTLE_NS
+        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
+        self._settles_until_ns = self._now_ns + longest
 
     def _look_settled(self, now_ns: int) -> None:
         """Whether the axes are in position is asked in every cycle, and at no other time: however time is cut."""
