@@ -36,6 +36,9 @@ from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
+    HasKeys,
+    Key,
+    KeyValue,
     Output,
     Remark,
     Reply,
@@ -47,6 +50,7 @@ from isel_twin.language import Language, needed
 from isel_twin.machine import Machine, load_machine
 from isel_twin.motion import Stream
 from isel_twin.observers import Observers
+from isel_twin.parameters import Place
 from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.position import Position
 from isel_twin.sampling import Sampler, TwinSamples
@@ -62,6 +66,7 @@ from isel_twin.wiring import (
     SerialLine,
     Wiring,
     check_input,
+    event_now,
     thresholds,
 )
 
@@ -165,6 +170,8 @@ class Twin(Seen):
         self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
+        self.keys: Mapping[str, Key] = dict(controller.keys) if isinstance(controller, HasKeys) else {}
+        """Keys of the controller's own panel, by name: see `press`."""
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
@@ -349,6 +356,12 @@ class Twin(Seen):
         self._note("operated", event.content)
         self._wiring.carry_out(event, self.time_ns)
         self._settle()
+
+    def press(self, name: str, value: KeyValue = True) -> None:
+        """Press a key of the controller's own panel, or put it to a value, now. Raises ValueError, which lists what
+        there is, for a key or value that does not exist (`keys`)."""
+        place = Place("press", ScenarioError)
+        self.carry_out(event_now({"key": {name: value}}, place, self.settable, self.keys))
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
@@ -578,7 +591,7 @@ class Twin(Seen):
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
-            if self._hand_over_bytes() or self._hand_over_levels():
+            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 if self._observers:
@@ -634,6 +647,13 @@ class Twin(Seen):
                 self._take_events()
         self._observers.look(self, True, self._wiring.changes)
         return True
+
+    def _hand_over_keys(self) -> bool:
+        pressed = self._wiring.take_pressed()
+        for name, value in pressed:
+            if self._told.press(self.time_ns, name, value):
+                self._take_events()
+        return bool(pressed)
 
     def _take_events(self) -> None:
         """Take over what the controller says after a call, and the motion it shows."""

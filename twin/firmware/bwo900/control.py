@@ -1,7 +1,7 @@
 """The control: host, inputs and clock. Implements `isel_twin.controller.Controller`.
 
-    bytes     files of programs and parameters (transfer.py); parameters are also the operator's keys, as for a PLC:
-              P8683 mode, P8684 start and stop, P8705 abort, P8800 program, P12130 reference run of an axis
+    bytes     files of programs and parameters (transfer.py); some parameters are keys, as for a PLC
+    keys      of the operator (keys.py)
     inputs    start, stop, E-stop, limit switches, hood, key
     outputs   stages, brake, spindle, coolant ...: a0.0 on, of the PLC
     run       set points of the channel, or of a reference run
@@ -22,11 +22,13 @@ from isel_twin.controller import (
     Drives,
     Event,
     FlashWrite,
+    Key,
+    KeyValue,
     Output,
     Remark,
     SerialFormat,
 )
-from isel_twin.firmware.bwo900 import memory
+from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
 from isel_twin.firmware.bwo900.homing import Homing
@@ -73,7 +75,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives and NamesOutputs."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -165,6 +167,14 @@ class Control:
         asked = self._power_until_ns is not None or not self._plc.idle
         return not (working or self._homing is not None or asked or self._receiver.busy)
 
+    @property
+    def keys(self) -> Mapping[str, Key]:
+        return keys.KEYS
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        return keys.values(self._parameters, self.mode, self._channel.override)
+
     # ---- what happens -----------------------------------------------------------------------------------------------
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -185,6 +195,14 @@ class Control:
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
+        self._settle()
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> None:
+        self.advance(t_ns)
+        for number, wanted in keys.writes(name, value):
+            self._parameters.write(number, wanted)
+            self._written(number, wanted, "P", 1)
+        self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
