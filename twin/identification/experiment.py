@@ -188,7 +188,9 @@ def _push(tell: _Teller, mm: float, force_n: float) -> Block:
     name = f"push {tell.axis} {force_n:g}"
     ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
     readings = tuple(tell.reading(name, push_n=way) for way in ways)
-    comment = f"pull at the tool along {tell.axis} with {force_n:g} N up, down, half as much up, down, and again"
+    comment = (
+        f"pull at the tool along {tell.axis}: {force_n:g} N up, down, half of it up, down, all again; read at each"
+    )
     steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
     return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
 

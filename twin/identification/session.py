@@ -82,7 +82,7 @@ class Datum:
     sigma: float
     unit: str
     group: str = ""
-    """Readings of one group share an unknown zero."""
+    """Readings of one group share an unknown zero, durations what line, adapter and host always take."""
     scatter: float = 0.0
     """Standard deviation of what the model itself says, by chance; it is part of sigma."""
 
@@ -125,7 +125,7 @@ class Session:
                     scatter = REFERENCE_SIGMA_S if number in self.references else 0.0
                     sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
                     seconds = exchange.duration_ns / SECOND_NS
-                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", "", scatter))
+                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
         for reading in self.measured.readings:
             value = reading.mm - (reading.counter_mm or 0.0)
             push = f", {reading.push_n:g} N" if reading.push_n else ""

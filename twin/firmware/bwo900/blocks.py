@@ -51,6 +51,8 @@ class Machine:
     code: int
     extensions: tuple[float, ...] = ()
     halt: bool = False
+    jump: bool = False
+    """Its acknowledgement deletes the path, and the program goes on elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)

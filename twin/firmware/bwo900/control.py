@@ -26,6 +26,7 @@ from isel_twin.controller import (
     KeyValue,
     Output,
     Remark,
+    Reply,
     SerialFormat,
 )
 from isel_twin.firmware.bwo900 import keys, memory
@@ -33,13 +34,16 @@ from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
 from isel_twin.firmware.bwo900.homing import Homing
 from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.jog import Jog
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits
-from isel_twin.firmware.bwo900.transfer import Receiver
+from isel_twin.firmware.bwo900.restart import find
+from isel_twin.firmware.bwo900.status import cell
+from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["Control", "Mode"]
 
@@ -47,6 +51,8 @@ AXES: Final = 3
 PULSES: Final = 5_000
 """Increments from zero pulse to zero pulse."""
 POWER_NS: Final = 500 * MILLISECOND_NS
+POSITIONED: Final = "P0"
+"""The program whose first block a positioning block is."""
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -83,6 +89,7 @@ class Control:
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
         self._receiver = Receiver(self._parameters, self._store, self._written)
@@ -91,6 +98,7 @@ class Control:
             Services(
                 function=self._function,
                 acknowledged=lambda: self._plc.idle,
+                withdraw=self._plc.withdraw,
                 speed=self._plc.speed,
                 tool=self._plc.tool,
                 parameter=self._parameters.write,
@@ -100,6 +108,7 @@ class Control:
                 limits=self._limits,
                 counts=lambda: self.counts,
                 ended=self._program_ended,
+                option=lambda number: int(self._parameters.get(number)),
                 allowed=self._allowed,
             ),
             lambda: memory.filters(self._parameters),
@@ -109,6 +118,9 @@ class Control:
         self._now_ns = 0
         self._base: tuple[int, ...] = (0,) * AXES
         self._homing: Homing | None = None
+        self._jog: Jog | None = None
+        self._jog_sign = 0
+        """Of a key that waits for power."""
         self._referenced = [False] * AXES
         self._levels: dict[str, bool] = {}
         self._faulty = [False] * AXES
@@ -155,7 +167,9 @@ class Control:
         times = [self._channel.next_ns, self._plc.next_ns, self._power_until_ns]
         if self._homing is not None:
             times.append(self._homing.next_ns)
-        if self._shown is not None and self._channel.run is None and self._homing is None:
+        if self._jog is not None:
+            times.append(self._jog.next_ns)
+        if self._shown is not None and self._channel.run is None and self._homing is None and self._jog is None:
             times.append(self._shown.end_ns)
         known = [t for t in times if t is not None]
         return max(min(known), self._now_ns) if known else None
@@ -165,7 +179,7 @@ class Control:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
         asked = self._power_until_ns is not None or not self._plc.idle
-        return not (working or self._homing is not None or asked or self._receiver.busy)
+        return not (working or self._homing is not None or self._jog is not None or asked or self._receiver.busy)
 
     @property
     def keys(self) -> Mapping[str, Key]:
@@ -257,8 +271,14 @@ class Control:
             self._follow(self._homing.run)
             if not self._homing.active:
                 self._homed()
+        if self._jog is not None:
+            self._jog.advance(self._now_ns)
+            self._follow(self._jog.run)
+            if self._jog.run is None:
+                self._jog = None
         self._channel.advance(self._now_ns)
-        self._follow(self._channel.run if self._homing is None else self._homing.run)
+        moved = self._homing or self._jog or self._channel
+        self._follow(moved.run)
         for name, value in self._plc.take().items():
             self._output(name, value)
         self._status()
@@ -316,6 +336,8 @@ class Control:
             self._home(wants)
         elif starts:
             self._begin_program()
+        elif self._jog_sign:
+            self._begin_jog()
 
     def _enable(self, *, on: bool) -> None:
         self._enabled = on
@@ -324,10 +346,11 @@ class Control:
 
     def _lose(self, number: int) -> None:
         """Drives off, everything ends."""
-        moving = self._channel.active or self._homing is not None
+        moving = self._channel.active or self._homing is not None or self._jog is not None
         if self._homing is not None:
             self._homing.stop()
             self._homing = None
+        self._jog, self._jog_sign = None, 0
         self._channel.cut(self._now_ns)
         self._follow(None)
         self._interpreter.end()
@@ -342,6 +365,8 @@ class Control:
         if self._homing is not None or self._shown is None:
             return
         self._say(message(2102 if end == 1 else 2101, detail="XYZ"[axis]))
+        if self._jog is not None:
+            self._jog.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
 
     def _settled(self) -> bool:
@@ -400,6 +425,10 @@ class Control:
         elif number == 8_705 and given:
             self._channel.abort(self._now_ns)
             self._parameters.write(8_705, 0.0)
+        elif number == 8_752:
+            self._jog_key(given)
+        elif number == 11_181:
+            self._put_out(given)
         elif number == 8_508:
             self.messages.clear()
         elif number == 11_310:
@@ -408,8 +437,39 @@ class Control:
             self._parameters.write(number, 0.0)
             self._reference((number - 12_000) // AXIS_SIZE)
 
+    def _put_out(self, kind: int) -> None:
+        """P11181: all parameters as a file, 5 with their status."""
+        self._parameters.write(11_181, 0.0)
+        text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
+        self._events.append(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
+
+    def _jog_key(self, key: int) -> None:
+        """P8752: 1 and 2 begin a move in HAND, 0 ends it."""
+        if self._jog is not None:
+            self._jog.release(self._now_ns)
+            self._follow(self._jog.run)
+        if key not in (1, 2) or self._jog is not None:
+            return
+        if self.mode is not Mode.HAND or self._channel.active or self._homing is not None:
+            self._say(message(1321, detail="a key of an axis"))
+            return
+        self._jog_sign = 1 if key == 1 else -1
+        if self._enabled and self._ready:
+            self._begin_jog()
+        else:
+            self._request_power()
+
+    def _begin_jog(self) -> None:
+        sign, self._jog_sign = self._jog_sign, 0
+        try:
+            self._jog = Jog(self._parameters, self._limits(), self.counts, sign, PERIOD_NS, self._now_ns)
+        except ProgramError as error:
+            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            return
+        self._follow(self._jog.run)
+
     def _reference(self, axis: int) -> None:
-        if self.mode is not Mode.HAND or self._channel.active:
+        if self.mode is not Mode.HAND or self._channel.active or self._jog is not None:
             self._say(message(1321, detail="a reference run"))
             return
         if self._homing is not None:
@@ -440,6 +500,8 @@ class Control:
             self.messages.clear()
             self.fault = False
             self._output("message", 0)
+        if self._jog is not None:
+            self._jog.release(self._now_ns, everything=True)
         self.mode = mode
         self._channel.single = mode is Mode.SINGLE
 
@@ -448,7 +510,7 @@ class Control:
         if self._channel.active:
             self._channel.go_on(self._now_ns)
             return
-        if self.mode not in (Mode.AUTO, Mode.SINGLE):
+        if self.mode is Mode.HAND:
             self._say(message(1322, detail="Start"))
             return
         if not all(self._referenced):
@@ -464,11 +526,17 @@ class Control:
 
     def _begin_program(self) -> None:
         p = self._parameters
-        name = f"P{int(p.get(8_800))}"
-        block = int(p.get(8_801)) or None
+        positioning = self.mode is Mode.POSITIONING
+        name = POSITIONED if positioning else f"P{int(p.get(8_800))}"
+        block = None if positioning else int(p.get(8_801)) or None
         self.fault = False
         try:
             self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
+            if p.get(8_804) and p.get(8_802):
+                find(
+                    self._interpreter, f"P{int(p.get(8_802))}", int(p.get(8_803)), self._position, self._parameters.write
+                )
+                p.write(8_804, 0.0)
         except ProgramError as error:
             self._say(message(error.number, program=name, detail=error.detail))
             return
@@ -480,8 +548,34 @@ class Control:
         per_mm = self._limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
 
-    def _program_ended(self) -> None:
-        """M30, or the last block."""
+    def _program_ended(self, broken: tuple[str, int] | None) -> None:
+        """M30, or the last block: None; or broken off in a block."""
+        name, block = broken or ("", 0)
+        for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
+            self._parameters.write(number, float(value or 0))
+
+    # ---- what it tells about itself -----------------------------------------------------------------------------------
+
+    def _cell(self, number: int) -> float | None:
+        return cell(number, self._interpreter, self._channel, self, AXES)
+
+    def set_mm(self, axis: int) -> float:
+        """Set position of an axis, mm."""
+        return self._position[axis]
+
+    def actual_mm(self, axis: int) -> float:
+        """Measured position of an axis, mm."""
+        drives, per_mm = self._drives, self._limits().increments_per_mm[axis]
+        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+
+    def speed_mm_s(self, axis: int) -> float:
+        """Speed of an axis, mm/s, of its set points."""
+        run = self.run
+        if run is None:
+            return 0.0
+        before = run.displacement(max(self._now_ns - PERIOD_NS, run.start_ns))[axis]
+        way = run.displacement(self._now_ns)[axis] - before
+        return way / self._limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
     def _limits(self) -> Limits:
         p = self._parameters

@@ -91,7 +91,7 @@ def tapping(call: Call) -> Iterator[Move]:
         return
     depth, approach, pitch = _planes(call)
     left = int(call.get(31) or 0) == LEFT or (not call.get(31) and call.turning < 0)
-    feed = call.speed_rpm * pitch
+    feed = (call.speed_rpm or 0.0) * pitch
     yield from _begin(call, approach, LEFT if left else RIGHT)
     yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(RIGHT if left else LEFT,))
     if (dwell := _dwell(call)) is not None:
@@ -119,6 +119,8 @@ def _planes(call: Call) -> tuple[float, float, float]:
         raise ProgramError(8032, f"P32 is {feed:g}; allowed: more than 0")
     if depth == approach:
         raise ProgramError(8033, "P33 and P34 are the same plane")
+    if call.speed_rpm is None:
+        raise ProgramError(8300)
     if not call.speed_rpm:
         raise ProgramError(8302, "S is 0")
     if not call.turning:
