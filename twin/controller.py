@@ -139,7 +139,20 @@ class Remark:
     text: str
 
 
-Event = Reply | Output | CounterSet | FlashWrite | Remark
+@dataclass(frozen=True)
+class Step:
+    """A program that the controller carries out by itself has come to the next of its steps. Changes nothing.
+
+    t_ns: when, now or before; name: what people call it; text: as it stands in the program; counts: counters then.
+    """
+
+    t_ns: int
+    name: str
+    text: str
+    counts: tuple[int, ...]
+
+
+Event = Reply | Output | CounterSet | FlashWrite | Remark | Step
 
 
 class Controller(Protocol):

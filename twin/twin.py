@@ -43,6 +43,7 @@ from isel_twin.controller import (
     Remark,
     Reply,
     SerialFormat,
+    Step,
     UsesDrives,
 )
 from isel_twin.journal import Note, Origin, Received, cut_content, push_content
@@ -78,6 +79,9 @@ _ENDLESS = 100_000
 
 _REMARKS = 1000
 """Remarks of the controller that are kept."""
+
+_STEPS = 10_000
+"""Steps of a program that are kept."""
 
 _OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
 """Attributes of a twin that a state holds beside those it names."""
@@ -177,6 +181,8 @@ class Twin(Seen):
         """Called with each new flash image, for whoever keeps it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
         """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
+        self.steps_made: deque[Step] = deque(maxlen=_STEPS)
+        """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
@@ -683,6 +689,8 @@ class Twin(Seen):
                         self.on_flash(image)
                 case Remark(text):
                     self._remark(text)
+                case Step():
+                    self.steps_made.append(event)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observers.look(self, True, self._wiring.changes)

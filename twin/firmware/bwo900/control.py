@@ -28,6 +28,7 @@ from isel_twin.controller import (
     Remark,
     Reply,
     SerialFormat,
+    Step,
 )
 from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
@@ -53,6 +54,8 @@ PULSES: Final = 5_000
 POWER_NS: Final = 500 * MILLISECOND_NS
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
+OVERWRITTEN: Final = 1106
+"""Message of a file that is taken, and replaces one."""
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -107,6 +110,7 @@ class Control:
                 settled=self._settled,
                 limits=self._limits,
                 counts=lambda: self.counts,
+                begun=self._block_begun,
                 ended=self._program_ended,
                 option=lambda number: int(self._parameters.get(number)),
                 allowed=self._allowed,
@@ -206,6 +210,7 @@ class Control:
         self.advance(t_ns)
         for error in self._receiver.take(data):
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            self.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
@@ -347,6 +352,7 @@ class Control:
     def _lose(self, number: int) -> None:
         """Drives off, everything ends."""
         moving = self._channel.active or self._homing is not None or self._jog is not None
+        said = self._channel.message(number)
         if self._homing is not None:
             self._homing.stop()
             self._homing = None
@@ -356,15 +362,15 @@ class Control:
         self._interpreter.end()
         if self._enabled:
             self._enable(on=False)
-            self._say(message(number))
+            self._say(said)
         elif moving:
-            self._say(message(number))
+            self._say(said)
 
     def _limit(self, axis: int, end: int) -> None:
         """A limit switch is struck: outside of a reference run everything ends."""
         if self._homing is not None or self._shown is None:
             return
-        self._say(message(2102 if end == 1 else 2101, detail="XYZ"[axis]))
+        self._say(self._channel.message(2102 if end == 1 else 2101, "XYZ"[axis]))
         if self._jog is not None:
             self._jog.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
@@ -534,7 +540,11 @@ class Control:
             self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
             if p.get(8_804) and p.get(8_802):
                 find(
-                    self._interpreter, f"P{int(p.get(8_802))}", int(p.get(8_803)), self._position, self._parameters.write
+                    self._interpreter,
+                    f"P{int(p.get(8_802))}",
+                    int(p.get(8_803)),
+                    self._position,
+                    self._parameters.write,
                 )
                 p.write(8_804, 0.0)
         except ProgramError as error:
@@ -547,6 +557,14 @@ class Control:
     def _position(self) -> tuple[float, ...]:
         per_mm = self._limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
+
+    def _block_begun(self, t_ns: int, program: str, number: int) -> None:
+        stored = self._store.get(program)
+        text = "" if stored is None else stored.after(number)
+        run = self._shown
+        way = (0,) * AXES if run is None else run.displacement(t_ns)
+        counts = tuple(b + m for b, m in zip(self._base, way, strict=True))
+        self._events.append(Step(t_ns, f"{program} N{number}", text, counts))
 
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
