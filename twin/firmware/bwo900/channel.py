@@ -90,6 +90,8 @@ class Services:
     """Whether all axes are within the exact-stop window."""
     limits: Callable[[], Limits]
     counts: Callable[[], tuple[int, ...]]
+    begun: Callable[[int, str, int], None]
+    """A block of a program has begun: when, program, number."""
     ended: Callable[[tuple[str, int] | None], None]
     """A program has ended by itself (None), or was broken off in a block of a program."""
     option: Callable[[int], int]
@@ -120,6 +122,8 @@ class Channel:
         self.override = 1.0
         self.block = ("", 0)
         """Program and block in execution."""
+        self.column = 0
+        """Where to look for its path in its text."""
         self._blocks: deque[PathBlock] = deque()
         self._stretch: deque[_Entry] = deque()
         self._plan: Joined | None = None
@@ -230,6 +234,7 @@ class Channel:
         self._now_ns = now_ns
         self._filters = self._new_filters()
         self._path = Path(self._do.limits(), self._position())
+        self.block = ("", 0)
         self._blocks.clear()
         self._stretch.clear()
         self._ended = self._holds = self._drops = self._branches = False
@@ -394,7 +399,8 @@ class Channel:
 
     def _fault(self, error: ProgramError, block: PathBlock | None = None) -> None:
         program, number = (block.program, block.number) if block else self._interpreter.place
-        self._error = message(error.number, program=program, block=number, column=error.column, detail=error.detail)
+        column = error.column or (block.column if block else 0)
+        self._error = message(error.number, program=program, block=number, column=column, detail=error.detail)
 
     # Blocks
 
@@ -411,7 +417,7 @@ class Channel:
             self._nothing()
             return
         block = self._blocks[0]
-        self.block = (block.program, block.number)
+        self._enter(block, self._now_ns)
         if why := self._do.allowed(block):
             self._blocks.clear()
             self._fail(why, block)
@@ -429,9 +435,17 @@ class Channel:
             return
         self._begin_path()
 
+    def _enter(self, block: PathBlock, t_ns: int) -> None:
+        """A block begins, or has begun at t_ns."""
+        if self.block != (block.program, block.number) and block.number:
+            self._do.begun(t_ns, block.program, block.number)
+        self.block, self.column = (block.program, block.number), block.column
+
     def _fail(self, why: str, block: PathBlock) -> None:
         number, _, detail = why.partition(" ")
-        self._do.say(message(int(number), program=block.program, block=block.number, detail=detail))
+        self._do.say(
+            message(int(number), program=block.program, block=block.number, column=block.column, detail=detail)
+        )
         self._end(aborted=True)
 
     def _nothing(self) -> None:
@@ -516,7 +530,12 @@ class Channel:
         try:
             pieces, counts = self._path.pieces(chosen)
         except ProgramError as error:
-            self._do.say(message(error.number, program=chosen[0].program, block=chosen[0].number, detail=error.detail))
+            first = chosen[0]
+            self._do.say(
+                message(
+                    error.number, program=first.program, block=first.number, column=first.column, detail=error.detail
+                )
+            )
             self._end(aborted=True)
             return None
         for block, count in zip(chosen, counts, strict=True):
@@ -544,11 +563,12 @@ class Channel:
             return
         made = self._made + plan.finished(max(run.count(self._now_ns) - run.first, 0))
         while len(self._stretch) > 1 and self._stretch[0].until <= made:
+            began_ns = min(self._time_of(self._stretch[0].until), self._now_ns)
             over = self._stretch.popleft()
             for function in over.block.post:
                 self._function(function)
             block = self._stretch[0].block
-            self.block = (block.program, block.number)
+            self._enter(block, began_ns)
             self._speak(block)
         if self._now_ns >= run.end_ns:
             self._path_ended()
@@ -619,7 +639,7 @@ class Channel:
         if self._do.settled():
             self._after_stop()
         elif now_ns >= self._settles_until_ns:
-            self._do.say(self._message(2022))
+            self._do.say(self.message(2022))
             self._after_stop()
         else:
             self._due_ns = now_ns + PERIOD_NS
@@ -695,8 +715,12 @@ class Channel:
         per_mm = self._do.limits().increments_per_mm
         return tuple(count / per for count, per in zip(self._do.counts(), per_mm, strict=True))
 
-    def _message(self, number: int) -> Message:
-        return message(number, program=self.block[0], block=self.block[1])
+    def message(self, number: int, detail: str = "") -> Message:
+        """The message of that number, about the block in execution if there is one."""
+        if not self.active:
+            return message(number, detail=detail)
+        program, block = self.block
+        return message(number, program=program, block=block, column=self.column, detail=detail)
 
 
 def _begins_with(block: PathBlock) -> bool:
