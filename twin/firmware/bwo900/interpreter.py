@@ -269,8 +269,9 @@ class Interpreter:
             return self._waiting
         try:
             self._execute(block)
-        except ProgramError:
+        except ProgramError as error:
             level.place -= 1
+            error.column = error.column or block.column
             raise
         if self._supervises and not self._lets_go and self._stays():
             return Waiting.PASS
@@ -304,7 +305,7 @@ class Interpreter:
     def _empty(self, block: Block) -> PathBlock:
         level = self._levels[-1] if self._levels else None
         name = level.program.name if level else ""
-        return PathBlock(name, block.number or 0, start=self._position, plane=self._frame.plane)
+        return PathBlock(name, block.number or 0, block.column, start=self._position, plane=self._frame.plane)
 
     def _returned(self, level: _Level) -> PathBlock | None:
         """A subprogram has come to its end, or the main program has without M30."""
@@ -758,6 +759,7 @@ class Interpreter:
         made = PathBlock(
             program=spoken.program,
             number=spoken.block.number or 0,
+            column=spoken.block.column,
             start=start,
             elements=elements,
             plane=self._frame.plane,
