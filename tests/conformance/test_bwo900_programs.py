@@ -289,6 +289,12 @@ def test_measuring_stop() -> None:
     desk.finish()
     assert mm(desk)[0] == 50.0
     assert refused("N10 G41 tr:1 G1 F100 X5|N20 X9 M00").number == 1232
+    desk = fresh("P1|N10 G0 Z5 M00|N20 Z6|N30 M30")
+    start(desk)
+    desk.run(3.0)
+    desk.send(parameters(p8161=3, p8684=1))
+    desk.finish()
+    assert mm(desk)[2] == 9.0
 
 
 @shows("bwo900-6.1-4", "bwo900-6.1-5")

@@ -102,6 +102,8 @@ class Interpreter:
         self._supervises = False
         """sc:1, sc:2: what blocks come to stays here."""
         self._kept: list[PathBlock] = []
+        self._stale = self._measured = False
+        """A block that was waited for has been executed; it had M00."""
         self._lets_go = False
         """The block has said sc:0 or sc:100."""
         self._symbols: dict[str, float] = {}
@@ -220,7 +222,14 @@ class Interpreter:
         """The block that analysis waits for has been executed; tool data may have changed."""
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
-            self._renew()
+            self._stale = True
+
+    def _refresh(self) -> None:
+        """What may have changed while a block was waited for; after M00 the tool's length, too."""
+        self._stale = False
+        if self._measured:
+            self._length = self._tools.length_mm
+        self._renew()
 
     def begun(self) -> None:
         """The path of the last block has begun."""
@@ -250,6 +259,8 @@ class Interpreter:
         """
         if self._ready:
             return self._ready.popleft()
+        if self._stale:
+            self._refresh()
         if self._waiting is Waiting.CONDITION and self._block_now is not None and self._holds(self._block_now):
             self._waiting = None
         if self._waiting is not None:
@@ -787,6 +798,7 @@ class Interpreter:
         self._ready.append(made)
         if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or spoken.synchronises:
             self._waiting = Waiting.EXECUTION
+            self._measured = made.stop is Stop.MEASURING_STOP
             if made.stop is Stop.NONE:
                 self._ready[-1] = replace(made, stop=Stop.SYNCHRONISE)
         if spoken.jump is not None:
