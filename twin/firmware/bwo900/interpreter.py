@@ -114,6 +114,8 @@ class Interpreter:
         self._length = self._tools.length_mm
         self._position = tuple(position) + (0.0,) * (axes - len(position))
         """Where the path has got to, in machine coordinates."""
+        self._known_frame: tuple[object, ...] | None = None
+        """What the frame has been worked out from."""
         self._frame = self._frame_now()
         self._program_position = self._frame.program(self._position)
         self._centre: dict[str, float] = {}
@@ -1002,6 +1004,10 @@ class Interpreter:
 
     def _renew(self) -> None:
         """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
+        known = (self._modal, self._rotation, self._shift, self._correction, self._length, self._parameters.revision)
+        if known == self._known_frame:
+            return
+        self._known_frame = known
         frame = self._frame_now()
         if frame != self._frame:
             self._frame = frame
