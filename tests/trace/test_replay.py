@@ -180,7 +180,8 @@ EVERY_ACT: list[dict[str, Any]] = [
 
 
 def test_every_act_is_listed() -> None:
-    assert {key for event in EVERY_ACT for key in event if key not in BESIDE} == set(ACTS)
+    """Keys of a controller are replayed in tests/test_keys.py."""
+    assert {key for event in EVERY_ACT for key in event if key not in BESIDE} == set(ACTS) - {"key"}
 
 
 @pytest.mark.parametrize("event", EVERY_ACT, ids=lambda event: next(iter(event)))

@@ -269,7 +269,7 @@ class Player:
             twin.run_until(max(twin.time_ns, resumed_ns + max(0, time_ns - past_ns)))
             past_ns, resumed_ns = time_ns, twin.time_ns
             if not kind:
-                twin.carry_out(event_now(dict(content), self._place, twin.settable))
+                twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
                 continue
             messages = sum(1 for _ in language.messages(content[1], True))
             if self._command + messages > session.last:
@@ -307,7 +307,7 @@ class Player:
         for after_s, _, what in sorted(happened, key=lambda each: each[:2]):
             twin.run_until(max(twin.time_ns, sent_ns + round(after_s * SECOND_NS)))
             if isinstance(what, Act):
-                twin.carry_out(event_now(dict(what.content), self._place, twin.settable))
+                twin.carry_out(event_now(dict(what.content), self._place, twin.settable, twin.keys))
             else:
                 found[what] = self._position_mm(what)
 

@@ -41,6 +41,7 @@ AHEAD: Final = 400
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
 WITHOUT_MOVING, WITHOUT_FUNCTIONS, EVERY_BLOCK, START_FLAGS = 8_812, 8_813, 8_814, 8_806
+LONGEST_SETTLING: Final = 12_018
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
@@ -89,6 +90,8 @@ class Services:
     """Whether all axes are within the exact-stop window."""
     limits: Callable[[], Limits]
     counts: Callable[[], tuple[int, ...]]
+    begun: Callable[[int, str, int], None]
+    """A block of a program has begun: when, program, number."""
     ended: Callable[[tuple[str, int] | None], None]
     """A program has ended by itself (None), or was broken off in a block of a program."""
     option: Callable[[int], int]
@@ -119,6 +122,8 @@ class Channel:
         self.override = 1.0
         self.block = ("", 0)
         """Program and block in execution."""
+        self.column = 0
+        """Where to look for its path in its text."""
         self._blocks: deque[PathBlock] = deque()
         self._stretch: deque[_Entry] = deque()
         self._plan: Joined | None = None
@@ -229,6 +234,7 @@ class Channel:
         self._now_ns = now_ns
         self._filters = self._new_filters()
         self._path = Path(self._do.limits(), self._position())
+        self.block = ("", 0)
         self._blocks.clear()
         self._stretch.clear()
         self._ended = self._holds = self._drops = self._branches = False
@@ -393,7 +399,8 @@ class Channel:
 
     def _fault(self, error: ProgramError, block: PathBlock | None = None) -> None:
         program, number = (block.program, block.number) if block else self._interpreter.place
-        self._error = message(error.number, program=program, block=number, column=error.column, detail=error.detail)
+        column = error.column or (block.column if block else 0)
+        self._error = message(error.number, program=program, block=number, column=column, detail=error.detail)
 
     # Blocks
 
@@ -410,7 +417,7 @@ class Channel:
             self._nothing()
             return
         block = self._blocks[0]
-        self.block = (block.program, block.number)
+        self._enter(block, self._now_ns)
         if why := self._do.allowed(block):
             self._blocks.clear()
             self._fail(why, block)
@@ -428,9 +435,17 @@ class Channel:
             return
         self._begin_path()
 
+    def _enter(self, block: PathBlock, t_ns: int) -> None:
+        """A block begins, or has begun at t_ns."""
+        if self.block != (block.program, block.number) and block.number:
+            self._do.begun(t_ns, block.program, block.number)
+        self.block, self.column = (block.program, block.number), block.column
+
     def _fail(self, why: str, block: PathBlock) -> None:
         number, _, detail = why.partition(" ")
-        self._do.say(message(int(number), program=block.program, block=block.number, detail=detail))
+        self._do.say(
+            message(int(number), program=block.program, block=block.number, column=block.column, detail=detail)
+        )
         self._end(aborted=True)
 
     def _nothing(self) -> None:
@@ -515,7 +530,12 @@ class Channel:
         try:
             pieces, counts = self._path.pieces(chosen)
         except ProgramError as error:
-            self._do.say(message(error.number, program=chosen[0].program, block=chosen[0].number, detail=error.detail))
+            first = chosen[0]
+            self._do.say(
+                message(
+                    error.number, program=first.program, block=first.number, column=first.column, detail=error.detail
+                )
+            )
             self._end(aborted=True)
             return None
         for block, count in zip(chosen, counts, strict=True):
@@ -526,7 +546,11 @@ class Channel:
     @property
     def _open(self) -> bool:
         """Whether the stretch could go on with another block."""
-        return bool(self._stretch) and not _breaks_after(last := self._stretch[-1].block, self._halts(last)) and not self._holds
+        return (
+            bool(self._stretch)
+            and not _breaks_after(last := self._stretch[-1].block, self._halts(last))
+            and not self._holds
+        )
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
@@ -539,11 +563,12 @@ class Channel:
             return
         made = self._made + plan.finished(max(run.count(self._now_ns) - run.first, 0))
         while len(self._stretch) > 1 and self._stretch[0].until <= made:
+            began_ns = min(self._time_of(self._stretch[0].until), self._now_ns)
             over = self._stretch.popleft()
             for function in over.block.post:
                 self._function(function)
             block = self._stretch[0].block
-            self.block = (block.program, block.number)
+            self._enter(block, began_ns)
             self._speak(block)
         if self._now_ns >= run.end_ns:
             self._path_ended()
@@ -606,14 +631,15 @@ class Channel:
 
     def _settle(self) -> None:
         self.phase, self._due_ns = Phase.SETTLE, self._now_ns
-        self._settles_until_ns = self._now_ns + SETTLE_NS
+        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
+        self._settles_until_ns = self._now_ns + longest
 
     def _look_settled(self, now_ns: int) -> None:
         """Whether the axes are in position is asked in every cycle, and at no other time: however time is cut."""
         if self._do.settled():
             self._after_stop()
         elif now_ns >= self._settles_until_ns:
-            self._do.say(self._message(2022))
+            self._do.say(self.message(2022))
             self._after_stop()
         else:
             self._due_ns = now_ns + PERIOD_NS
@@ -637,7 +663,7 @@ class Channel:
         halting = any(function.halt and not function.jump for function in (*block.pre, *block.post))
         jumping = self._jumps and not block.elements
         jumping = jumping and not self._do.option(WITHOUT_FUNCTIONS)
-        if halting and not self._do.acknowledged() or jumping:
+        if (halting and not self._do.acknowledged()) or jumping:
             self.phase, self._due_ns = Phase.FUNCTIONS, self._now_ns + JUMP_NS if jumping else None
             return
         self._block_over()
@@ -689,8 +715,12 @@ class Channel:
         per_mm = self._do.limits().increments_per_mm
         return tuple(count / per for count, per in zip(self._do.counts(), per_mm, strict=True))
 
-    def _message(self, number: int) -> Message:
-        return message(number, program=self.block[0], block=self.block[1])
+    def message(self, number: int, detail: str = "") -> Message:
+        """The message of that number, about the block in execution if there is one."""
+        if not self.active:
+            return message(number, detail=detail)
+        program, block = self.block
+        return message(number, program=program, block=block, column=self.column, detail=detail)
 
 
 def _begins_with(block: PathBlock) -> bool:

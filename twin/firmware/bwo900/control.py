@@ -1,7 +1,7 @@
 """The control: host, inputs and clock. Implements `isel_twin.controller.Controller`.
 
-    bytes     files of programs and parameters (transfer.py); parameters are also the operator's keys, as for a PLC:
-              P8683 mode, P8684 start and stop, P8705 abort, P8800 program, P12130 reference run of an axis
+    bytes     files of programs and parameters (transfer.py); some parameters are keys, as for a PLC
+    keys      of the operator (keys.py)
     inputs    start, stop, E-stop, limit switches, hood, key
     outputs   stages, brake, spindle, coolant ...: a0.0 on, of the PLC
     run       set points of the channel, or of a reference run
@@ -12,6 +12,7 @@ and the drives on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any, Final
@@ -22,12 +23,15 @@ from isel_twin.controller import (
     Drives,
     Event,
     FlashWrite,
+    Key,
+    KeyValue,
     Output,
     Remark,
     Reply,
     SerialFormat,
+    Step,
 )
-from isel_twin.firmware.bwo900 import memory
+from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
 from isel_twin.firmware.bwo900.homing import Homing
@@ -38,7 +42,7 @@ from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, me
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits
 from isel_twin.firmware.bwo900.restart import find
-from isel_twin.firmware.bwo900.status import cell
+from isel_twin.firmware.bwo900.status import NUMBERS, cell
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
@@ -51,6 +55,10 @@ PULSES: Final = 5_000
 POWER_NS: Final = 500 * MILLISECOND_NS
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
+AT_POWER_ON: Final = (8_579, 8_685, 8_687, 8_709)
+"""Parameters that say what is, and are 0 then: references, state of the program."""
+OVERWRITTEN: Final = 1106
+"""Message of a file that is taken, and replaces one."""
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -79,7 +87,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives and NamesOutputs."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -105,6 +113,7 @@ class Control:
                 settled=self._settled,
                 limits=self._limits,
                 counts=lambda: self.counts,
+                begun=self._block_begun,
                 ended=self._program_ended,
                 option=lambda number: int(self._parameters.get(number)),
                 allowed=self._allowed,
@@ -127,6 +136,8 @@ class Control:
         """Those that stand, the newest last."""
         self.history: list[tuple[int, Message]] = []
         self._enabled = False
+        self._began_at: tuple[float, ...] = (0.0,) * AXES
+        """Where the axes stood as the last program was started."""
         self._power_until_ns: int | None = None
         self._wants: list[int] = []
         """Axes that a reference run has been asked for."""
@@ -179,11 +190,21 @@ class Control:
         asked = self._power_until_ns is not None or not self._plc.idle
         return not (working or self._homing is not None or self._jog is not None or asked or self._receiver.busy)
 
+    @property
+    def keys(self) -> Mapping[str, Key]:
+        return keys.KEYS
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        return keys.values(self._parameters, self.mode, self._channel.override)
+
     # ---- what happens -----------------------------------------------------------------------------------------------
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._now_ns = t_ns
         self._levels = dict(levels)
+        for number in (*AT_POWER_ON, *(12_180 + AXIS_SIZE * axis for axis in range(AXES))):
+            self._parameters.write(number, 0.0)
         self._output("software_ok", 1)
         if self._flash_fault:
             self._output("flash_fault", 1)
@@ -196,9 +217,18 @@ class Control:
         self.advance(t_ns)
         for error in self._receiver.take(data):
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            self.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
+        self._settle()
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> None:
+        self.advance(t_ns)
+        for number, wanted in keys.writes(name, value):
+            self._parameters.write(number, wanted)
+            self._written(number, wanted, "P", 1)
+        self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -329,6 +359,7 @@ class Control:
     def _lose(self, number: int) -> None:
         """Drives off, everything ends."""
         moving = self._channel.active or self._homing is not None or self._jog is not None
+        said = self._channel.message(number)
         if self._homing is not None:
             self._homing.stop()
             self._homing = None
@@ -338,21 +369,26 @@ class Control:
         self._interpreter.end()
         if self._enabled:
             self._enable(on=False)
-            self._say(message(number))
+            self._say(said)
         elif moving:
-            self._say(message(number))
+            self._say(said)
 
     def _limit(self, axis: int, end: int) -> None:
         """A limit switch is struck: outside of a reference run everything ends."""
         if self._homing is not None or self._shown is None:
             return
-        self._say(message(2102 if end == 1 else 2101, detail="XYZ"[axis]))
+        self._say(self._channel.message(2102 if end == 1 else 2101, "XYZ"[axis]))
         if self._jog is not None:
             self._jog.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
 
     def _settled(self) -> bool:
-        return self._drives is None or all(self._drives.in_position[:AXES])
+        if self._drives is None:
+            return True
+        p, per_mm = self._parameters, self._limits().increments_per_mm
+        windows = [p.axis(axis, 16, 0.0) or math.sqrt(1.0 / per_mm[axis]) for axis in range(AXES)]
+        lags = [abs(lag) / per for lag, per in zip(self._drives.lag, per_mm, strict=False)]
+        return all(lag <= window for lag, window in zip(lags, windows, strict=True))
 
     # ---- reference runs ---------------------------------------------------------------------------------------------
 
@@ -422,6 +458,9 @@ class Control:
     def _put_out(self, kind: int) -> None:
         """P11181: all parameters as a file, 5 with their status."""
         self._parameters.write(11_181, 0.0)
+        for number in NUMBERS:
+            if (now := self._cell(number)) is not None:
+                self._parameters.write(number, now)
         text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
         self._events.append(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
 
@@ -513,10 +552,16 @@ class Control:
         block = None if positioning else int(p.get(8_801)) or None
         self.fault = False
         try:
-            self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
-            if p.get(8_804) and p.get(8_802):
+            again = bool(p.get(8_804) and p.get(8_802))
+            self._began_at = self._began_at if again else self._position
+            self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
+            if again:
                 find(
-                    self._interpreter, f"P{int(p.get(8_802))}", int(p.get(8_803)), self._position, self._parameters.write
+                    self._interpreter,
+                    f"P{int(p.get(8_802))}",
+                    int(p.get(8_803)),
+                    self._position,
+                    self._parameters.write,
                 )
                 p.write(8_804, 0.0)
         except ProgramError as error:
@@ -529,6 +574,14 @@ class Control:
     def _position(self) -> tuple[float, ...]:
         per_mm = self._limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
+
+    def _block_begun(self, t_ns: int, program: str, number: int) -> None:
+        stored = self._store.get(program)
+        text = "" if stored is None else stored.after(number)
+        run = self._shown
+        way = (0,) * AXES if run is None else run.displacement(t_ns)
+        counts = tuple(b + m for b, m in zip(self._base, way, strict=True))
+        self._events.append(Step(t_ns, f"{program} N{number}", text, counts))
 
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
