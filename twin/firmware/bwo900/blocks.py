@@ -98,7 +98,7 @@ class PathBlock:
     text: Text | None = None
     stop: Stop = Stop.NONE
     main: bool = True
-    """A block of the program; False: an intermediate one, of a cycle or a subprogram's."""
+    """A block of a program; False: an intermediate one, of a cycle."""
 
     @property
     def finish(self) -> Point:

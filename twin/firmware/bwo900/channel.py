@@ -41,6 +41,7 @@ AHEAD: Final = 400
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
 WITHOUT_MOVING, WITHOUT_FUNCTIONS, EVERY_BLOCK, START_FLAGS = 8_812, 8_813, 8_814, 8_806
+LONGEST_SETTLING: Final = 12_018
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
@@ -132,6 +133,7 @@ class Channel:
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
         self._due_ns: int | None = None
+        self._settles_until_ns = 0
         self._serial = 0
         self._ended = True
         """Nothing more comes from the interpreter."""
@@ -315,10 +317,8 @@ class Channel:
             case Phase.PATH:
                 self._follow()
             case Phase.SETTLE:
-                if self._do.settled() or (self._due_ns is not None and self._now_ns >= self._due_ns):
-                    if not self._do.settled():
-                        self._do.say(self.message(2022))
-                    self._after_stop()
+                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                    self._look_settled(self._due_ns)
             case Phase.DWELL:
                 if self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._after_dwell()
@@ -461,7 +461,7 @@ class Channel:
 
     def _after_functions_pre(self, block: PathBlock) -> None:
         """A block without a path: on with what comes behind one."""
-        if block.end is BlockEnd.EXACT_STOP or block.dwell_s is not None:
+        if block.end is BlockEnd.EXACT_STOP or block.dwell_s is not None or block.stop is not Stop.NONE:
             self._settle()
         elif any(function.halt and not function.jump for function in block.pre):
             self._after_stop()
@@ -630,7 +630,19 @@ class Channel:
     # The end of a block
 
     def _settle(self) -> None:
-        self.phase, self._due_ns = Phase.SETTLE, self._now_ns + SETTLE_NS
+        self.phase, self._due_ns = Phase.SETTLE, self._now_ns
+        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
+        self._settles_until_ns = self._now_ns + longest
+
+    def _look_settled(self, now_ns: int) -> None:
+        """Whether the axes are in position is asked in every cycle, and at no other time: however time is cut."""
+        if self._do.settled():
+            self._after_stop()
+        elif now_ns >= self._settles_until_ns:
+            self._do.say(self.message(2022))
+            self._after_stop()
+        else:
+            self._due_ns = now_ns + PERIOD_NS
 
     def _after_stop(self) -> None:
         block = self._current

@@ -12,6 +12,7 @@ and the drives on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any, Final
@@ -41,7 +42,7 @@ from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, me
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits
 from isel_twin.firmware.bwo900.restart import find
-from isel_twin.firmware.bwo900.status import cell
+from isel_twin.firmware.bwo900.status import NUMBERS, cell
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
@@ -54,6 +55,8 @@ PULSES: Final = 5_000
 POWER_NS: Final = 500 * MILLISECOND_NS
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
+AT_POWER_ON: Final = (8_579, 8_685, 8_687, 8_709)
+"""Parameters that say what is, and are 0 then: references, state of the program."""
 OVERWRITTEN: Final = 1106
 """Message of a file that is taken, and replaces one."""
 MOST_MESSAGES: Final = 1_000
@@ -133,6 +136,8 @@ class Control:
         """Those that stand, the newest last."""
         self.history: list[tuple[int, Message]] = []
         self._enabled = False
+        self._began_at: tuple[float, ...] = (0.0,) * AXES
+        """Where the axes stood as the last program was started."""
         self._power_until_ns: int | None = None
         self._wants: list[int] = []
         """Axes that a reference run has been asked for."""
@@ -198,6 +203,8 @@ class Control:
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._now_ns = t_ns
         self._levels = dict(levels)
+        for number in (*AT_POWER_ON, *(12_180 + AXIS_SIZE * axis for axis in range(AXES))):
+            self._parameters.write(number, 0.0)
         self._output("software_ok", 1)
         if self._flash_fault:
             self._output("flash_fault", 1)
@@ -376,7 +383,12 @@ class Control:
         self._channel.abort(self._now_ns)
 
     def _settled(self) -> bool:
-        return self._drives is None or all(self._drives.in_position[:AXES])
+        if self._drives is None:
+            return True
+        p, per_mm = self._parameters, self._limits().increments_per_mm
+        windows = [p.axis(axis, 16, 0.0) or math.sqrt(1.0 / per_mm[axis]) for axis in range(AXES)]
+        lags = [abs(lag) / per for lag, per in zip(self._drives.lag, per_mm, strict=False)]
+        return all(lag <= window for lag, window in zip(lags, windows, strict=True))
 
     # ---- reference runs ---------------------------------------------------------------------------------------------
 
@@ -446,6 +458,9 @@ class Control:
     def _put_out(self, kind: int) -> None:
         """P11181: all parameters as a file, 5 with their status."""
         self._parameters.write(11_181, 0.0)
+        for number in NUMBERS:
+            if (now := self._cell(number)) is not None:
+                self._parameters.write(number, now)
         text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
         self._events.append(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
 
@@ -537,8 +552,10 @@ class Control:
         block = None if positioning else int(p.get(8_801)) or None
         self.fault = False
         try:
-            self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
-            if p.get(8_804) and p.get(8_802):
+            again = bool(p.get(8_804) and p.get(8_802))
+            self._began_at = self._began_at if again else self._position
+            self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
+            if again:
                 find(
                     self._interpreter,
                     f"P{int(p.get(8_802))}",

@@ -102,6 +102,8 @@ class Interpreter:
         self._supervises = False
         """sc:1, sc:2: what blocks come to stays here."""
         self._kept: list[PathBlock] = []
+        self._lets_go = False
+        """The block has said sc:0 or sc:100."""
         self._symbols: dict[str, float] = {}
         self._bound: dict[str, int] = {}
         self._modal = START
@@ -271,14 +273,14 @@ class Interpreter:
             level.place -= 1
             error.column = error.column or block.column
             raise
-        if self._supervises and self._stays():
+        if self._supervises and not self._lets_go and self._stays():
             return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
 
     def _stays(self) -> bool:
         """Keep what a block of supervision has come to, unless it has functions or ends something."""
         speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
-        if speaks or self._waiting is not None or not self._levels:
+        if speaks or self._waiting not in (None, Waiting.BEGINNING) or not self._levels:
             return False
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
         self._ready.clear()
@@ -286,6 +288,7 @@ class Interpreter:
 
     def _call_system(self, block: Block) -> None:
         """`sc:n`: 0 blocks go on, 1 and 2 they stay (supervision), 100 those that stay go on now."""
+        self._lets_go = False
         for expression in block.calls:
             number = whole(self._value(expression))
             if number not in (0, 1, 2, 100):
@@ -293,6 +296,7 @@ class Interpreter:
             if number in (0, 100):
                 self._ready.extendleft(reversed(self._kept))
                 self._kept.clear()
+                self._lets_go = True
             if number != 100:
                 self._supervises = number in (1, 2)
             if number == 2:
@@ -323,7 +327,7 @@ class Interpreter:
         self._call_system(block)
         later = self._assign(block)
         goal = self._parameter_jump(block)
-        spoken = _Spoken(block, level.program.name, main=len(self._levels) == 1)
+        spoken = _Spoken(block, level.program.name, main=not any(level.cycle for level in self._levels))
         spoken.parameters = later
         spoken.synchronises = any(self._synchronises(assign) for assign in block.assignments)
         self._functions(block, spoken)
@@ -483,6 +487,7 @@ class Interpreter:
             case 0:
                 self._without_correction(1232, "M00", m.column)
                 spoken.stop = Stop.MEASURING_STOP
+                self._machine_function(m, (), spoken)
             case 1:
                 self._without_correction(1229, "M01", m.column)
                 if 123 in spoken.blockwise:

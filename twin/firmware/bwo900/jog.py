@@ -1,7 +1,7 @@
 """HAND: one axis moved by its keys, as far as they are held or by one step (manual 8.5, P8750 to P8769).
 
-    P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754    P8760 step, mm
-    P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
+P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754    P8760 step, mm
+P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
 """
 
 from __future__ import annotations

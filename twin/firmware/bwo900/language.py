@@ -16,7 +16,7 @@ from isel_twin.firmware.bwo900.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs import END, program_name
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
-from isel_twin.language import LanguageError, Message, MoveSettings, Pieces, Ranges, encoded, readable
+from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Pieces, encoded, readable
 
 __all__ = ["Bwo900Language", "create"]
 
@@ -58,7 +58,7 @@ def create(name: str) -> Bwo900Language:
 class Bwo900Language:
     """Implements `isel_twin.language.Language` and `RunsPrograms`."""
 
-    ranges: Ranges = {"speed_hz": (1, 200_000), "acceleration_hz_per_ms": (1, 10_000), "start_stop_hz": (1, 200_000)}  # noqa: RUF012
+    ranges = SETTINGS_RANGES  # of no use: it has no moves
 
     def __init__(self) -> None:
         self._sent = Pieces(ends=b"\n\x04")

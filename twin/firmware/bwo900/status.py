@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.groups import Modal
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 
-__all__ = ["cell"]
+__all__ = ["NUMBERS", "cell"]
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     9_340: lambda m: m.motion,
@@ -36,6 +36,14 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     9_380: lambda m: 94,
     9_381: lambda m: 97,
 }
+
+
+NUMBERS: Final = (
+    *range(8_900, 8_943),
+    *range(9_300, 9_382),
+    *(12_000 + AXIS_SIZE * axis + offset for axis in range(3) for offset in range(150, 171)),
+)
+"""Those that may have a value."""
 
 
 class Seen(Protocol):

@@ -6,13 +6,13 @@
     queue.py        order, barriers, buffer of 100 moves, programs in progress; waiting.py: what takes time
     path.py         moves to set points: planner.py, circle.py; hold, go on, break off
     actions.py      commands that set, wait, make ready    queries.py    T
-    corrections.py  G: zero points and corrections         directly.py   p10: direct inputs and outputs
+    corrections.py  G; offsets.py: zero points             directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store
     images.py       process images, flags, data words
     logic.py        the PLC of the folder beside this one on them, FB 254; plc.py: what the card asks of it
     drives.py       what belongs to the drives
     settings.py     what a host sets, and the flash image
-    device.py       the card, in which all these meet
+    board.py        the card's state, which all these share; device.py: the card, in which they meet
 
 docs/gmi99.md has the commands and what is not emulated, docs/decisions.md G1... what the manual leaves open.
 """

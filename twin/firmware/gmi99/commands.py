@@ -15,18 +15,15 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from isel_twin.firmware.gmi99 import actions, corrections, directly, programming
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
-    from isel_twin.firmware.gmi99.waiting import Wait
+from isel_twin.firmware.gmi99.waiting import Wait
 
 __all__ = ["COMMANDS", "Command", "Kind", "command_of", "parse"]
 
-Handler = Callable[["Card", "Instruction"], "Generator[Wait, None, None] | None"]
+Handler = Callable[[Board, Instruction], Generator[Wait, None, None] | None]
 
 PLC_DATA_BYTES = 128
 

@@ -1,60 +1,18 @@
-"""G functions, and among them the zero points and corrections (3.1.1 G).
+"""G functions, and among them those that enter and choose zero points and corrections (3.1.1 G, offsets.py).
 
-    machine target = programmed target (absolute) + zero point + fine correction + temporary ones + PLC zero point
-
-One table of 16 zero points, G54 to G57 being its first four. Selecting one moves nothing. Tool offsets have no command
-that enters them and are 0 (G13).
+Choosing one moves nothing.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
 from isel_twin.firmware.gmi99.settings import SLOTS, ZERO_POINTS
 
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
-
-PLC_ZERO_LIMIT = 1000
 PRESELECTED = 0xFF
 
 
-class Offsets:
-    """What is added to programmed positions."""
-
-    def __init__(self, zero_points: tuple[tuple[int, ...], ...], fine: tuple[tuple[int, ...], ...]) -> None:
-        self.zero_points = [list(values) for values in zero_points]
-        self.fine = [list(values) for values in fine]
-        self.temporary = {58: [0] * SLOTS, 59: [0] * SLOTS}
-        self.plc_zero = [0] * SLOTS
-        self.preselected = 0
-        """Number of the fine correction the PLC has chosen (Vx, FB 254.5)."""
-        self._active: tuple[int, int | None] | None = None
-        self._last: tuple[int, int | None] | None = None
-
-    def total(self, axis: int) -> int:
-        """Sum of all offsets in force for an axis, in increments."""
-        zero = 0
-        if self._active is not None:
-            number, fine = self._active
-            zero = self.zero_points[number][axis] + (0 if fine is None else self.fine[fine][axis])
-        return zero + self.temporary[58][axis] + self.temporary[59][axis] + self.plc_zero[axis]
-
-    def select(self, number: int, fine: int | None) -> None:
-        """A zero point, and a fine correction with it."""
-        self._active = self._last = (number, fine)
-
-    def select_again(self) -> None:
-        """The zero point last in force."""
-        self._active = self._last
-
-    def deselect(self) -> None:
-        """No zero point, no fine correction."""
-        self._active = None
-
-
-def g_function(card: Card, instruction: Instruction) -> None:
+def g_function(card: Board, instruction: Instruction) -> None:
     """`G`."""
     number = instruction.p1 & 0xFF
     if 53 <= number <= 59:
@@ -77,7 +35,7 @@ def g_function(card: Card, instruction: Instruction) -> None:
         raise OutOfRangeError(f"there is no G{number}")
 
 
-def _correction(card: Card, number: int, instruction: Instruction) -> None:
+def _correction(card: Board, number: int, instruction: Instruction) -> None:
     offsets = card.offsets
     middle, high = instruction.p1 >> 8 & 0xFF, instruction.p1 >> 16
     value, slot = signed(instruction.p2), instruction.p3

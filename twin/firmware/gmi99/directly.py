@@ -7,14 +7,11 @@ at the end of a pass of the PLC.
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import TYPE_CHECKING
 
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.units import MILLISECOND_NS
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
 
 WOSI, WORI, WOSO, WORO, WOSF, WORF, WAIT, SETO, RESO, INVO, CLAO = 2, 3, 6, 7, 10, 11, 14, 16, 17, 24, 26
 WORDS = {
@@ -35,7 +32,7 @@ BITS = 96
 TENTH_NS = 100 * MILLISECOND_NS
 
 
-def direct(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
+def direct(card: Board, instruction: Instruction) -> Generator[Wait, None, None] | None:
     """`p10`: P2 opcode, P3 operand."""
     code, operand = instruction.p2, instruction.p3
     if code not in WORDS:
@@ -54,7 +51,7 @@ def direct(card: Card, instruction: Instruction) -> Generator[Wait, None, None] 
     return None
 
 
-def _wait(card: Card, code: int, operand: int) -> Generator[Wait, None, None]:
+def _wait(card: Board, code: int, operand: int) -> Generator[Wait, None, None]:
     if code == WAIT:
         yield Wait(at_ns=card.now_ns + operand * TENTH_NS)
         return

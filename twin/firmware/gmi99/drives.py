@@ -20,19 +20,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
 from isel_twin.units import MILLISECOND_NS
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
 
 MECHANICAL = 3
 """Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""
@@ -69,34 +66,10 @@ _INPUT = re.compile(r"e([0-9]+)\.([0-7])")
 _FAULT = re.compile(r"slot([0-9])\.fault")
 
 
-@dataclass(frozen=True)
-class Status:
-    """What a drive says of itself (FB 254.10)."""
-
-    reference_missing: bool = True
-    indexer_runs: bool = False
-    i2t: bool = False
-    estop: bool = False
-    in_position: bool = True
-    blocked: bool = False
-
-    @property
-    def register(self) -> int:
-        """As the status register of 6.1.3."""
-        return (
-            self.reference_missing
-            | self.indexer_runs << 1
-            | self.i2t << 2
-            | self.estop << 3
-            | self.in_position << 4
-            | self.blocked << 9
-        )
-
-
 class DriveBank:
     """All drives; see the module."""
 
-    def __init__(self, card: Card, turn: int) -> None:
+    def __init__(self, card: Board, turn: int) -> None:
         self._card = card
         self._turn = turn
         self.asked: Drives | None = None
@@ -131,15 +104,15 @@ class DriveBank:
         """No drive moves by itself."""
         return self.run is None
 
-    def status(self, slot: int) -> Status:
-        """Status of the drive at a slot."""
-        return Status(
-            reference_missing=not self._zeroed[slot],
-            indexer_runs=bool(self.searching >> slot & 1),
-            i2t=self.is_overloaded(slot),
-            estop=self._estop,
-            in_position=self._is_in_position(slot),
-            blocked=self.blocked(slot),
+    def status(self, slot: int) -> int:
+        """Status register of the drive at a slot, bit by bit as in 6.1.3 (FB 254.10)."""
+        return (
+            (not self._zeroed[slot])  # reference missing
+            | (self.searching >> slot & 1) << 1  # its own indexer runs
+            | self.is_overloaded(slot) << 2
+            | self._estop << 3
+            | self._is_in_position(slot) << 4
+            | self.blocked(slot) << 9
         )
 
     def blocked(self, slot: int) -> bool:

@@ -51,6 +51,8 @@ REDUCED = 3, 6
 MESSAGE = 4
 FIRST_M = 6
 M_EXTENSION = 11
+KEY = 13
+"""Of the host, written by `p11`."""
 SPINDLE = 15
 SPINDLE_SPEED = 16
 TOOL = 18
@@ -58,10 +60,10 @@ TOOL_MEMORY = 19
 
 FIRMWARE_OWNS: Mapping[int, int] = {0: 0b1111_1000, 1: 0b0001_0111, 3: 0b0011_0001, TOOL_MEMORY: 0xFF}
 """Bits of a flag byte that neither host nor PLC changes: reserved ones, and those marked r in 6.1.1."""
-PLC_MAY_NOT_SET: Mapping[int, int] = {3: 0b0000_0010}
-"""Bits the PLC may reset only (marked 0 in 6.1.1)."""
-PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010}
-"""Bits the PLC may set only (marked 1 in 6.1.1)."""
+PLC_MAY_NOT_SET: Mapping[int, int] = {3: 0b0000_0010, KEY: 0xFF}
+"""Bits the PLC may reset only (marked 0 in 6.1.1), or only read though the host writes them."""
+PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010, KEY: 0xFF}
+"""Bits the PLC may set only (marked 1 in 6.1.1), or only read."""
 
 
 class Images:

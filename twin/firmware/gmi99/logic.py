@@ -14,17 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING
 
-from isel_twin.firmware.gmi99.corrections import PLC_ZERO_LIMIT
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
 from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
 from isel_twin.firmware.plc.assembler import assemble
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
 
 __all__ = ["CardPlc", "safety_program"]
 
@@ -56,7 +53,7 @@ def _rights() -> Rights:
 class CardPlc:
     """See the module."""
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Board) -> None:
         self._card = card
         images = card.images
         self._outputs = bytearray(images.outputs)
@@ -178,28 +175,28 @@ class CardPlc:
         return zeros[axis] & ALL
 
 
-def _images(card: Card, mode: int) -> tuple[int, int]:
+def _images(card: Board, mode: int) -> tuple[int, int]:
     if mode in (0, 1):
         card.image_mode = mode
         card.parameters_changed()
     return 2, mode
 
 
-def _searching(card: Card, argument: int) -> tuple[int, int]:
+def _searching(card: Board, argument: int) -> tuple[int, int]:
     return card.drives.searching, argument
 
 
-def _device(card: Card, argument: int) -> tuple[int, int]:
+def _device(card: Board, argument: int) -> tuple[int, int]:
     return DEVICE, card.settings.sgx & ALL
 
 
-def _fine(card: Card, argument: int) -> tuple[int, int]:
+def _fine(card: Board, argument: int) -> tuple[int, int]:
     if argument < FINE:
         card.offsets.preselected = argument
     return card.offsets.preselected, argument
 
 
-def _state(card: Card, argument: int) -> tuple[int, int]:
+def _state(card: Board, argument: int) -> tuple[int, int]:
     what, axis = argument & 0xFF, argument >> 8
     if what == 3 and axis < SLOTS:
         position = card.position[axis]
@@ -211,28 +208,28 @@ def _state(card: Card, argument: int) -> tuple[int, int]:
     return 6, argument
 
 
-def _analog(card: Card, argument: int) -> tuple[int, int]:
+def _analog(card: Board, argument: int) -> tuple[int, int]:
     card.analog_drives = argument >> 4 & 0x0F
     return 8, argument
 
 
-def _status(card: Card, axis: int) -> tuple[int, int]:
-    return (card.drives.status(axis).register if axis < SLOTS else INVALID_STATUS), axis
+def _status(card: Board, axis: int) -> tuple[int, int]:
+    return (card.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
 
 
-def _home(card: Card, axis: int) -> tuple[int, int]:
+def _home(card: Board, axis: int) -> tuple[int, int]:
     if axis >= SLOTS:
         return 0, axis
     return int(card.settings.home_from[axis] <= card.position[axis] <= card.settings.home_to[axis]), axis
 
 
-def _reduced(card: Card, mode: int) -> tuple[int, int]:
+def _reduced(card: Board, mode: int) -> tuple[int, int]:
     if mode in (0, 1, 2):
         card.reduced_mode = mode
     return 33, mode
 
 
-_FUNCTIONS: Mapping[int, Callable[[Card, int], tuple[int, int]]] = {
+_FUNCTIONS: Mapping[int, Callable[[Board, int], tuple[int, int]]] = {
     2: _images,
     3: _searching,
     4: _device,

@@ -18,17 +18,14 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from isel_twin.firmware.gmi99 import planner
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.circle import circle
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, SLOTS
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
 
 Position = tuple[int, ...]
 
@@ -53,7 +50,7 @@ class _Circle:
 class Path:
     """See the module."""
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Board) -> None:
         self._card = card
         self.feed_hz: int | None = None
         """f; None: rapid (G0)."""

@@ -15,17 +15,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from isel_twin.firmware.gmi99 import images
+from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.commands import Kind, command_of
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.programming import BEGIN, END, PROGRAM
 from isel_twin.firmware.gmi99.store import DEPTH
 from isel_twin.firmware.gmi99.waiting import Wait
-
-if TYPE_CHECKING:
-    from isel_twin.firmware.gmi99.device import Card
 
 MOVES = 100
 OTHERS = 100
@@ -43,7 +40,7 @@ class _Running:
 class Queue:
     """See the module."""
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Board) -> None:
         self._card = card
         self._entries: deque[tuple[bytes, Instruction]] = deque()
         self._programs: list[_Running] = []

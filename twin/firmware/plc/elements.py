@@ -48,7 +48,7 @@ class Timer:
     """When it runs out; None: it does not run."""
     unit_ns: int = 0
     ran_out: bool = False
-    """It has, since it was started."""
+    """It has, since it was started; SS: since it was reset."""
 
     def start(self, kind: str, result: bool, constant: int, now_ns: int) -> bool:
         """The starting instruction with its result and accumulator 1; whether anything has changed.
@@ -61,7 +61,7 @@ class Timer:
         self.was = result
         number = from_bcd(constant)
         if (falling if kind == "SA" else rising) and number is not None:
-            self.kind, self.ran_out = kind, False
+            self.kind, self.ran_out = kind, self.ran_out and kind == self.kind == "SS"  # which is on until its reset
             self.unit_ns = BASES_NS[constant >> 12 & 3]
             self.end_ns = now_ns + number * self.unit_ns
             self.settle(now_ns)

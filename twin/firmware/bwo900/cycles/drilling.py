@@ -10,7 +10,8 @@
                    | |         |  ^ . | ^  |             |  ^
     P33            v '         v  | v v |  '             v  '     drawn: feed; dotted: rapid
 
-Planes are absolute along the third axis of the plane, with G91, too. Without P35 the tool goes back to P34.
+Planes are absolute along the third axis of the plane, with G91, too. Without P35 the tool goes back to P34. A
+depth is reached, by an exact stop, before the tool goes back.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def drilling(call: Call) -> Iterator[Move]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call))
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
     yield from _end(call, approach)
 
 
@@ -53,7 +54,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
             yield _to(call, Kind.RAPID, approach)
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
-        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None)
+        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
     if call.given(39) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
@@ -106,7 +107,7 @@ def boring(call: Call) -> Iterator[Move]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call))
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
     yield _to(call, Kind.LINE, approach, feed)
     yield from _end(call, approach)
 

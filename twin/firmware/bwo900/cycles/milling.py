@@ -435,7 +435,8 @@ def _rapid(job: _Job, place: UV) -> Move:
 
 
 def _level(job: _Job, height: float, kind: Kind, feed: float | None = None) -> Move:
-    return Move(kind, {job.call.plane.third: height}, None, feed)
+    """To a height; with feed it is a floor, which is reached before the tool goes on."""
+    return Move(kind, {job.call.plane.third: height}, None, feed, exact_stop=kind is Kind.LINE)
 
 
 def _down(job: _Job, layer: int) -> Iterator[Move]:

@@ -1,0 +1,47 @@
+"""Zero points and corrections: what is added to programmed positions (3.1.1 G, 6.1.3 FB 254).
+
+    machine target = programmed target (absolute) + zero point + fine correction + temporary ones + PLC zero point
+
+One table of 16 zero points, G54 to G57 being its first four. Tool offsets have no command that enters them and are 0
+(G13).
+"""
+
+from __future__ import annotations
+
+from isel_twin.firmware.gmi99.settings import SLOTS
+
+PLC_ZERO_LIMIT = 1000
+
+
+class Offsets:
+    """What is added to programmed positions."""
+
+    def __init__(self, zero_points: tuple[tuple[int, ...], ...], fine: tuple[tuple[int, ...], ...]) -> None:
+        self.zero_points = [list(values) for values in zero_points]
+        self.fine = [list(values) for values in fine]
+        self.temporary = {58: [0] * SLOTS, 59: [0] * SLOTS}
+        self.plc_zero = [0] * SLOTS
+        self.preselected = 0
+        """Number of the fine correction the PLC has chosen (Vx, FB 254.5)."""
+        self._active: tuple[int, int | None] | None = None
+        self._last: tuple[int, int | None] | None = None
+
+    def total(self, axis: int) -> int:
+        """Sum of all offsets in force for an axis, in increments."""
+        zero = 0
+        if self._active is not None:
+            number, fine = self._active
+            zero = self.zero_points[number][axis] + (0 if fine is None else self.fine[fine][axis])
+        return zero + self.temporary[58][axis] + self.temporary[59][axis] + self.plc_zero[axis]
+
+    def select(self, number: int, fine: int | None) -> None:
+        """A zero point, and a fine correction with it."""
+        self._active = self._last = (number, fine)
+
+    def select_again(self) -> None:
+        """The zero point last in force."""
+        self._active = self._last
+
+    def deselect(self) -> None:
+        """No zero point, no fine correction."""
+        self._active = None
