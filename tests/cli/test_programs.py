@@ -108,7 +108,8 @@ def test_an_emergency_stop_names_the_block_it_came_in(program, capsys, tmp_path:
     assert started["why"].startswith("M3001 P1 N20 column 8: emergency stop")
 
 
-TOOL = "P1\nN1 P21000:2 P21010:3 {{tool 2: radius 3 mm}}\nN10 G90 {plane} F2400 T2 M06\nN20 G0 {to}\nN30 G1 {cut}\nN40 M30\n"
+TOOL = "P1\nN1 P21000:2 P21010:3\nN10 G90 {plane} F2400 T2 M06\nN20 G0 {to}\nN30 G1 {cut}\nN40 M30\n"
+"""Tool 2 has a radius of 3 mm."""
 
 
 @pytest.mark.parametrize(
