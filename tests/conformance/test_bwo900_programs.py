@@ -133,6 +133,7 @@ def test_symbols() -> None:
     done = analysed("N10 _test1::=12|N20 _test2:=10|N30 G00 X:_test1 Y:_test2|N40 M30", p12=4)
     assert done.points == [(4.0, 10.0, 0.0)]
     assert refused("N10 _" + "a" * 31 + ":=1").number == 1211
+    assert refused("N10 _a[3]:=1").number == 1307
 
 
 @shows("bwo900-3.6-22")
@@ -325,6 +326,7 @@ def test_loops() -> None:
     assert done.parameters.get(1) == 12.0
     assert refused("N10 M25").number == 1217
     assert refused("N10 M24").number == 1218
+    assert refused("N10 M24.2 M23.10").number == 1218
 
 
 @shows("bwo900-6.1-11")

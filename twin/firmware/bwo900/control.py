@@ -647,6 +647,7 @@ class Control:
     def _say(self, said: Message) -> None:
         """A message: shown, kept in the history, and what it does."""
         self.messages.append(said)
+        del self.messages[:-MOST_MESSAGES]
         self.history.append((self._now_ns, said))
         del self.history[:-MOST_MESSAGES]
         self._parameters.write(8_501 if said.effect is not Effect.SHOWN else 8_503, float(said.number))

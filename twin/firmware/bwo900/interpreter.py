@@ -39,6 +39,8 @@ __all__ = ["DEEPEST_CALLS", "Interpreter", "Waiting"]
 
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""
+DEEPEST_LOOPS: Final = 32
+"""M24 inside each other (M1218); the manual names no number."""
 NEAR_MM: Final = 1e-9
 """Paths shorter than this are none."""
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
@@ -375,7 +377,13 @@ class Interpreter:
         """See expressions.Environment: a bound symbol is its parameter, another one a variable, 0 before it is set."""
         if name in self._bound:
             return self._parameters.read("P", self._bound[name] + index)
-        return self._symbols.get(_indexed(name, index), 0.0)
+        return self._symbols.get(self._internal(name, index), 0.0)
+
+    def _internal(self, name: str, index: int) -> str:
+        """The name of an internal variable, which has no index (manual 3.6: only those of parameters have)."""
+        if index:
+            raise ProgramError(1307, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
+        return name
 
     def _value(self, expression: Expression) -> float:
         return expression.value if isinstance(expression, Number) else evaluate(expression, self)
@@ -393,7 +401,7 @@ class Interpreter:
                 elif target.name in self._bound:
                     self._write("P", self._bound[target.name] + index, 1, value, later)
                 else:
-                    self._symbols[_indexed(target.name, index)] = 0.0 if value is None else value
+                    self._symbols[self._internal(target.name, index)] = 0.0 if value is None else value
             else:
                 number = whole(self._value(target.number), 1202)
                 self._write(target.area, number, target.channel, value, later)
@@ -962,6 +970,8 @@ class Interpreter:
     def _loop(self, spoken: _Spoken, level: _Level) -> None:
         """M24, M25, and the ends of programs."""
         if spoken.passes is not None:
+            if len(level.loops) >= DEEPEST_LOOPS:
+                raise ProgramError(1218, f"more than {DEEPEST_LOOPS} loops inside each other")
             level.loops.append((level.place, spoken.passes, spoken.passes))
         if spoken.loops_back:
             place, left, passes = level.loops.pop()
@@ -1132,7 +1142,3 @@ def _compare(left: float, relation: str, right: float) -> bool:
         case ">=":
             return left >= right
     return left <= right
-
-
-def _indexed(name: str, index: int) -> str:
-    return f"{name}[{index}]" if index else name
