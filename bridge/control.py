@@ -12,6 +12,7 @@ hands it what has come over a socket, a panel would call the same. No sockets he
     {"speed": 2}, {"speed": "max"}      times real time, from now on
     {"state": true}                     the machine as it is
     {"settable": true}                  everything that can be set, and to what
+    {"keys": true}                      the controller's own keys, {"key": {"mode": "auto"}}, and what they take
     {"wait": {"output": "spindle", "is": 1}}      until it is so, see `_condition`
     {"stop": true}                      the server ends, as by SIGTERM
 
@@ -57,7 +58,7 @@ _WALL_S = Limits("s", 0.0, 86_400.0)
 _MM = Limits("mm", -1e5, 1e5)
 _COUNT = Limits("steps", -1e10, 1e10)
 
-_ACTIONS = ("pause", "resume", "step", "speed", "state", "settable", "wait", "stop")
+_ACTIONS = ("pause", "resume", "step", "speed", "state", "settable", "keys", "wait", "stop")
 _CONDITIONS = ("output", "input", "level", "position", "count", "idle", "time")
 _WAIT_KEYS = (*_CONDITIONS, "is", "above", "below", "timeout_s", "wall_s", "pause")
 _SWITCH_STATES = ("free", "struck", "ok")
@@ -123,8 +124,12 @@ class Operator:
             return self._done(request, lambda: act(value, where))
         if value is not True:
             raise where.wrong(f"{_shown(value)}; allowed: true")
-        if key in ("state", "settable"):
-            return self.state() if key == "state" else {name: list(states) for name, states in self.settable.items()}
+        if key == "state":
+            return self.state()
+        if key == "settable":
+            return {name: list(states) for name, states in self.settable.items()}
+        if key == "keys":
+            return {name: f"{one.meaning}: {one.allowed}" for name, one in self._twin.keys.items()}
         return self._done(request, {"pause": self.pause, "resume": self.resume, "stop": self.stop}[key])
 
     def _done(self, request: Any, act: Callable[[], Answer | Pending]) -> Answer | Pending:
@@ -143,7 +148,7 @@ class Operator:
     def happen(self, content: dict[str, Any]) -> Answer:
         """Let an event of a scenario (without `at`) happen now; the inputs it has set as they are then."""
         place = Place("request", ControlError)
-        event = event_now(content, place, self.settable)
+        event = event_now(content, place, self.settable, self._twin.keys)
         self._check_physics(event, content, place)
         self._twin.carry_out(event)
         inputs = self._twin.inputs
@@ -225,6 +230,7 @@ class Operator:
             "margin": [None if math.isnan(margin) else margin for margin in twin.margin.tolist()],
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),
+            "keys": dict(twin.key_values),
             "levels": {terminal: int(level) for terminal, level in twin.levels.items()},
             "faults": dict(twin.faults),
             "events_left": twin.events_left,

@@ -188,7 +188,7 @@ def _record(kept: _Kept, recording: Path, picture: Path) -> list[str]:
                 if kind == "sent":
                     twin.write(what)
                 elif not set(what) <= set(SETTINGS):
-                    twin.carry_out(event_now(what, place, twin.settable))
+                    twin.carry_out(event_now(what, place, twin.settable, twin.keys))
                 elif "line_speed" in what:
                     twin.line_speed = what["line_speed"]
                 else:

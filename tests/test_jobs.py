@@ -11,6 +11,7 @@ from isel_twin.cli import main
 
 JOBS = Path(__file__).parent / "jobs"
 GOLDEN = sorted(JOBS.rglob("*.golden"))
+SUFFIXES = (".txt", ".nc")
 
 FAILING = {
     "not_referenced": ("'R'", ()),
@@ -31,18 +32,19 @@ def call(*arguments: object) -> int:
 
 
 def job_of(golden: Path) -> Path:
-    return golden.with_suffix(".txt")
+    """A file of commands, or a program of the control's own."""
+    return next(job for suffix in SUFFIXES if (job := golden.with_suffix(suffix)).is_file())
 
 
 @pytest.mark.parametrize("golden", GOLDEN, ids=[str(path.relative_to(JOBS)) for path in GOLDEN])
 def test_a_job_does_what_it_did(golden: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A deliberate change: isel-twin golden compare --update tests/jobs/*/*.txt."""
+    """A deliberate change: isel-twin golden compare --update tests/jobs/*/*.txt tests/jobs/*/*.nc."""
     assert call("golden", "compare", job_of(golden)) == 0, capsys.readouterr().out
 
 
 def test_each_sample_that_can_be_compared_is(capsys: pytest.CaptureFixture[str]) -> None:
-    jobs = sorted(path for path in JOBS.rglob("*.txt") if path.parent.name != "failing")
-    assert [job_of(golden) for golden in GOLDEN] == jobs
+    jobs = sorted(path for suffix in SUFFIXES for path in JOBS.rglob(f"*{suffix}") if path.parent.name != "failing")
+    assert sorted(job_of(golden) for golden in GOLDEN) == sorted(jobs)
 
 
 @pytest.mark.parametrize("name", FAILING)

@@ -23,7 +23,7 @@ from isel_twin.language import (
 
 
 def test_every_controller_of_the_package_has_a_language() -> None:
-    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99"}
+    assert set(language_names()) >= {"imc-s8", "imc-m", "imc-mp", "c142", "ismif", "gmi99", "bwo900"}
     for name in language_names():
         language = create_language(name)
         assert language is not None
@@ -35,7 +35,7 @@ def test_every_controller_of_the_package_has_a_language() -> None:
 
 
 def test_a_controller_that_is_not_there_is_named() -> None:
-    with pytest.raises(UnknownNameError, match="unknown controller 'imc-s9'; installed: c142"):
+    with pytest.raises(UnknownNameError, match="unknown controller 'imc-s9'; installed: bwo900"):
         create_language("imc-s9")
 
 

@@ -155,7 +155,10 @@ def test_a_start_button_in_a_scenario_resumes_a_stopped_motion(tmp_path: Path) -
     ("arguments", "message"),
     [
         ({"machine": "5050"}, "unknown machine '5050'"),
-        ({"controller": "imc-s9"}, "unknown controller 'imc-s9'; installed: c142, imc-m, imc-mp, imc-s8, ismif"),
+        (
+            {"controller": "imc-s9"},
+            "unknown controller 'imc-s9'; installed: bwo900, c142, gmi99, imc-m, imc-mp, imc-s8, ismif",
+        ),
         ({"plant": "bullet"}, "unknown plant 'bullet'; there are: mujoco, kinematic"),
         ({"overrides": {"axes.x.backlas": 0.0}}, "axes.x.backlas"),
     ],

@@ -139,7 +139,23 @@ class Remark:
     text: str
 
 
-Event = Reply | Output | CounterSet | FlashWrite | Remark
+@dataclass(frozen=True)
+class Step:
+    """A program that the controller carries out by itself has come to the next of its steps. Changes nothing.
+
+    t_ns: when, now or before; name: what people call it; text: as it stands in the program; counts: counters then.
+    plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it cuts nothing or nobody knows.
+    """
+
+    t_ns: int
+    name: str
+    text: str
+    counts: tuple[int, ...]
+    plane: tuple[int, int] = (0, 1)
+    tool_mm: float = 0.0
+
+
+Event = Reply | Output | CounterSet | FlashWrite | Remark | Step
 
 
 class Controller(Protocol):
@@ -276,6 +292,45 @@ class NamesOutputs(Protocol):
     @property
     def output_names(self) -> Sequence[str]:
         """Their names."""
+
+
+KeyValue: TypeAlias = float | str | bool
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of the operator's panel of a control, or a switch or knob there; see HasKeys."""
+
+    meaning: str
+    """In a few words, for people."""
+    value: Setting | None = None
+    """What it can be put to; None: it is a push-button, and the value is True."""
+
+    @property
+    def allowed(self) -> str:
+        """Its values in words."""
+        if isinstance(self.value, tuple):
+            return ", ".join(self.value)
+        return "true" if self.value is None else str(self.value) if isinstance(self.value, Limits) else "true, false"
+
+
+@runtime_checkable
+class HasKeys(Protocol):
+    """What a controller offers beside `Controller` if people operate it by keys of its own, not by the cabinet's.
+
+    They are pressed by an event, `key = { mode = "auto" }`, and shown by panels from this table.
+    """
+
+    @property
+    def keys(self) -> Mapping[str, Key]:
+        """By name; the same as long as the controller lives."""
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        """What each one is put to now, at the time of the last call; push-buttons are left out."""
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> None:
+        """Somebody presses a key at t_ns, or puts it to this value; both have been checked."""
 
 
 ControllerFactory = Callable[..., Controller]

@@ -24,6 +24,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from isel_twin.axes import AXIS_NAMES
@@ -37,7 +38,7 @@ from isel_twin.expect import (
     parse_expected,
 )
 from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, readable
-from isel_twin.result import Result
+from isel_twin.result import Part, Result
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
 
@@ -82,6 +83,8 @@ class Line:
     source: str = ""
     """The line as it stands in the file, and where what is parsed of its condition begins in it."""
     begin: int = 0
+    program: bool = False
+    """It loads or runs a program: see RunsPrograms."""
 
     @property
     def sent(self) -> bytes:
@@ -113,7 +116,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
     Only text that has to be framed needs the language.
     """
     if isinstance(language, RunsPrograms) and (steps := language.job(text)) is not None:
-        return [Line(number, step, (data,)) for number, (step, data) in enumerate(steps, 1)]
+        return [Line(number, step, (data,), program=True) for number, (step, data) in enumerate(steps, 1)]
     lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
         told = _COMMENT.sub("", raw)
@@ -211,6 +214,8 @@ def play(
             continue
         time_ns = twin.time_ns
         twin.watch_margin()
+        twin.steps_made.clear()
+        said = twin.remarks[-1] if twin.remarks else None
         complete = _converse(twin, line, timeout_s, stop)
         reply = twin.read()
         seen = snapshot(twin)
@@ -218,6 +223,10 @@ def play(
         took_ns = twin.time_ns - time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
         accepted = language is None or language.accepted(line.sent, reply)
+        parts = _parts(twin, said) if line.program else ()
+        if line.program and twin.fault:
+            accepted = False
+            why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
         last = Result(
             number=line.number,
             command=line.command,
@@ -231,10 +240,32 @@ def play(
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
             why=why,
+            parts=parts,
         )
         yield last
         if not complete:
             return
+
+
+def _parts(twin: Twin, before: tuple[int, str] | None) -> tuple[Part, ...]:
+    """Steps of a program, each with the place that it ends at, and what was said since the remark `before`."""
+    steps = list(twin.steps_made)
+    ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
+    scale = twin.step_mm.tolist()
+    parts = [
+        Part(
+            step.t_ns,
+            f"{step.name} {step.text}".strip(),
+            tuple(count * mm for count, mm in zip(end, scale, strict=False)),
+            step.plane,
+            step.tool_mm,
+        )
+        for step, end in zip(steps, ends, strict=False)
+    ]
+    said = [
+        Part(*remark) for remark in reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks))))
+    ]
+    return tuple(sorted(parts + said, key=lambda part: part.time_ns))
 
 
 def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:

@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Result"]
+__all__ = ["Part", "Result"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """On the way through a line that runs a program of the controller's: a step of it, or what the controller remarks.
+
+    time_ns: when the step began, or when it was said; position_mm [3]: what the controller has counted by the
+    end of the step, () for a remark.
+    """
+
+    time_ns: int
+    text: str
+    position_mm: tuple[float, ...] = ()
+    plane: tuple[int, int] = (0, 1)
+    """Axes of the plane in which the step cuts, and the radius of its tool, 0 if it cuts nothing or nobody knows."""
+    tool_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -26,7 +42,8 @@ class Result:
     """Least pull-out margin of each axis meanwhile, `Twin.margin`; None for an axis without a motor."""
     complete: bool = True
     expected: str | None = None
-    """What the line expects; None if it expects nothing. `ok` then says whether it was so, and `why` why not."""
+    """What the line expects; None if it expects nothing. `ok` then says whether it was so, and `why` why not.
+    Of a line that loads or runs a program and expects nothing: what the controller says is wrong."""
     why: str = ""
     condition: bool = False
     """It is no command: the reply is what was found."""
@@ -37,9 +54,14 @@ class Result:
     drive_faults_known: tuple[int | None, ...] = ()
     """The same of the faults of each drive: how many."""
 
+    parts: tuple[Part, ...] = ()
+    """Of a line that loads or runs a program; the last ones, if there are very many."""
+
     @property
     def shown_reply(self) -> str:
         """The reply, and if it should have been another one, which."""
+        if not self.ok and self.expected is None and self.why:
+            return self.why
         if self.ok or self.expected is None or self.condition:
             return self.reply
         return f"{self.reply or 'none'} (not {self.expected}: {self.why})"

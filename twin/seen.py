@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import Controller
+from isel_twin.controller import Controller, HasKeys, KeyValue
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
 from isel_twin.position import Position
@@ -35,6 +35,12 @@ class Seen:
     def _tell(self) -> None:
         """Let the controller know of the time that has passed, if it does not yet."""
         raise NotImplementedError
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        """What the keys of the controller's own panel are put to; empty without any, and without supply."""
+        self._tell()
+        return self._controller.key_values if isinstance(self._controller, HasKeys) else {}
 
     @property
     def counts(self) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ how it began and what it has been told since, bit for bit. So its state is
 
     beginning                 told since then
     |------------------------|-----------------|  now
-    built by its factory,     power_on, receive, set_input, advance, and what its drives have answered
+    built by its factory,     power_on, receive, set_input, press, advance, and what its drives have answered
     or a pickle of it
 
 A controller that can be pickled now needs no telling: its state is short, and what it has been told before is dropped.
@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from isel_twin.controller import Controller, Drives, UsesDrives
+from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDrives
 
 __all__ = ["Life", "StateError", "Told"]
 
@@ -48,7 +48,7 @@ class Life:
     flash: bytes | None
     """With this flash image, if its factory built it."""
     calls: tuple[tuple[str, Any, Any], ...]
-    """(name of a method, time in ns, argument), and among them (name of a property of its drives, None, answer)."""
+    """(method, time in ns, what else it takes), and among them (property of its drives, None, answer)."""
 
 
 class Told:
@@ -83,6 +83,14 @@ class Told:
         """See Controller.set_input."""
         self._note(("set_input", t_ns, (terminal, level)))
         self.controller.set_input(t_ns, terminal, level)
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> bool:
+        """See HasKeys.press; return whether the controller has keys."""
+        if not isinstance(self.controller, HasKeys):
+            return False
+        self._note(("press", t_ns, (name, value)))
+        self.controller.press(t_ns, name, value)
+        return True
 
     def advance(self, t_ns: int) -> None:
         """See Controller.advance."""
@@ -120,8 +128,8 @@ class Told:
         for name, t_ns, value in replies:
             if name == "advance":
                 controller.advance(t_ns)
-            elif name == "set_input":
-                controller.set_input(t_ns, *value)
+            elif name in ("set_input", "press"):
+                getattr(controller, name)(t_ns, *value)
             elif name in _ANSWERS:  # to a question between two calls
                 continue
             else:

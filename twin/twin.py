@@ -36,10 +36,14 @@ from isel_twin.controller import (
     Controller,
     CounterSet,
     FlashWrite,
+    HasKeys,
+    Key,
+    KeyValue,
     Output,
     Remark,
     Reply,
     SerialFormat,
+    Step,
     UsesDrives,
 )
 from isel_twin.journal import Note, Origin, Received, cut_content, push_content
@@ -47,6 +51,7 @@ from isel_twin.language import Language, needed
 from isel_twin.machine import Machine, load_machine
 from isel_twin.motion import Stream
 from isel_twin.observers import Observers
+from isel_twin.parameters import Place
 from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.position import Position
 from isel_twin.sampling import Sampler, TwinSamples
@@ -62,6 +67,7 @@ from isel_twin.wiring import (
     SerialLine,
     Wiring,
     check_input,
+    event_now,
     thresholds,
 )
 
@@ -73,6 +79,9 @@ _ENDLESS = 100_000
 
 _REMARKS = 1000
 """Remarks of the controller that are kept."""
+
+_STEPS = 10_000
+"""Steps of a program that are kept."""
 
 _OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
 """Attributes of a twin that a state holds beside those it names."""
@@ -165,11 +174,15 @@ class Twin(Seen):
         self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
+        self.keys: Mapping[str, Key] = dict(controller.keys) if isinstance(controller, HasKeys) else {}
+        """Keys of the controller's own panel, by name: see `press`."""
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
         """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
+        self.steps_made: deque[Step] = deque(maxlen=_STEPS)
+        """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
         asking = self._controller if isinstance(self._controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(self._controller.counts)
@@ -349,6 +362,12 @@ class Twin(Seen):
         self._note("operated", event.content)
         self._wiring.carry_out(event, self.time_ns)
         self._settle()
+
+    def press(self, name: str, value: KeyValue = True) -> None:
+        """Press a key of the controller's own panel, or put it to a value, now. Raises ValueError, which lists what
+        there is, for a key or value that does not exist (`keys`)."""
+        place = Place("press", ScenarioError)
+        self.carry_out(event_now({"key": {name: value}}, place, self.settable, self.keys))
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
         """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
@@ -578,7 +597,7 @@ class Twin(Seen):
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
-            if self._hand_over_bytes() or self._hand_over_levels():
+            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 if self._observers:
@@ -635,6 +654,13 @@ class Twin(Seen):
         self._observers.look(self, True, self._wiring.changes)
         return True
 
+    def _hand_over_keys(self) -> bool:
+        pressed = self._wiring.take_pressed()
+        for name, value in pressed:
+            if self._told.press(self.time_ns, name, value):
+                self._take_events()
+        return bool(pressed)
+
     def _take_events(self) -> None:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
@@ -663,6 +689,8 @@ class Twin(Seen):
                         self.on_flash(image)
                 case Remark(text):
                     self._remark(text)
+                case Step():
+                    self.steps_made.append(event)
         if outputs_changed:
             self._wiring.outputs_changed()
             self._observers.look(self, True, self._wiring.changes)

@@ -29,7 +29,7 @@ from typing import Any, Protocol
 from isel_twin.axes import AXIS_NAMES
 from isel_twin.bridge.control import ControlError, Operator, Pending
 from isel_twin.bridge.panel.frame import COME, Asked, Frame
-from isel_twin.bridge.panel.menu import BESIDE, menu
+from isel_twin.bridge.panel.menu import BESIDE, key_menu, menu
 from isel_twin.bridge.panel.monitor import Monitor
 from isel_twin.bridge.server import Line, Server, Watch
 from isel_twin.bridge.tcp import listen, parse_address
@@ -292,6 +292,7 @@ class Panel:
             "fault_states": list(FAULTS),
             "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},
             "acts": menu(),
+            "keys": key_menu(twin.keys),
             "beside": list(BESIDE),
             "recording": None if self.recording is None else self.recording.name,
             "language": twin.language is not None,

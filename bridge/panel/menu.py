@@ -10,13 +10,15 @@ people give an element or a contact (`set`) the page has buttons for, from `Twin
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
+from isel_twin.controller import Key, Setting
 from isel_twin.parameters import Limits
 from isel_twin.plant import Cut
 from isel_twin.wiring.acts import ACTS, BESIDE, Act
 
-__all__ = ["BESIDE", "menu"]
+__all__ = ["BESIDE", "key_menu", "menu"]
 
 _FIRST = {"diameter": 6.0, "flutes": 2, "depth": 0.5, "width": 6.0, "spindle": 18_000.0, "kc": 800.0}
 """What stands in the fields of a cut at first: a small cutter in aluminium."""
@@ -24,7 +26,15 @@ _FIRST = {"diameter": 6.0, "flutes": 2, "depth": 0.5, "width": 6.0, "spindle": 1
 
 def menu() -> list[dict[str, Any]]:
     """One entry an act, in the order of the table."""
-    return [_entry(act) for act in ACTS.values() if act.by != "input"]
+    return [_entry(act) for act in ACTS.values() if act.by not in ("input", "key")]
+
+
+def key_menu(keys: Mapping[str, Key]) -> list[dict[str, Any]]:
+    """One entry a key of the controller's own panel, in the order of its table; without a form it is a push-button."""
+    return [
+        {"key": name, "meaning": key.meaning, "form": None if key.value is None else _rule(key.value)}
+        for name, key in keys.items()
+    ]
 
 
 def _entry(act: Act) -> dict[str, Any]:
@@ -42,13 +52,15 @@ def _entry(act: Act) -> dict[str, Any]:
 
 def _form(act: Act) -> dict[str, Any]:
     form = act.value
-    if isinstance(form, Limits):
-        return {"number": _limits(form)}
-    if isinstance(form, tuple):
-        return {"words": list(form)}
     if form == "cut":
         return {"table": [_field(item) for item in dataclasses.fields(Cut)]}
-    return {"name": form} if isinstance(form, str) else {"yes": True}
+    return {"name": form} if isinstance(form, str) else _rule(form)
+
+
+def _rule(rule: Setting) -> dict[str, Any]:
+    if isinstance(rule, Limits):
+        return {"number": _limits(rule)}
+    return {"words": list(rule)} if isinstance(rule, tuple) else {"yes": True}
 
 
 def _field(item: dataclasses.Field[Any]) -> dict[str, Any]:

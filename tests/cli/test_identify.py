@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -26,22 +27,29 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, s
     return int(caught.value.code or 0), out, err
 
 
-@pytest.fixture
-def days(tmp_path: Path) -> list[Path]:
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two recordings of a machine with twice the backlash, and what its gauge has said; a reversal each."""
+    folder = tmp_path_factory.mktemp("days")
     language = needed(create_language("imc-s8"), "imc-s8")
     machine = load_machine("4030")
     hidden = with_overrides(machine, {"axes.x.backlash": 0.04})
-    made = []
     for seed, mm in ((1, 12.0), (2, 17.0)):
         block: Block = reversal(Teller(language, "x", machine.axes[0].steps_per_mm), mm)
         experiment = assemble(f"day{seed}", [block], language)
         recorded, measured = carry_out(experiment, hidden, "imc-s8", seed=seed, noise_mm=0.002, time_noise_s=0.0)
-        path = tmp_path / f"day{seed}.mcap"
+        path = folder / f"day{seed}.mcap"
         write_recording(path, recorded)
         path.with_suffix(".toml").write_text(written(measured))
-        made.append(path)
-    return made
+    return folder
+
+
+@pytest.fixture
+def days(archive: Path, tmp_path: Path) -> list[Path]:
+    """The recordings of the archive, where they may be written over."""
+    for path in archive.iterdir():
+        shutil.copy(path, tmp_path)
+    return [tmp_path / "day1.mcap", tmp_path / "day2.mcap"]
 
 
 def measured(days: list[Path]) -> list[object]:

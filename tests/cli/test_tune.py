@@ -94,6 +94,16 @@ def test_ctrl_c_keeps_what_has_been_tried(tune: Any, tmp_path: Path, monkeypatch
     assert code == 0
 
 
+def test_each_move_gets_its_own(tune: Any, tmp_path: Path) -> None:
+    words = ("--each-move", "--trials", "5", "--repetitions", "0", "--confirm", "2", "--json")
+    code, out, _ = tune("tune", "job.txt", *words)
+    summary = json.loads(out.splitlines()[-1])
+    assert code == 0
+    assert len(summary["tuned"]["values"]) == 8
+    assert summary["confirmed"]["lost"] == 0
+    assert "@0A320,1000," in (tmp_path / "job.tuned.txt").read_text()
+
+
 def test_where_nothing_holds_nothing_is_written(tune: Any, tmp_path: Path) -> None:
     code, _, err = tune("tune", "job.txt", *SMALL[2:], "--trials", "1", "--margin", "0.99")
     assert code == 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +96,17 @@ def test_a_replay_gives_the_same_bits(found: Found) -> None:
     assert predict(session, machine).tobytes() == predict(session, machine).tobytes()
 
 
+def test_any_executor_gives_the_same_bits(found: Found) -> None:
+    session = found.sessions[1]
+    session = dataclasses.replace(session, measured=dataclasses.replace(session.measured, stalls=()))
+    points = [np.zeros(len(found.unknowns)), np.full(len(found.unknowns), 0.3)]
+    assert pickle.loads(pickle.dumps((session, found.believed, found.unknowns)))[0] == session  # for processes
+    with ThreadPoolExecutor(2) as pool:
+        one = Model(found.believed, found.unknowns, [session], pool).predictions(points)
+    other = Model(found.believed, found.unknowns, [session]).predictions(points)
+    assert [each.tobytes() for each in one] == [each.tobytes() for each in other]
+
+
 def test_the_first_reference_run_says_nothing_of_the_machine(found: Found) -> None:
     """It begins wherever the carriages happened to stand."""
     session = found.sessions[0]
@@ -114,6 +127,17 @@ def test_a_zero_of_the_gauge_makes_no_difference(found: Found) -> None:
     zero = np.zeros(len(found.unknowns))
     one, two = (Model(found.believed, found.unknowns, [each]).residuals_at(zero) for each in (same, other))
     assert one == pytest.approx(two, abs=1e-6)
+
+
+def test_a_step_that_loses_steps_is_no_slope(found: Found) -> None:
+    """Its readings jump by hundreds of standard deviations; the other way the same parameter changes them by five."""
+    model = Model(found.believed, found.unknowns, found.sessions[1:])
+    coast = np.array(["coast" in item.group for item in model.data])
+    back = np.where(coast, -5.0, 3.0)
+    ahead = np.where(coast, -500.0, 3.0)
+    slope = model._between(ahead, back)
+    assert slope[coast] == pytest.approx(-5.0)
+    assert slope[[item.kind == "duration" for item in model.data]] == pytest.approx(3.0)
 
 
 def test_what_the_data_do_not_touch_is_said_before_the_fit() -> None:

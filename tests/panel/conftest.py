@@ -31,10 +31,11 @@ class Bench:
         ready: bool = False,
         address: str = LOOPBACK,
         token: str | None = None,
+        machine: str = "4030",
     ) -> None:
         self.panel = Panel(address, token)
         self.line = TcpEndpoint(LOOPBACK)
-        self.twin = Twin(controller=controller, plant="kinematic", line_speed=speed is not None)
+        self.twin = Twin(machine, controller, plant="kinematic", line_speed=speed is not None)
         if ready:
             assert self.twin.language is not None
             for data in self.twin.language.reference():

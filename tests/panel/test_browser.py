@@ -298,3 +298,35 @@ def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):
     expect(page["#link"]).to_have_attribute("data-state", "on")
     page['[data-element="estop"]'].click()
     expect(page['[data-element="estop"]']).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_keys_of_a_control_of_its_own(bench, open_panel):
+    """Hand, reference, a program chosen and started, stopped by hand and the override turned down: by its own table."""
+    here = bench(controller="bwo900", machine="4030-servo")
+    page = open_panel(here)
+    keys = page["#keys"]
+    expect(keys).to_be_visible()
+    assert keys.locator("[data-key]").count() == len(here.twin.keys)
+    mode = keys.locator("[data-key=mode]")
+    expect(mode.get_by_role("button", name="hand")).to_have_attribute("aria-pressed", "true")
+    mode.get_by_role("button", name="single").click()
+    expect(mode.get_by_role("button", name="single")).to_have_attribute("aria-pressed", "true")
+    override = keys.locator("[data-key=override] input")
+    expect(override).to_have_value("100")
+    override.fill("80")
+    override.press("Enter")
+    expect(override).to_have_value("80")
+    keys.locator("[data-key=skip]").get_by_role("button", name="on").click()
+    expect(keys.locator("[data-key=skip]").get_by_role("button", name="on")).to_have_attribute("aria-pressed", "true")
+    override.fill("500")
+    override.press("Enter")
+    expect(page["#told"]).to_contain_text("allowed: 0 .. 120 %")
+    keys.locator("button[data-key=start]").click()
+    expect(page['[data-output="message"]']).to_have_attribute("data-on", "1")
+    assert here.twin.key_values["override"] == 80.0
+    assert page.said == []
+
+
+def test_a_controller_without_keys_shows_none(bench, open_panel):
+    page = open_panel(bench())
+    expect(page["#keys"]).to_be_hidden()

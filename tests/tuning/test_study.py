@@ -12,7 +12,9 @@ import pytest
 from isel_twin.call import TwinCall
 from isel_twin.tuning import Judgement
 from isel_twin.tuning import study as study_module
-from isel_twin.tuning.result import Tried, front
+from isel_twin.tuning.compose import best_of_each
+from isel_twin.tuning.judge import Repetition
+from isel_twin.tuning.result import PUT_TOGETHER, Held, Tried, front
 from isel_twin.tuning.study import Study, StudyError
 
 from .small import problem
@@ -125,6 +127,36 @@ def test_each_move_finds_its_own_and_beats_the_same_for_all() -> None:
     again = Study(problem(each_move=True), least=0.1)
     again.run(48, ThreadPoolExecutor(3))
     assert told(again.tried) == told(each.tried)
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_best_of_each_move_is_mended_until_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On machine 7 the way there loses steps beyond 15 kHz, which no trial has seen; it alone gets slower."""
+    asked = problem(each_move=True)
+    study = Study(asked, least=0.1)
+    study.run(40)
+    best = best_of_each(asked, study.tried, 0.1)
+    assert best["speed_hz.5"] > 15_000
+
+    def confirmed(_: Any, candidate: Any, wanted: int, least: float, *__: Any, hard: Any) -> Held:
+        moves = invented(candidate, None, ()).moves  # type: ignore[union-attr]
+        speed_hz = int(candidate.lines[[line.number for line in candidate.lines].index(7)].command.split(",")[1])
+        why = "X has lost 4 steps" if speed_hz > 15_000 else ""
+        last = Repetition(7, 1.0, 0.0 if why else 0.2, why, bool(why), moves[:1] if why else moves)
+        return Held(wanted, 1 if why else wanted, last.margin, last.margin, why, int(bool(why)), last)
+
+    monkeypatch.setattr(study_module, "confirm", confirmed)
+    hard: list[int] = []
+    found = study.repaired(3, hard)
+    assert found is not None
+    tried, held = found
+    assert held.good
+    assert hard == [7]
+    assert tried.number == PUT_TOGETHER
+    assert tried.values["speed_hz.5"] <= 15_000
+    assert {name: value for name, value in tried.values.items() if not name.endswith(".5")} == {
+        name: value for name, value in best.items() if not name.endswith(".5")
+    }
 
 
 def test_what_is_known_of_a_move_and_who_is_to_blame() -> None:

@@ -40,12 +40,14 @@ Command = Literal[
     "line_cut",
     "reset",
     "brownout",
+    "key",
     "pause",
     "resume",
     "step",
     "speed",
     "state",
     "settable",
+    "keys",
     "wait",
     "stop",
 ]
@@ -55,7 +57,7 @@ CONNECT_S = 10.0
 
 _SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}
 """Other words for keys of an event."""
-_ALONE = ("pause", "resume", "state", "settable", "stop")
+_ALONE = ("pause", "resume", "state", "settable", "keys", "stop")
 
 
 def ctl(
@@ -72,7 +74,8 @@ def ctl(
     set estop=pressed hood=open; fault limit_x2=broken (ok: whole again); phase x=a (x= restores it); noise 0.01;
     force x=50 --place tool (newton; 0 lets go); and what else an event of a scenario can do, by its key: friction_n
     x=40, obstacle_mm y=120 (or off), payload_kg table=8, swapped limit_x1=limit_x2, undervoltage 0.4, hot_stage_k x=60,
-    dropped 0.1, doubled 0.1, line_cut true, reset, brownout true; each of these with for=SECONDS; pause; resume; step
+    dropped 0.1, doubled 0.1, line_cut true, reset, brownout true; each of these with for=SECONDS; keys of the control's
+    own panel, which `keys` lists: key mode=auto, key start; pause; resume; step
     0.001 (seconds, while paused); speed 2 or max; state; settable; wait output=spindle is=1, input=estop is=pressed,
     level=p1.0 is=0, position=x above=120, idle, time=12.5, each with timeout_s=, wall_s= and pause; stop.
     """
@@ -124,10 +127,11 @@ def _act(command: str, act: Act, what: Sequence[str]) -> dict[str, Any]:
     lasting: dict[str, Any] = {"for": _value(ends[-1])} if ends else {}
     values = [item for item in what if not item.startswith("for=")]
     if act.by:
-        pairs = [_pair(command, item) for item in values]
+        switches = act.by == "key"
+        pairs = [(item, "true") if switches and "=" not in item else _pair(command, item) for item in values]
         if not pairs:
             raise CallError(f"{command}: needs NAME=VALUE, one or more")
-        numbers = isinstance(act.value, Limits)
+        numbers = switches or isinstance(act.value, Limits)
         return {act.key: {name: _value(text) if numbers else text for name, text in pairs}} | lasting
     if not values and act.value is bool:
         return {act.key: True} | lasting

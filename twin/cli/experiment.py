@@ -59,6 +59,7 @@ def experiment(
     from isel_twin.axes import CARRIAGES
     from isel_twin.files import atomic_write
     from isel_twin.identification import experiment as experiments
+    from isel_twin.identification.choice import choose
     from isel_twin.identification.measured import written
     from isel_twin.identification.stand_in import carry_out as carried_out
     from isel_twin.identification.stand_in import write_recording
@@ -76,7 +77,7 @@ def experiment(
     covariance = None if known is None else _known(known, unknowns)
     with call_errors():
         candidates = experiments.blocks(believed, controller, wanted, unknowns, seed)
-        choice = experiments.choose(
+        choice = choose(
             believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion
         )
     made = experiments.assemble(name.name, choice.blocks, language)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -140,7 +140,8 @@ def read_all(files: Sequence[Path] | None) -> Measured:
             "measured: name at least one file of measurements; `isel-twin experiment` makes one", option=True
         )
     if total.unread:
-        say(f"{total.unread} entries are not filled in (nan) and left out")
+        entries = "1 entry is" if total.unread == 1 else f"{total.unread} entries are"
+        say(f"{entries} not filled in (nan) and left out")
     return total
 
 
@@ -231,9 +232,15 @@ def _print(result: Fit) -> None:
     ]
     if pairs:
         print(f"correlated: {', '.join(pairs)}")
-    print(f"\nfitted:   rms {result.fitted_before['all']:.2f} -> {result.fitted_after['all']:.2f} standard deviations")
+    print(f"\nfitted:   {_told(result.fitted_before, result.fitted_after)}")
     if result.before:
         times = f"{result.times:.1f} times better" if not result.worse else "worse"
-        print(f"held out: rms {result.before['all']:.2f} -> {result.after['all']:.2f}, {times}")
+        print(f"held out: {_told(result.before, result.after)}: {times}")
     else:
         print("held out: nothing, so the result is an estimate")
+
+
+def _told(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """Root mean squares in standard deviations of the data, of all and by kind."""
+    kinds = ", ".join(f"{kind} {before[kind]:.2f} -> {after[kind]:.2f}" for kind in before if kind != "all")
+    return f"rms {before['all']:.2f} -> {after['all']:.2f} standard deviations ({kinds})"

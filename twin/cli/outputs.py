@@ -99,8 +99,10 @@ class JsonOutput:
             "fault_known",
             "drive_faults_known",
         ):  # only of lines that expect something
-            if result.expected is None or key.endswith("_known"):
+            if (result.expected is None and not (key == "why" and result.why)) or key.endswith("_known"):
                 del told[key]
+        if not result.parts:
+            del told["parts"]
         print(json.dumps(told), flush=True)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
@@ -181,6 +183,11 @@ class TableOutput:
             _percent(result.margin),
             style="" if result.ok else "bold red",
         )
+        for part in result.parts:
+            places = [f"{position:.3f}" for position in part.position_mm]
+            said = "" if places else "bold red"
+            text = part.text if places else f"  {part.text}"
+            self._row("", f"{part.time_ns / SECOND_NS:.3f}", text, "", *places, style=said)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""

@@ -237,6 +237,13 @@ def _chosen(
     from isel_twin.tuning.result import front, tuned
 
     hard: list[int] = []
+    if problem.each_move and any(tried.judgement.good for tried in study.tried):
+        show.puts_together()
+        mended = study.repaired(confirm, hard, executor, lambda: bool(stopped), show.mended)
+        if mended is not None:
+            return tuned(problem, *mended)
+        if stopped:
+            return None
     for tried in front(study.tried):
         if tried.judgement.margin < least:
             continue
@@ -248,8 +255,8 @@ def _chosen(
         if held.good:
             return tuned(problem, tried, held)
         show.fell(tried, held.why)
-        if held.last not in hard:
-            hard.append(held.last)
+        if held.last is not None and held.last.number not in hard:
+            hard.append(held.last.number)
     return None
 
 
@@ -260,7 +267,7 @@ def _permanent_text(job: Path, found: Tuned) -> str:
 
 
 def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
-    from isel_twin.tuning.result import as_json, front, gain
+    from isel_twin.tuning.result import PUT_TOGETHER, as_json, front, gain
 
     def reference(what: str) -> Judgement | None:
         return study.reference(what)
@@ -275,7 +282,8 @@ def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
     ]
     if found is not None:
         own, held = found.tried.judgement, found.held
-        told["tuned"] = {"trial": found.tried.number, "values": dict(found.tried.values), **as_json(own)}
+        number = None if found.tried.number == PUT_TOGETHER else found.tried.number
+        told["tuned"] = {"trial": number, "values": dict(found.tried.values), **as_json(own)}
         told["permanent"] = list(found.permanent)
         told["confirmed"] = {
             "repetitions": held.made, "lost": held.lost, "margin": round(held.margin, 4),
@@ -301,6 +309,13 @@ class _Json:
         from isel_twin.tuning.result import as_json
 
         self._say({"trial": tried.number, "values": dict(tried.values), **as_json(tried.judgement)})
+
+    def puts_together(self) -> None:
+        """The best of each move is going to be put together."""
+
+    def mended(self, why: str) -> None:
+        """It did not hold, and is going to be mended."""
+        self._say({"trial": None, "not_confirmed": why})
 
     def confirms(self, tried: Tried) -> None:
         """A setting is going to be confirmed."""
@@ -380,6 +395,14 @@ class _Table:
             print(f"trial {tried.number:<16} {_words(tried.judgement)}  {in_words(tried.values)}", flush=True)
         fastest = f": best {best[0].judgement.time_s:.2f} s" if best else ""
         self._progress.update(self._task, completed=len(self._seen), description=f"trials{fastest}")
+
+    def puts_together(self) -> None:
+        """See _Json."""
+        self._progress.update(self._task, description="puts the best of each move together", total=None)
+
+    def mended(self, why: str) -> None:
+        """See _Json."""
+        print(f"the best of each move does not hold, is mended: {why}", flush=True)
 
     def confirms(self, tried: Tried) -> None:
         """See _Json."""

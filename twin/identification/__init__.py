@@ -15,7 +15,8 @@
     fit.py          sensitivity, rank, least squares, intervals; fitted and held back
     patch.py        the result as a machine, as JSON
     page.py         the result as a page
-    experiment.py   which moves would tell most; a job and a file to fill in
+    experiment.py   moves that tell something; a job and a file to fill in
+    choice.py       which of them would tell most
     stand_in.py     the same experiment carried out on a twin, gauge noise and all
 
 docs/identification.md shows it from the first move to the patch. The method is E60 to E64 of docs/decisions.md.

@@ -1,4 +1,4 @@
-"""Which moves would tell most: chosen from blocks, written as a job with a file to fill in.
+"""What would tell something of a machine: blocks of moves, written as a job with a file to fill in.
 
 A block is a short piece of a job with what to measure in it; it begins and ends at rest, referenced:
 
@@ -9,13 +9,7 @@ A block is a short piece of a job with what to measure in it; it begins and ends
     far        a place near the motor and one far away, by a scale              lead error
     switch     slowly into the far switch, read                                 its position
 
-Each block's Jacobian J_b (fit.py) on the machine as it is believed to be, with the data's standard deviations, says
-what it would tell. One after the other the block is taken that with those before it leaves least (greedy):
-
-    C <- (C^-1 + J_b' J_b)^-1        D: least det C        E: least largest eigenvalue of C
-
-C begins as the prior, 1, or as the covariance of an identification (`--known`). The same block may be taken again:
-then it is read again. Greedy is within 1 - 1/e of the best choice for D (the gain is submodular), and needs no search.
+Which of them are worth most says choice.py.
 
 Speeds, places and forces vary with the seed, so that a second experiment is not the first one again: that is the one
 to hold back.
@@ -25,21 +19,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.identification.fit import STEP, Model
 from isel_twin.identification.measured import Act, Measured, Reading, Stall
-from isel_twin.identification.session import referenced, session_of, stall_speed_hz
+from isel_twin.identification.session import referenced, stall_speed_hz
 from isel_twin.identification.unknowns import Unknown
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine
 
-__all__ = ["Block", "Choice", "Experiment", "Step", "assemble", "blocks", "choose", "job_text"]
+__all__ = ["Block", "Experiment", "Step", "assemble", "blocks", "job_text"]
 
 PUSH_N = 150.0
 """A spring scale or a 15 kg weight over a pulley."""
@@ -113,15 +104,6 @@ class Experiment:
         return {number: step.comment for number, step in enumerate(self.steps, 1) if step.comment}
 
 
-@dataclass(frozen=True)
-class Choice:
-    """What was chosen, and what is expected of it."""
-
-    blocks: tuple[Block, ...]
-    left: tuple[tuple[float, ...], ...]
-    """After each block, by parameter: standard deviation over that of the prior."""
-
-
 def blocks(
     machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
 ) -> list[Block]:
@@ -188,7 +170,9 @@ def _push(tell: _Teller, mm: float, force_n: float) -> Block:
     name = f"push {tell.axis} {force_n:g}"
     ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
     readings = tuple(tell.reading(name, push_n=way) for way in ways)
-    comment = f"pull at the tool along {tell.axis} with {force_n:g} N up, down, half as much up, down, and again"
+    comment = (
+        f"pull at the tool along {tell.axis}: {force_n:g} N up, down, half of it up, down, all again; read at each"
+    )
     steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
     return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
 
@@ -214,7 +198,8 @@ def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -
 
 
 def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: float, acceleration: int) -> Block:
-    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, 20_000.0, 20_400.0)
+    middle = 0.5 * needed(create_language(controller), controller).ranges["speed_hz"][1]
+    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle)
     expected = stall_speed_hz(referenced(controller, machine), wanted)
     stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
     return Block(
@@ -240,50 +225,6 @@ def _switch(tell: _Teller, language: Language, travel_mm: float, contact: str) -
     steps += tell.move(travel_mm + 5.0, slow, read, comment="stands in the switch: read it again", any_reply=True)
     steps += tuple(Step(data) for data in language.reference())
     return Block(name, f"{tell.axis}: slowly into {contact}, scale", steps)
-
-
-def choose(
-    machine: Machine,
-    controller: str,
-    candidates: Sequence[Block],
-    unknowns: Sequence[Unknown],
-    count: int,
-    *,
-    known: NDArray[np.float64] | None = None,
-    criterion: str = "D",
-    executor: Executor | None = None,
-) -> Choice:
-    """The best `count` blocks, one after the other; known: covariance [n, n] of the u so far."""
-    from isel_twin.identification.stand_in import carry_out
-
-    language = needed(create_language(controller), controller)
-    information = np.linalg.inv(np.eye(len(unknowns)) if known is None else known)
-    told = []
-    for block in candidates:
-        experiment = assemble("block", [block], language)
-        recorded, measured = carry_out(experiment, machine, controller, seed=0, noise_mm=0.0, time_noise_s=0.0)
-        session = session_of(recorded, measured, controller, machine)
-        model = Model(machine, unknowns, [session], executor)
-        jacobian = model.jacobian(np.zeros(len(unknowns)), np.full(len(unknowns), STEP), central=False)
-        told.append(jacobian.T @ jacobian)
-    chosen, left = [], []
-    for _ in range(count):
-        worth = [
-            -math.inf if block.stall is not None and block in chosen else _worth(information + one, criterion)
-            for block, one in zip(candidates, told, strict=True)
-        ]  # the same series again would tell the same
-        best = int(np.argmax(worth))
-        information = information + told[best]
-        chosen.append(candidates[best])
-        left.append(tuple(np.sqrt(np.diag(np.linalg.inv(information))).tolist()))
-    return Choice(tuple(chosen), tuple(left))
-
-
-def _worth(information: NDArray[np.float64], criterion: str) -> float:
-    """The more the better: log det, or the least eigenvalue."""
-    if criterion == "E":
-        return float(np.linalg.eigvalsh(information)[0])
-    return float(np.linalg.slogdet(information)[1])
 
 
 def assemble(name: str, chosen: Sequence[Block], language: Language) -> Experiment:

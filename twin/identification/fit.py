@@ -40,6 +40,8 @@ __all__ = ["Estimate", "Fit", "Model", "Prospect", "fit", "prospect"]
 
 STEP = 0.8
 """Of the differences, in standard deviations of the prior."""
+CLIFF = 5.0
+"""Ratio of the differences of two steps, one either way, from which on one of them is no slope."""
 CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
 BOUND = 3.0
@@ -89,6 +91,10 @@ class Model:
         for index, item in enumerate(self.data):
             if item.scatter > 0.0:
                 batches.setdefault(item.group or item.kind, []).append(index)
+        kinds: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            kinds.setdefault(item.group or item.kind, []).append(index)
+        self._kinds = [np.array(indices) for indices in kinds.values()]
         self._scatter = np.array([item.scatter for item in self.data])
         self._batches = [np.array(indices) for indices in batches.values()]
         self._groups = [np.array(indices) for indices in groups.values()]
@@ -138,22 +144,32 @@ class Model:
 
     def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
         """dr/du [data, n] by differences of steps [n]."""
-        here = [u] if not central else []
         points: list[Floats] = []
         for index, step in enumerate(steps):
             away = np.zeros(len(u))
             away[index] = step if u[index] + step <= BOUND else -step
             points += [u + away, u - away] if central else [u + away]
-        found = [self.residuals(one) for one in self.predictions([*here, *points])]
+        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
         columns = []
         for index in range(len(u)):
             if central:
-                way = points[2 * index][index] - points[2 * index + 1][index]
-                columns.append(self._told(found[2 * index] - found[2 * index + 1]) / way)
+                way = points[2 * index][index] - u[index]
+                columns.append(self._between(found[2 * index] - here, here - found[2 * index + 1]) / way)
             else:
-                way = points[index][index] - u[index]
-                columns.append(self._told(found[1 + index] - found[0]) / way)
+                columns.append(self._told(found[index] - here) / (points[index][index] - u[index]))
         return np.array(columns).T.reshape(len(self.data), len(u))
+
+    def _between(self, ahead: Floats, back: Floats) -> Floats:
+        """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF).
+
+        There one of the two candidates has lost steps where the other has not: no slope of anything.
+        """
+        mean = self._told(ahead + back) / 2.0
+        for indices in self._kinds:
+            one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
+            if max(one, two) > CLIFF * max(min(one, two), 1.0):
+                mean[indices] = self._told(ahead if one < two else back)[indices]
+        return mean
 
     def _told(self, difference: Floats) -> Floats:
         """Differences [data] of two residuals, 0 throughout a batch in which they are no more than the model's

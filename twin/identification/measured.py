@@ -1,7 +1,7 @@
 """The file of what was measured at a machine: TOML, or CSV for readings alone.
 
     gauge_sigma_mm = 0.005                  # standard deviation of a reading, if the entry has none of its own
-    time_sigma_s = 0.002                    # of a duration in a recording
+    time_sigma_s = 0.005                    # of a duration in a recording
 
     [[reading]]                             # a dial gauge, a scale, calipers
     recording = "first"                     # the recording's file without .mcap
@@ -57,7 +57,8 @@ from isel_twin.wiring.scenario import EVENT_KEYS
 __all__ = ["Act", "Measured", "MeasuredError", "Reading", "Repeats", "Stall", "read_measured", "written"]
 
 GAUGE_SIGMA_MM = 0.005
-TIME_SIGMA_S = 0.002
+TIME_SIGMA_S = 0.005
+"""USB adapters keep bytes back for 1 to 16 ms, and hosts do other things too."""
 
 _MM = Limits("mm", -1e5, 1e5)
 _N = Limits("N", -1e4, 1e4)

@@ -19,6 +19,8 @@ __all__ = ["page"]
 ROWS = 400
 """Most data listed; the worst ones first."""
 WIDTH, ROW = 460, 22
+LABEL = 46
+"""Most characters of a label that stand beside its bar."""
 
 
 def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
@@ -167,7 +169,7 @@ def _held(result: Fit) -> str:
     for row, (item, before, after) in enumerate(shown):
         y = 16 * row
         label = f"{item.kind} {item.recording} {item.label}"
-        parts.append(f"<text x='0' y='{y + 11}'>{escape(label[:52])}</text>")
+        parts.append(f"<text x='0' y='{y + 11}'>{escape(label[:LABEL])}</text>")
         parts.append(f"<rect class='refused' x='{left}' y='{y + 2}' width='{px(before) - left:.1f}' height='6'/>")
         parts.append(f"<rect class='v1' x='{left}' y='{y + 8}' width='{px(after) - left:.1f}' height='5'/>")
     more = f" The worst {ROWS} of {len(each)}." if len(each) > ROWS else ""

@@ -7,7 +7,8 @@
     backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
 
 Only what the data have told is in it; the rest stays what it was. Grade `measured` if recordings were held back and
-are predicted better; without any held back the numbers are estimates, and graded so.
+are predicted better; without any held back the numbers are estimates, and graded so, and so is what is known only
+roughly.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from isel_twin.identification.fit import Fit
+from isel_twin.identification.fit import WEAK, Fit
 from isel_twin.identification.unknowns import candidate, changes
 from isel_twin.machine import Machine
 from isel_twin.models import machine_names
@@ -36,13 +37,13 @@ def patch(
 ) -> str:
     """The text of the machine.toml. base: see `based_on`. controller: any that moves it. fitted, held: names of
     recordings."""
-    grade = "measured" if held else "estimate"
     tables: dict[str, list[str]] = {}
     flags: dict[str, None] = {}
     for estimate in result.estimates:
         item = estimate.unknown
         if not estimate.identified:
             continue
+        grade = "measured" if held and estimate.remaining < WEAK else "estimate"
         if item.flag:
             flags[item.flag] = None
         span = f"{estimate.low:.4g} .. {estimate.high:.4g} {item.unit if item.unit != '1' else ''}".strip()

@@ -82,7 +82,7 @@ class Datum:
     sigma: float
     unit: str
     group: str = ""
-    """Readings of one group share an unknown zero."""
+    """Readings of one group share an unknown zero, durations what line, adapter and host always take."""
     scatter: float = 0.0
     """Standard deviation of what the model itself says, by chance; it is part of sigma."""
 
@@ -125,7 +125,7 @@ class Session:
                     scatter = REFERENCE_SIGMA_S if number in self.references else 0.0
                     sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
                     seconds = exchange.duration_ns / SECOND_NS
-                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", "", scatter))
+                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
         for reading in self.measured.readings:
             value = reading.mm - (reading.counter_mm or 0.0)
             push = f", {reading.push_n:g} N" if reading.push_n else ""
@@ -269,7 +269,7 @@ class Player:
             twin.run_until(max(twin.time_ns, resumed_ns + max(0, time_ns - past_ns)))
             past_ns, resumed_ns = time_ns, twin.time_ns
             if not kind:
-                twin.carry_out(event_now(dict(content), self._place, twin.settable))
+                twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
                 continue
             messages = sum(1 for _ in language.messages(content[1], True))
             if self._command + messages > session.last:
@@ -307,7 +307,7 @@ class Player:
         for after_s, _, what in sorted(happened, key=lambda each: each[:2]):
             twin.run_until(max(twin.time_ns, sent_ns + round(after_s * SECOND_NS)))
             if isinstance(what, Act):
-                twin.carry_out(event_now(dict(what.content), self._place, twin.settable))
+                twin.carry_out(event_now(dict(what.content), self._place, twin.settable, twin.keys))
             else:
                 found[what] = self._position_mm(what)
 

@@ -96,7 +96,7 @@ def _act(twin: Twin, step: Step, began_ns: int) -> None:
     place = Place("experiment", ScenarioError)
     for act in step.acts:
         twin.run_until(began_ns + round(act.after_s * SECOND_NS))
-        twin.carry_out(event_now(dict(act.content), place, twin.settable))
+        twin.carry_out(event_now(dict(act.content), place, twin.settable, twin.keys))
 
 
 def _stalled(stall: Stall, machine: Machine, controller: str, seed: int) -> Stall:

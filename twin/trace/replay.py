@@ -153,7 +153,7 @@ def _cause(recorded: Recorded, entry: Entry, twin: Twin) -> None:
     if entry.channel == "/host/sent":
         twin.write(_bytes(recorded, entry))
     elif not set(content) <= set(SETTINGS):
-        twin.carry_out(event_now(content, place, twin.settable))
+        twin.carry_out(event_now(content, place, twin.settable, twin.keys))
     elif "line_speed" in content:
         twin.line_speed = bool(content["line_speed"])
     else:

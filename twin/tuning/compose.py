@@ -32,7 +32,7 @@ from isel_twin.tuning.space import Group, Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["composed", "distributions", "sampler"]
+__all__ = ["best_of_each", "composed", "distributions", "sampler"]
 
 NEW = 3
 """Most moves of a trial that try something new: with more, one of them nearly always loses steps."""
@@ -118,6 +118,14 @@ def _borrowed(group: Group, other: Group, best: Known) -> dict[str, int]:
     """The best of other moves, as far as it is one for these."""
     theirs = {one.setting: best.values[one.name] for one in other.parameters}
     return {one.name: one.nearest(theirs[one.setting]) for one in group.parameters if one.setting in theirs}
+
+
+def best_of_each(problem: Problem, tried: Sequence[Tried], least: float) -> dict[str, int]:
+    """Of every move the fastest settings that are known to keep a margin, or those that keep most."""
+    values: dict[str, int] = {}
+    for seen in known(problem, tried):
+        values.update(_best(seen, least).values)
+    return values
 
 
 def _best(seen: Sequence[Known], wanted: float) -> Known:

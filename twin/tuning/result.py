@@ -23,6 +23,10 @@ ALONE = 5
 """Per cent of the repetitions that may have kept less than the margin that nearly all keep."""
 
 
+PUT_TOGETHER = -1
+"""In place of the number of a trial: no trial was made of it, its moves are from several."""
+
+
 @dataclass(frozen=True)
 class Tried:
     """A trial of a study."""
@@ -49,8 +53,8 @@ class Held:
     """What was wrong in the last one."""
     lost: int = 0
     """Repetitions in which something was wrong: 0, or 1, as the first one ends them."""
-    last: int = 0
-    """Number of the last one."""
+    last: Repetition | None = None
+    """The last one."""
 
     @property
     def good(self) -> bool:
@@ -117,7 +121,7 @@ def confirm(
         margins[len(margins) * ALONE // 100],
         f"{why}, repetition {last.number}" if why else "",
         int(bool(last.why)),
-        last.number,
+        last,
     )
 
 

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isel_twin.tuning.compose import composed, distributions, sampler
+from isel_twin.tuning.compose import best_of_each, composed, distributions, sampler
 from isel_twin.tuning.judge import Judgement, Weather, judged, waited_for
-from isel_twin.tuning.result import Tried
+from isel_twin.tuning.result import PUT_TOGETHER, Held, Tried, confirm
 from isel_twin.tuning.space import Parameter, Problem
 
 if TYPE_CHECKING:
@@ -41,6 +41,10 @@ BATCH = 8
 """Trials that are chosen together."""
 RANDOM = 12
 """Trials at the beginning that are drawn at random, and at most a third of all."""
+
+
+MENDED = 60
+"""Times that the best of each move is mended before it is given up."""
 
 
 class StudyError(ValueError):
@@ -141,6 +145,46 @@ class Study:
                     self._tell(trial, judgement)
                 if told is not None:
                     told(Tried(trial.number, trial.params, judgement))
+
+    def repaired(
+        self,
+        wanted: int,
+        hard: list[int],
+        executor: Executor | None = None,
+        stop: Callable[[], bool] | None = None,
+        told: Callable[[str], None] | None = None,
+    ) -> tuple[Tried, Held] | None:
+        """The best that is known of each move, made on `wanted` machines that no trial has seen, until it holds.
+
+        Where it does not, the settings of the move to blame are worse than was known, and the next best of that move
+        take their place: at most MENDED times. None if nothing has been found so, or if it was stopped. hard: machines
+        that go first; those on which it failed are added. told: given what was wrong each time.
+        """
+        seen, been = self.tried, set[tuple[int, ...]]()
+        numbers = range(self.problem.repetitions + 1)
+        for _ in range(MENDED):
+            values = best_of_each(self.problem, seen, self.least)
+            if (key := tuple(values.values())) in been:
+                return None
+            been.add(key)
+            candidate = self.problem.candidate(values)
+            held = confirm(self.problem, candidate, wanted, self.least, executor, stop, hard=hard)
+            if held is None or held.last is None:
+                return None
+            if held.good:
+                judgement = judged(candidate, self._weather, numbers, self.least, stop)
+                if judgement is None:
+                    return None
+                seen.append(Tried(PUT_TOGETHER, values, judgement))
+                if judgement.good and judgement.margin >= self.least:
+                    return seen[-1], held
+                continue
+            if told is not None:
+                told(held.why)
+            if held.last.number not in hard:
+                hard.append(held.last.number)
+            seen.append(Tried(PUT_TOGETHER, values, Judgement.of([held.last])))
+        return None
 
     def _left_over(self) -> list[optuna.trial.FrozenTrial]:
         """Trials that were asked and never told."""

@@ -5,6 +5,7 @@ recordings and in `Twin.faults`. What a key sets, the same key ends, with its `o
 
     phase_lost = { x = "a" }   ...   phase_lost = { x = "" }          a table by axis, a word each
     noise = 0.01               ...   noise = 0                        one number
+    key = { mode = "auto" }          key = { start = true }           a table by key of the controller's (HasKeys)
     set = { hood = "open" }          set = { limit_x1 = "broken" }    a table by input; states: Wiring.settable
 
 Beside them an event may have `place` (where its forces act) and `for`, after which everything it has set is ended.
@@ -17,15 +18,17 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from isel_twin.axes import CARRIAGES
+from isel_twin.controller import Key
 from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, table, text
 from isel_twin.plant import PLACES
 from isel_twin.wiring.contacts import FAULTS
 
-__all__ = ["ACTS", "BESIDE", "Act", "check_input", "ended", "read_act"]
+__all__ = ["ACTS", "BESIDE", "NO_KEYS", "Act", "check_input", "ended", "read_act"]
 
-Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut"]
+Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
 """What a value may be: a number within limits, one of some words, true and false, a state of an input as
-`Wiring.settable` lists them, the name of a contact, or the table of a cut (isel_twin.plant.Cut)."""
+`Wiring.settable` lists them, the name of a contact, the table of a cut (isel_twin.plant.Cut), or what
+a key of the controller's takes (isel_twin.controller.Key)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Act:
     meaning: str
     """In a few words, for people."""
     value: Form
-    by: Literal["", "axis", "place", "input", "contact"] = ""
+    by: Literal["", "axis", "place", "input", "contact", "key"] = ""
     """What a table of such values is by; "": the value stands alone."""
     off: Any = None
     """The value that ends it; None: that depends on what it is done to, or it is over at once."""
@@ -57,13 +60,15 @@ class Act:
             return f"{self.value}" + (f", or {self.off!r}" if isinstance(self.off, str) else "")
         if isinstance(self.value, tuple):
             return ", ".join(word or '""' for word in self.value)
-        words = {"state": "a state", "contact": 'a contact, or ""', "cut": 'a table, or "off"'}
+        words = {"state": "a state", "contact": 'a contact, or ""', "cut": 'a table, or "off"', "key": "a value"}
         if isinstance(self.value, str):
             return words[self.value]
         return "true" if self.off is None else "true, false"
 
 
 _PART = Limits("", 0.0, 1.0)
+NO_KEYS: Mapping[str, Key] = {}
+"""Of a controller without any."""
 
 _LIST = (
     Act("set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state", "input"),
@@ -88,6 +93,7 @@ _LIST = (
     Act("doubled", "chance that a byte on the line comes twice", _PART, off=0.0),
     Act("line_cut", "nothing passes on the line", bool, off=False),
     Act("reset", "the controller starts anew, as by a reset button", bool, fault=False),
+    Act("key", "keys of the control's own panel are pressed, or put to a value", "key", "key", fault=False),
     Act("brownout", "the mains is gone; when it is back, controller and cabinet start anew", bool, off=False),
 )
 
@@ -101,10 +107,13 @@ BESIDE: Mapping[str, str] = {
 """Keys that say more of the others, and what."""
 
 
-def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[str, ...]]) -> Any:
+def read_act(
+    act: Act, value: Any, event: Place, settable: Mapping[str, tuple[str, ...]], keys: Mapping[str, Key] = NO_KEYS
+) -> Any:
     """The value as the wiring takes it: numbers as float, a table as a dictionary. Raises the error of `event`.
 
-    A cut is left as it is. event: where its key stands; settable: what can be set, and the states of each.
+    A cut is left as it is. event: where its key stands; settable: what can be set, and the states of each; keys: of the
+    controller.
     """
     place = event.at(act.key)
     if not act.by:
@@ -116,6 +125,8 @@ def read_act(act: Act, value: Any, event: Place, settable: Mapping[str, tuple[st
         return dict(values)
     if act.by == "contact":
         return _pairs(values, place, [name for name, states in settable.items() if "broken" in states])
+    if act.by == "key":
+        return {name: _key(name, entry, place, keys) for name, entry in values.items()}
     known(values, act.members, place)
     return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
 
@@ -130,6 +141,22 @@ def _value(act: Act, value: Any, place: Place) -> Any:
         return text(value, place, form)
     if form is bool and (not isinstance(value, bool) or (act.off is None and not value)):
         raise place.wrong(f"{value!r}; allowed: {act.allowed}")
+    return value
+
+
+def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
+    """What a key is put to; it is one of the controller's."""
+    if not keys:
+        raise place.wrong("the controller has no keys; allowed: a controller with a panel of its own")
+    if name not in keys:
+        raise place.at(name).wrong(f"unknown key; {hint(name, tuple(keys), 'there are')}")
+    key, where = keys[name], place.at(name)
+    if isinstance(key.value, Limits):
+        return plain(value, key.value, where)
+    if isinstance(key.value, tuple):
+        return text(value, where, key.value)
+    if not isinstance(value, bool) or (key.value is None and not value):
+        raise where.wrong(f"{value!r}; allowed: {key.allowed}")
     return value
 
 
@@ -149,6 +176,8 @@ def ended(act: Act, value: Any, settable: Mapping[str, tuple[str, ...]]) -> Any:
 
     An element goes back to its state at power-on, a contact is healed.
     """
+    if act.by == "key":
+        return None
     if act.by == "input":
         return {name: "ok" if state in FAULTS else settable[name][0] for name, state in value.items()}
     return dict.fromkeys(value, act.off) if act.by else act.off

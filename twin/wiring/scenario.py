@@ -46,11 +46,11 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.controller import OUTPUTS
+from isel_twin.controller import OUTPUTS, Key
 from isel_twin.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, section, table, text
 from isel_twin.plant import PLACES, Cut
 from isel_twin.units import SECOND_NS
-from isel_twin.wiring.acts import ACTS, BESIDE, ended, read_act
+from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, ended, read_act
 from isel_twin.wiring.when import EXAMPLES, Condition, condition
 
 EVENT_KEYS = (*ACTS, *BESIDE)
@@ -155,11 +155,12 @@ def load_scenario(
     settable: Mapping[str, tuple[str, ...]],
     switches: Sequence[str] = (),
     outputs: Sequence[str] = tuple(OUTPUTS),
+    keys: Mapping[str, Key] = NO_KEYS,
 ) -> tuple[ScenarioEvent, ...]:
     """Read a scenario file; events sorted by time, in file order at equal times, those with a condition last.
 
     settable: what can be set and the states of each, see `Wiring.settable`; switches: which of them are position
-    switches; outputs: of the controller, and relays.
+    switches; outputs: of the controller, and relays; keys: of the controller.
 
     Raises ScenarioError for anything wrong in it, OSError if it cannot be read.
     """
@@ -183,7 +184,7 @@ def load_scenario(
             times = _conditional(entry, where) | {"when": awaited}
         else:
             times = _timed(entry, where)
-        event = event_now(what, where, settable)
+        event = event_now(what, where, settable, keys)
         events.append(dataclasses.replace(event, number=number, name=entry.get("name", ""), **times))
     _check_chains(events, place)
     return tuple(sorted(events, key=lambda event: (event.when is not None, event.at_ns)))
@@ -264,14 +265,17 @@ def _check_chains(events: Sequence[ScenarioEvent], place: Place) -> None:
             raise where.wrong(f"waits for itself, by way of {waits[event.name]!r}; allowed: an event that begins")
 
 
-def event_now(content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]]) -> ScenarioEvent:
-    """An event without its time, EVENT_KEYS, for whoever lets it happen at once. Raises the error of `place`."""
+def event_now(
+    content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]], keys: Mapping[str, Key] = NO_KEYS
+) -> ScenarioEvent:
+    """An event without its time, EVENT_KEYS, for whoever lets it happen at once: `Twin.settable` and `Twin.keys` say
+    what there is. Raises the error of `place`."""
     known(content, EVENT_KEYS, place)
     if not any(key in content for key in ACTS):
         raise place.wrong(f"nothing happens; say what: {', '.join(ACTS)}")
     if "place" in content and "force_n" not in content:
         raise place.at("place").wrong("no force acts there; allowed: beside force_n")
-    done = {key: read_act(act, content[key], place, settable) for key, act in ACTS.items() if key in content}
+    done = {key: read_act(act, content[key], place, settable, keys) for key, act in ACTS.items() if key in content}
     where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
     event = ScenarioEvent(
         at_ns=0,
@@ -294,7 +298,7 @@ def event_now(content: dict[str, Any], place: Place, settable: Mapping[str, tupl
     return dataclasses.replace(event, end=event_now(what, place, settable), for_ns=for_ns)
 
 
-_LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by)
+_LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by == "input")
 
 
 def _cut(content: Any, place: Place) -> Cut | str:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from isel_twin.axes import CARRIAGES
-from isel_twin.controller import OUTPUTS, DriveInput
+from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine
 from isel_twin.plant import Cut, Plant, Threshold
@@ -122,6 +122,8 @@ class Wiring:
         """Goes up whenever an input may have changed."""
         self.restarts = 0
         """How often the controller had to start anew or lost its supply."""
+        self._pressed: list[tuple[str, KeyValue]] = []
+        """Keys of the controller's that events have pressed since `take_pressed`, and what they were put to."""
         self.mains = True
         """There is a supply for the controller."""
         self._outputs: dict[str, int] = {}
@@ -200,6 +202,11 @@ class Wiring:
         """Let these events happen, as `Schedule` takes them; none of them waits for a position."""
         self._schedule = Schedule(events, decoder)
         self._look()
+
+    def take_pressed(self) -> list[tuple[str, KeyValue]]:
+        """Keys that events have pressed since the last call, in their order, and what they were put to."""
+        pressed, self._pressed = self._pressed, []
+        return pressed
 
     @property
     def events_left(self) -> int:
@@ -300,6 +307,8 @@ class Wiring:
         act, plant = ACTS[key], self._plant
         if key == "reset":
             self.restarts += 1
+        elif key == "key":
+            self._pressed.extend(value.items())
         elif key == "brownout":
             self._set_mains(not value)
         elif key == "line_cut":

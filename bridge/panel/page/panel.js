@@ -93,7 +93,7 @@ function begin(told) {
   $("monitor").replaceChildren();
   $("recording").hidden = !about.recording;
   if (about.recording) $("recording").download = about.recording;
-  build_time(); build_elements(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
+  build_time(); build_elements(); build_keys(); build_outputs(); build_axes(); build_ports(); build_faults(); build_plots();
 }
 
 function build_time() {
@@ -189,6 +189,32 @@ function row(group, names) {
     return button;
   });
   return [make("div", { class: "rowname" }, `${plain(group)} inputs`), make("div", { class: "row" }, ...buttons)];
+}
+
+// Keys of the controller's own panel, from its table: push-buttons in a row, the rest by what they take.
+function build_keys() {
+  $("keys").hidden = !about.keys.length;
+  const pushed = [], nodes = about.keys.flatMap((key) => {
+    const name = plain(key.key), press = (value) => please({ key: { [key.key]: value } });
+    if (!key.form) {
+      pushed.push(make("button", { class: "key", "data-key": key.key, title: key.meaning, onclick: () => press(true) }, name));
+      return [];
+    }
+    const line = make("div", { class: "element", "data-key": key.key, title: key.meaning }, make("span", {}, name));
+    if (key.form.number) {
+      const field = number_field(key.form.number, 0, name);
+      field.addEventListener("change", () => { press(field.value === "" ? null : Number(field.value)); field.blur(); });
+      line.append(field);
+      updates.push((now) => { if (document.activeElement !== field && Number(field.value) !== now.keys[key.key]) field.value = now.keys[key.key] ?? ""; });
+    } else {
+      const states = key.form.words || [false, true];
+      const buttons = states.map((state) => make("button", { "data-state": String(state), onclick: () => press(state) }, key.form.words ? plain(state) : state ? "on" : "off"));
+      line.append(make("span", { class: "states", role: "group", "aria-label": name }, ...buttons));
+      updates.push((now) => { for (const button of buttons) mark(button, "aria-pressed", String(now.keys[key.key]) === button.dataset.state); });
+    }
+    return [line];
+  });
+  $("keys").lastElementChild.replaceChildren(make("div", { class: "row" }, ...pushed), ...nodes);
 }
 
 function build_outputs() {

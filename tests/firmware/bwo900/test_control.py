@@ -145,7 +145,7 @@ def test_a_wrong_block_is_named_with_its_column() -> None:
     desk = desk_with("P7|N10 G0 X10|N20 G1 X20|N30 M30")
     start(desk, 7)
     desk.finish()
-    assert said(desk) == ["M1230 P7 N20: no feed is programmed"]
+    assert said(desk) == ["M1230 P7 N20 column 8: no feed is programmed"]
     desk = desk_with("P7|N10 G0 X10|N20 G1 F100 Q20|N30 M30")
     start(desk, 7)
     desk.finish()
@@ -162,7 +162,7 @@ def test_emergency_stop_ends_everything_at_once() -> None:
     there = desk.counts
     desk.run(1.0)
     assert desk.counts == there
-    assert said(desk) == ["M3001: emergency stop"]
+    assert said(desk) == ["M3001 P1 N10 column 14: emergency stop"]
     desk.set("estop", "released")
     desk.send(parameters(p8683=1))
     start(desk)
@@ -174,7 +174,7 @@ def test_a_limit_switch_aborts() -> None:
     desk = desk_with("P1|N10 G1 F6000 X900|N20 M30")
     start(desk)
     desk.finish()
-    assert said(desk) == ["M2101: hardware limit + (X)"]
+    assert said(desk) == ["M2101 P1 N10 column 14: hardware limit + (X)"]
 
 
 def test_software_limits() -> None:
@@ -182,7 +182,7 @@ def test_software_limits() -> None:
     start(desk)
     desk.finish()
     assert mm(desk)[0] == 40.0
-    assert said(desk) == ["M2103 P1 N20: software limit + (X)"]
+    assert said(desk) == ["M2103 P1 N20 column 5: software limit + (X)"]
 
 
 def test_blocks_are_skipped_if_asked() -> None:

@@ -51,6 +51,8 @@ class Machine:
     code: int
     extensions: tuple[float, ...] = ()
     halt: bool = False
+    jump: bool = False
+    """Its acknowledgement deletes the path, and the program goes on elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,8 @@ class PathBlock:
     """False: G63, 100 %."""
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()
+    tool_mm: float = 0.0
+    """Radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut."""
     chamfer_mm: float | None = None
     """G12 with P70: at the corner to the next path."""
     rounding_mm: float | None = None
@@ -94,7 +98,7 @@ class PathBlock:
     text: Text | None = None
     stop: Stop = Stop.NONE
     main: bool = True
-    """A block of the program; False: an intermediate one, of a cycle or a subprogram's."""
+    """A block of a program; False: an intermediate one, of a cycle."""
 
     @property
     def finish(self) -> Point:

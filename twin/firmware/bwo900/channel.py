@@ -22,6 +22,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.elements import Arc
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.path import Limits, Path
@@ -39,6 +40,12 @@ AHEAD: Final = 400
 """Blocks that are analysed ahead of the one that is made."""
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
+WITHOUT_MOVING, WITHOUT_FUNCTIONS, EVERY_BLOCK, START_FLAGS = 8_812, 8_813, 8_814, 8_806
+LONGEST_SETTLING: Final = 12_018
+ONLY_REAL_TIME: Final = 0x1010
+"""Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
+JUMP_NS: Final = 20 * MILLISECOND_NS
+"""How long an M function with a jump waits for its acknowledgement where there is no path."""
 SETTLE_NS: Final = 3_000 * MILLISECOND_NS
 """Longest time to get within the exact-stop window (P12018): then M2022."""
 
@@ -71,6 +78,8 @@ class Services:
     """Send an M function to the PLC."""
     acknowledged: Callable[[], bool]
     """Whether all of them have been."""
+    withdraw: Callable[[], None]
+    """Take back those that have not been."""
     speed: Callable[[int, float], None]
     """S of a spindle, 1/min."""
     tool: Callable[[int], None]
@@ -81,8 +90,12 @@ class Services:
     """Whether all axes are within the exact-stop window."""
     limits: Callable[[], Limits]
     counts: Callable[[], tuple[int, ...]]
-    ended: Callable[[], None]
-    """A program has ended by itself."""
+    begun: Callable[[int, PathBlock], None]
+    """A block of a program has begun: when, and which."""
+    ended: Callable[[tuple[str, int] | None], None]
+    """A program has ended by itself (None), or was broken off in a block of a program."""
+    option: Callable[[int], int]
+    """A parameter P of the start data, 0 if it is deleted."""
     allowed: Callable[[PathBlock], str]
     """Why a block's path must not be made, such as a software limit; empty: it may."""
 
@@ -109,6 +122,8 @@ class Channel:
         self.override = 1.0
         self.block = ("", 0)
         """Program and block in execution."""
+        self.column = 0
+        """Where to look for its path in its text."""
         self._blocks: deque[PathBlock] = deque()
         self._stretch: deque[_Entry] = deque()
         self._plan: Joined | None = None
@@ -118,12 +133,15 @@ class Channel:
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
         self._due_ns: int | None = None
+        self._settles_until_ns = 0
         self._serial = 0
         self._ended = True
         """Nothing more comes from the interpreter."""
         self._holds = False
         self._drops = False
         self._branches = False
+        self._poll_ns: int | None = None
+        """When analysis is looked at again, that waits for a condition or supervises."""
         self._error: Message | None = None
         self._now_ns = 0
 
@@ -147,6 +165,8 @@ class Channel:
         if run is None or plan is None:
             return self._now_ns
         marks = [run.end_ns]
+        if self._poll_ns is not None:
+            marks.append(self._poll_ns)
         if not plan.held:
             before = self._made
             for number, entry in enumerate(self._stretch):
@@ -171,6 +191,42 @@ class Channel:
             return self.run.end_ns
         return self.run.start_ns + tick * PERIOD_NS
 
+    @property
+    def _shown(self) -> PathBlock | None:
+        return self._current if self._current is not None else self._stretch[0].block if self._stretch else None
+
+    @property
+    def feed_mm_min(self) -> float | None:
+        """Programmed feed of the block in execution."""
+        return None if self._shown is None else self._shown.feed_mm_min
+
+    @property
+    def motion(self) -> float | None:
+        """0 to 3, for G00 to G03, of the block in execution."""
+        block = self._shown
+        if block is None or not block.elements:
+            return None
+        element = block.elements[0]
+        return 0.0 if block.rapid else (2.0 if element.sweep_rad < 0.0 else 3.0) if isinstance(element, Arc) else 1.0
+
+    @property
+    def speed_mm_s(self) -> float:
+        """Along the path, now."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None or self._now_ns >= run.end_ns:
+            return 0.0
+        return plan.speed(max(run.count(self._now_ns) - run.first, 0))
+
+    @property
+    def dwell_s(self) -> tuple[float | None, float | None]:
+        """Of the block in execution, and what is left of it."""
+        if self._shown is None or self._shown.dwell_s is None:
+            return None, None
+        left = 0.0
+        if self.phase is Phase.DWELL and self._due_ns is not None:
+            left = (self._due_ns - self._now_ns) / SECOND_NS
+        return self._shown.dwell_s, left
+
     # ---- operating --------------------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
@@ -178,9 +234,11 @@ class Channel:
         self._now_ns = now_ns
         self._filters = self._new_filters()
         self._path = Path(self._do.limits(), self._position())
+        self.block = ("", 0)
         self._blocks.clear()
         self._stretch.clear()
-        self._ended = self._holds = self._drops = False
+        self._ended = self._holds = self._drops = self._branches = False
+        self._poll_ns = None
         self._plan, self.run, self._current, self._error = None, None, None, None
         self.phase, self._due_ns = Phase.READY, now_ns
         self.advance(now_ns)
@@ -235,12 +293,11 @@ class Channel:
     def branch(self, now_ns: int) -> None:
         """The M function with a jump was acknowledged: its path is deleted, and the program goes on elsewhere."""
         self._now_ns = now_ns
-        if self._interpreter.waiting is not Waiting.ACKNOWLEDGEMENT:
+        if self._interpreter.waiting is not Waiting.ACKNOWLEDGEMENT or self._do.option(WITHOUT_FUNCTIONS):
             return
         self._branches = True
         if self.phase is Phase.PATH:
             self._replan(hold=True, drop=True)
-        self.advance(now_ns)
 
     # ---- going on ---------------------------------------------------------------------------------------------------
 
@@ -260,15 +317,16 @@ class Channel:
             case Phase.PATH:
                 self._follow()
             case Phase.SETTLE:
-                if self._do.settled() or (self._due_ns is not None and self._now_ns >= self._due_ns):
-                    if not self._do.settled():
-                        self._do.say(self._message(2022))
-                    self._after_stop()
+                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                    self._look_settled(self._due_ns)
             case Phase.DWELL:
                 if self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._after_dwell()
             case Phase.FUNCTIONS:
                 if self._do.acknowledged():
+                    self._branches = self._jumps and not self._do.option(WITHOUT_FUNCTIONS)
+                    self._after_functions()
+                elif self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._after_functions()
             case Phase.EMPTY:
                 if self._due_ns is not None and self._now_ns >= self._due_ns:
@@ -278,6 +336,11 @@ class Channel:
 
     def _fill(self) -> None:
         """Analyse ahead, as far as there is room for it."""
+        if self._poll_ns is not None and self._now_ns < self._poll_ns:
+            return
+        self._poll_ns = None
+        if self._interpreter.waiting is Waiting.BEGINNING and not self._blocks and len(self._stretch) <= 1:
+            self._interpreter.begun()
         while not self._ended and self._error is None and len(self._blocks) + len(self._stretch) < AHEAD:
             try:
                 block = self._interpreter.next()
@@ -298,6 +361,8 @@ class Channel:
                 self._flush()
                 return
             if isinstance(block, Waiting):
+                if block in (Waiting.CONDITION, Waiting.PASS, Waiting.BEGINNING):
+                    self._poll_ns = self._now_ns + BLOCK_NS
                 self._flush()
                 return
             self._push(block)
@@ -311,6 +376,8 @@ class Channel:
                     return
 
     def _push(self, block: PathBlock) -> None:
+        if self._do.option(WITHOUT_MOVING):
+            block = replace(block, elements=())
         self._through([block], 0)
 
     def _flush(self) -> None:
@@ -332,7 +399,8 @@ class Channel:
 
     def _fault(self, error: ProgramError, block: PathBlock | None = None) -> None:
         program, number = (block.program, block.number) if block else self._interpreter.place
-        self._error = message(error.number, program=program, block=number, column=error.column, detail=error.detail)
+        column = error.column or (block.column if block else 0)
+        self._error = message(error.number, program=program, block=number, column=column, detail=error.detail)
 
     # Blocks
 
@@ -349,7 +417,7 @@ class Channel:
             self._nothing()
             return
         block = self._blocks[0]
-        self.block = (block.program, block.number)
+        self._enter(block, self._now_ns)
         if why := self._do.allowed(block):
             self._blocks.clear()
             self._fail(why, block)
@@ -361,15 +429,23 @@ class Channel:
             self._after_functions_pre(block)
             return
         self._speak(block)
-        if not self._do.acknowledged() and any(function.halt for function in block.pre):
+        if not self._do.acknowledged() and any(function.halt and not function.jump for function in block.pre):
             self.phase, self._due_ns = Phase.FUNCTIONS, None
             self._current = None
             return
         self._begin_path()
 
+    def _enter(self, block: PathBlock, t_ns: int) -> None:
+        """A block begins, or has begun at t_ns."""
+        if self.block != (block.program, block.number) and block.number:
+            self._do.begun(t_ns, block)
+        self.block, self.column = (block.program, block.number), block.column
+
     def _fail(self, why: str, block: PathBlock) -> None:
         number, _, detail = why.partition(" ")
-        self._do.say(message(int(number), program=block.program, block=block.number, detail=detail))
+        self._do.say(
+            message(int(number), program=block.program, block=block.number, column=block.column, detail=detail)
+        )
         self._end(aborted=True)
 
     def _nothing(self) -> None:
@@ -385,9 +461,9 @@ class Channel:
 
     def _after_functions_pre(self, block: PathBlock) -> None:
         """A block without a path: on with what comes behind one."""
-        if block.end is BlockEnd.EXACT_STOP or block.dwell_s is not None:
+        if block.end is BlockEnd.EXACT_STOP or block.dwell_s is not None or block.stop is not Stop.NONE:
             self._settle()
-        elif any(function.halt for function in block.pre):
+        elif any(function.halt and not function.jump for function in block.pre):
             self._after_stop()
         else:
             self._post()
@@ -403,7 +479,23 @@ class Channel:
         if block.text is not None:
             self._do.text(block.text)
         for function in block.pre:
+            self._function(function)
+
+    def _function(self, function: Machine) -> None:
+        if not self._do.option(WITHOUT_FUNCTIONS):
             self._do.function(function)
+
+    def _halts(self, block: PathBlock) -> bool:
+        """Whether single block stops after it."""
+        if not self.single or not (block.main or self._do.option(EVERY_BLOCK)):
+            return False
+        flags = self._do.option(START_FLAGS)
+        return not flags & ONLY_REAL_TIME or _in_real_time(block)
+
+    @property
+    def _jumps(self) -> bool:
+        """The block in execution has an M function with a jump."""
+        return self._shown is not None and any(function.jump for function in self._shown.pre)
 
     # The path
 
@@ -429,7 +521,7 @@ class Channel:
         while self._blocks:
             block = self._blocks[0]
             last = chosen[-1] if chosen else (self._stretch[-1].block if self._stretch else None)
-            if last is not None and not _joins(last, block, self.single):
+            if last is not None and not _joins(last, block, self._halts(last), self._halts(block)):
                 break
             if last is not None and self._do.allowed(block):
                 break
@@ -438,7 +530,12 @@ class Channel:
         try:
             pieces, counts = self._path.pieces(chosen)
         except ProgramError as error:
-            self._do.say(message(error.number, program=chosen[0].program, block=chosen[0].number, detail=error.detail))
+            first = chosen[0]
+            self._do.say(
+                message(
+                    error.number, program=first.program, block=first.number, column=first.column, detail=error.detail
+                )
+            )
             self._end(aborted=True)
             return None
         for block, count in zip(chosen, counts, strict=True):
@@ -449,25 +546,35 @@ class Channel:
     @property
     def _open(self) -> bool:
         """Whether the stretch could go on with another block."""
-        return bool(self._stretch) and not _breaks_after(self._stretch[-1].block, self.single) and not self._holds
+        return (
+            bool(self._stretch)
+            and not _breaks_after(last := self._stretch[-1].block, self._halts(last))
+            and not self._holds
+        )
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
+        free = not self._branches and not self._do.option(WITHOUT_FUNCTIONS)
+        if free and self._jumps and self._do.acknowledged():
+            self.branch(self._now_ns)
+            return
         made = self._made + plan.finished(max(run.count(self._now_ns) - run.first, 0))
         while len(self._stretch) > 1 and self._stretch[0].until <= made:
+            began_ns = min(self._time_of(self._stretch[0].until), self._now_ns)
             over = self._stretch.popleft()
             for function in over.block.post:
-                self._do.function(function)
+                self._function(function)
             block = self._stretch[0].block
-            self.block = (block.program, block.number)
+            self._enter(block, began_ns)
             self._speak(block)
         if self._now_ns >= run.end_ns:
             self._path_ended()
             return
-        if not self._ended and not plan.held and self._open and len(self._stretch) <= REFILL:
+        goes_on = self._open and len(self._stretch) <= REFILL
+        if not self._ended and not plan.held and (goes_on or self._poll_ns is not None):
             self._fill()
         if self._blocks and self._open and not plan.held:
             pieces = self._take()
@@ -523,7 +630,19 @@ class Channel:
     # The end of a block
 
     def _settle(self) -> None:
-        self.phase, self._due_ns = Phase.SETTLE, self._now_ns + SETTLE_NS
+        self.phase, self._due_ns = Phase.SETTLE, self._now_ns
+        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
+        self._settles_until_ns = self._now_ns + longest
+
+    def _look_settled(self, now_ns: int) -> None:
+        """Whether the axes are in position is asked in every cycle, and at no other time: however time is cut."""
+        if self._do.settled():
+            self._after_stop()
+        elif now_ns >= self._settles_until_ns:
+            self._do.say(self.message(2022))
+            self._after_stop()
+        else:
+            self._due_ns = now_ns + PERIOD_NS
 
     def _after_stop(self) -> None:
         block = self._current
@@ -540,10 +659,12 @@ class Channel:
         block = self._current
         assert block is not None
         for function in block.post:
-            self._do.function(function)
-        halting = any(function.halt for function in (*block.pre, *block.post))
-        if halting and not self._do.acknowledged():
-            self.phase, self._due_ns = Phase.FUNCTIONS, None
+            self._function(function)
+        halting = any(function.halt and not function.jump for function in (*block.pre, *block.post))
+        jumping = self._jumps and not block.elements
+        jumping = jumping and not self._do.option(WITHOUT_FUNCTIONS)
+        if (halting and not self._do.acknowledged()) or jumping:
+            self.phase, self._due_ns = Phase.FUNCTIONS, self._now_ns + JUMP_NS if jumping else None
             return
         self._block_over()
 
@@ -563,12 +684,15 @@ class Channel:
             if self._branches:
                 self._interpreter.stand(self._position())
                 self._path = Path(self._do.limits(), self._position())
+                self._filters = self._new_filters()
+            elif not self._do.acknowledged():
+                self._do.withdraw()
             self._interpreter.acknowledged(self._branches)
             self._branches = False
         if block.stop is Stop.END:
             self._end(aborted=False)
             return
-        if block.stop is Stop.MEASURING_STOP or self._holds or (self.single and block.main):
+        if block.stop is Stop.MEASURING_STOP or self._holds or self._halts(block):
             self._holds = True
             self.phase, self._due_ns = Phase.HELD, None
             return
@@ -585,15 +709,18 @@ class Channel:
         self._plan, self.run, self._current, self._error = None, None, None, None
         self._ended, self._holds, self._drops = True, False, False
         self.phase, self._due_ns = Phase.IDLE, None
-        if not aborted:
-            self._do.ended()
+        self._do.ended(self.block if aborted else None)
 
     def _position(self) -> tuple[float, ...]:
         per_mm = self._do.limits().increments_per_mm
         return tuple(count / per for count, per in zip(self._do.counts(), per_mm, strict=True))
 
-    def _message(self, number: int) -> Message:
-        return message(number, program=self.block[0], block=self.block[1])
+    def message(self, number: int, detail: str = "") -> Message:
+        """The message of that number, about the block in execution if there is one."""
+        if not self.active:
+            return message(number, detail=detail)
+        program, block = self.block
+        return message(number, program=program, block=block, column=self.column, detail=detail)
 
 
 def _begins_with(block: PathBlock) -> bool:
@@ -601,22 +728,29 @@ def _begins_with(block: PathBlock) -> bool:
     return bool(block.pre or block.parameters or block.speeds or block.text is not None or block.tool is not None)
 
 
-def _breaks_after(block: PathBlock, single: bool) -> bool:
-    """Whether the axes stand at its end, and something is waited for."""
+def _in_real_time(block: PathBlock) -> bool:
+    """Whether it is more than parameters and jumps."""
+    return bool(
+        block.elements or block.post or block.dwell_s is not None or block.stop is not Stop.NONE or _begins_with(block)
+    )
+
+
+def _breaks_after(block: PathBlock, halts: bool) -> bool:
+    """Whether the axes stand at its end, and something is waited for. halts: single block stops there."""
     return (
         block.end is BlockEnd.EXACT_STOP
         or block.dwell_s is not None
         or block.stop is not Stop.NONE
         or any(function.halt for function in block.post)
-        or (single and block.main)
+        or halts
     )
 
 
-def _joins(block: PathBlock, following: PathBlock, single: bool) -> bool:
+def _joins(block: PathBlock, following: PathBlock, halts: bool, next_halts: bool) -> bool:
     """Whether a block belongs to the stretch of the one before it."""
     return (
-        not _breaks_after(block, single)
+        not _breaks_after(block, halts)
         and not any(function.halt for function in following.pre)
         and following.override == block.override
-        and not (not following.elements and _breaks_after(following, single))
+        and not (not following.elements and _breaks_after(following, next_halts))
     )

@@ -1,7 +1,7 @@
 """The control: host, inputs and clock. Implements `isel_twin.controller.Controller`.
 
-    bytes     files of programs and parameters (transfer.py); parameters are also the operator's keys, as for a PLC:
-              P8683 mode, P8684 start and stop, P8705 abort, P8800 program, P12130 reference run of an axis
+    bytes     files of programs and parameters (transfer.py); some parameters are keys, as for a PLC
+    keys      of the operator (keys.py)
     inputs    start, stop, E-stop, limit switches, hood, key
     outputs   stages, brake, spindle, coolant ...: a0.0 on, of the PLC
     run       set points of the channel, or of a reference run
@@ -12,6 +12,7 @@ and the drives on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any, Final
@@ -22,22 +23,29 @@ from isel_twin.controller import (
     Drives,
     Event,
     FlashWrite,
+    Key,
+    KeyValue,
     Output,
     Remark,
+    Reply,
     SerialFormat,
+    Step,
 )
-from isel_twin.firmware.bwo900 import memory
+from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
 from isel_twin.firmware.bwo900.homing import Homing
 from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.jog import Jog
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits
-from isel_twin.firmware.bwo900.transfer import Receiver
+from isel_twin.firmware.bwo900.restart import find
+from isel_twin.firmware.bwo900.status import NUMBERS, cell
+from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["Control", "Mode"]
 
@@ -45,6 +53,12 @@ AXES: Final = 3
 PULSES: Final = 5_000
 """Increments from zero pulse to zero pulse."""
 POWER_NS: Final = 500 * MILLISECOND_NS
+POSITIONED: Final = "P0"
+"""The program whose first block a positioning block is."""
+AT_POWER_ON: Final = (8_579, 8_685, 8_687, 8_709)
+"""Parameters that say what is, and are 0 then: references, state of the program."""
+OVERWRITTEN: Final = 1106
+"""Message of a file that is taken, and replaces one."""
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -73,7 +87,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives and NamesOutputs."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -81,6 +95,7 @@ class Control:
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
         self._receiver = Receiver(self._parameters, self._store, self._written)
@@ -89,6 +104,7 @@ class Control:
             Services(
                 function=self._function,
                 acknowledged=lambda: self._plc.idle,
+                withdraw=self._plc.withdraw,
                 speed=self._plc.speed,
                 tool=self._plc.tool,
                 parameter=self._parameters.write,
@@ -97,7 +113,9 @@ class Control:
                 settled=self._settled,
                 limits=self._limits,
                 counts=lambda: self.counts,
+                begun=self._block_begun,
                 ended=self._program_ended,
+                option=lambda number: int(self._parameters.get(number)),
                 allowed=self._allowed,
             ),
             lambda: memory.filters(self._parameters),
@@ -107,6 +125,9 @@ class Control:
         self._now_ns = 0
         self._base: tuple[int, ...] = (0,) * AXES
         self._homing: Homing | None = None
+        self._jog: Jog | None = None
+        self._jog_sign = 0
+        """Of a key that waits for power."""
         self._referenced = [False] * AXES
         self._levels: dict[str, bool] = {}
         self._faulty = [False] * AXES
@@ -115,6 +136,8 @@ class Control:
         """Those that stand, the newest last."""
         self.history: list[tuple[int, Message]] = []
         self._enabled = False
+        self._began_at: tuple[float, ...] = (0.0,) * AXES
+        """Where the axes stood as the last program was started."""
         self._power_until_ns: int | None = None
         self._wants: list[int] = []
         """Axes that a reference run has been asked for."""
@@ -153,7 +176,9 @@ class Control:
         times = [self._channel.next_ns, self._plc.next_ns, self._power_until_ns]
         if self._homing is not None:
             times.append(self._homing.next_ns)
-        if self._shown is not None and self._channel.run is None and self._homing is None:
+        if self._jog is not None:
+            times.append(self._jog.next_ns)
+        if self._shown is not None and self._channel.run is None and self._homing is None and self._jog is None:
             times.append(self._shown.end_ns)
         known = [t for t in times if t is not None]
         return max(min(known), self._now_ns) if known else None
@@ -163,13 +188,23 @@ class Control:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
         asked = self._power_until_ns is not None or not self._plc.idle
-        return not (working or self._homing is not None or asked or self._receiver.busy)
+        return not (working or self._homing is not None or self._jog is not None or asked or self._receiver.busy)
+
+    @property
+    def keys(self) -> Mapping[str, Key]:
+        return keys.KEYS
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        return keys.values(self._parameters, self.mode, self._channel.override)
 
     # ---- what happens -----------------------------------------------------------------------------------------------
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._now_ns = t_ns
         self._levels = dict(levels)
+        for number in (*AT_POWER_ON, *(12_180 + AXIS_SIZE * axis for axis in range(AXES))):
+            self._parameters.write(number, 0.0)
         self._output("software_ok", 1)
         if self._flash_fault:
             self._output("flash_fault", 1)
@@ -182,9 +217,18 @@ class Control:
         self.advance(t_ns)
         for error in self._receiver.take(data):
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            self.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
             self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
+        self._settle()
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> None:
+        self.advance(t_ns)
+        for number, wanted in keys.writes(name, value):
+            self._parameters.write(number, wanted)
+            self._written(number, wanted, "P", 1)
+        self._events.append(FlashWrite(memory.image(self._parameters, self._store)))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -239,8 +283,14 @@ class Control:
             self._follow(self._homing.run)
             if not self._homing.active:
                 self._homed()
+        if self._jog is not None:
+            self._jog.advance(self._now_ns)
+            self._follow(self._jog.run)
+            if self._jog.run is None:
+                self._jog = None
         self._channel.advance(self._now_ns)
-        self._follow(self._channel.run if self._homing is None else self._homing.run)
+        moved = self._homing or self._jog or self._channel
+        self._follow(moved.run)
         for name, value in self._plc.take().items():
             self._output(name, value)
         self._status()
@@ -298,6 +348,8 @@ class Control:
             self._home(wants)
         elif starts:
             self._begin_program()
+        elif self._jog_sign:
+            self._begin_jog()
 
     def _enable(self, *, on: bool) -> None:
         self._enabled = on
@@ -306,28 +358,37 @@ class Control:
 
     def _lose(self, number: int) -> None:
         """Drives off, everything ends."""
-        moving = self._channel.active or self._homing is not None
+        moving = self._channel.active or self._homing is not None or self._jog is not None
+        said = self._channel.message(number)
         if self._homing is not None:
             self._homing.stop()
             self._homing = None
+        self._jog, self._jog_sign = None, 0
         self._channel.cut(self._now_ns)
         self._follow(None)
         self._interpreter.end()
         if self._enabled:
             self._enable(on=False)
-            self._say(message(number))
+            self._say(said)
         elif moving:
-            self._say(message(number))
+            self._say(said)
 
     def _limit(self, axis: int, end: int) -> None:
         """A limit switch is struck: outside of a reference run everything ends."""
         if self._homing is not None or self._shown is None:
             return
-        self._say(message(2102 if end == 1 else 2101, detail="XYZ"[axis]))
+        self._say(self._channel.message(2102 if end == 1 else 2101, "XYZ"[axis]))
+        if self._jog is not None:
+            self._jog.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
 
     def _settled(self) -> bool:
-        return self._drives is None or all(self._drives.in_position[:AXES])
+        if self._drives is None:
+            return True
+        p, per_mm = self._parameters, self._limits().increments_per_mm
+        windows = [p.axis(axis, 16, 0.0) or math.sqrt(1.0 / per_mm[axis]) for axis in range(AXES)]
+        lags = [abs(lag) / per for lag, per in zip(self._drives.lag, per_mm, strict=False)]
+        return all(lag <= window for lag, window in zip(lags, windows, strict=True))
 
     # ---- reference runs ---------------------------------------------------------------------------------------------
 
@@ -382,6 +443,10 @@ class Control:
         elif number == 8_705 and given:
             self._channel.abort(self._now_ns)
             self._parameters.write(8_705, 0.0)
+        elif number == 8_752:
+            self._jog_key(given)
+        elif number == 11_181:
+            self._put_out(given)
         elif number == 8_508:
             self.messages.clear()
         elif number == 11_310:
@@ -390,8 +455,42 @@ class Control:
             self._parameters.write(number, 0.0)
             self._reference((number - 12_000) // AXIS_SIZE)
 
+    def _put_out(self, kind: int) -> None:
+        """P11181: all parameters as a file, 5 with their status."""
+        self._parameters.write(11_181, 0.0)
+        for number in NUMBERS:
+            if (now := self._cell(number)) is not None:
+                self._parameters.write(number, now)
+        text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
+        self._events.append(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
+
+    def _jog_key(self, key: int) -> None:
+        """P8752: 1 and 2 begin a move in HAND, 0 ends it."""
+        if self._jog is not None:
+            self._jog.release(self._now_ns)
+            self._follow(self._jog.run)
+        if key not in (1, 2) or self._jog is not None:
+            return
+        if self.mode is not Mode.HAND or self._channel.active or self._homing is not None:
+            self._say(message(1321, detail="a key of an axis"))
+            return
+        self._jog_sign = 1 if key == 1 else -1
+        if self._enabled and self._ready:
+            self._begin_jog()
+        else:
+            self._request_power()
+
+    def _begin_jog(self) -> None:
+        sign, self._jog_sign = self._jog_sign, 0
+        try:
+            self._jog = Jog(self._parameters, self._limits(), self.counts, sign, PERIOD_NS, self._now_ns)
+        except ProgramError as error:
+            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            return
+        self._follow(self._jog.run)
+
     def _reference(self, axis: int) -> None:
-        if self.mode is not Mode.HAND or self._channel.active:
+        if self.mode is not Mode.HAND or self._channel.active or self._jog is not None:
             self._say(message(1321, detail="a reference run"))
             return
         if self._homing is not None:
@@ -422,6 +521,8 @@ class Control:
             self.messages.clear()
             self.fault = False
             self._output("message", 0)
+        if self._jog is not None:
+            self._jog.release(self._now_ns, everything=True)
         self.mode = mode
         self._channel.single = mode is Mode.SINGLE
 
@@ -430,7 +531,7 @@ class Control:
         if self._channel.active:
             self._channel.go_on(self._now_ns)
             return
-        if self.mode not in (Mode.AUTO, Mode.SINGLE):
+        if self.mode is Mode.HAND:
             self._say(message(1322, detail="Start"))
             return
         if not all(self._referenced):
@@ -446,11 +547,23 @@ class Control:
 
     def _begin_program(self) -> None:
         p = self._parameters
-        name = f"P{int(p.get(8_800))}"
-        block = int(p.get(8_801)) or None
+        positioning = self.mode is Mode.POSITIONING
+        name = POSITIONED if positioning else f"P{int(p.get(8_800))}"
+        block = None if positioning else int(p.get(8_801)) or None
         self.fault = False
         try:
-            self._interpreter.begin(name, self._position, block, bool(p.get(8_810)))
+            again = bool(p.get(8_804) and p.get(8_802))
+            self._began_at = self._began_at if again else self._position
+            self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
+            if again:
+                find(
+                    self._interpreter,
+                    f"P{int(p.get(8_802))}",
+                    int(p.get(8_803)),
+                    self._position,
+                    self._parameters.write,
+                )
+                p.write(8_804, 0.0)
         except ProgramError as error:
             self._say(message(error.number, program=name, detail=error.detail))
             return
@@ -462,8 +575,43 @@ class Control:
         per_mm = self._limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
 
-    def _program_ended(self) -> None:
-        """M30, or the last block."""
+    def _block_begun(self, t_ns: int, block: PathBlock) -> None:
+        stored = self._store.get(block.program)
+        text = "" if stored is None else stored.after(block.number)
+        run = self._shown
+        way = (0,) * AXES if run is None else run.displacement(t_ns)
+        counts = tuple(b + m for b, m in zip(self._base, way, strict=True))
+        plane = (block.plane.first, block.plane.second)
+        self._events.append(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
+
+    def _program_ended(self, broken: tuple[str, int] | None) -> None:
+        """M30, or the last block: None; or broken off in a block."""
+        name, block = broken or ("", 0)
+        for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
+            self._parameters.write(number, float(value or 0))
+
+    # ---- what it tells about itself ---------------------------------------------------------------------------------
+
+    def _cell(self, number: int) -> float | None:
+        return cell(number, self._interpreter, self._channel, self, AXES)
+
+    def set_mm(self, axis: int) -> float:
+        """Set position of an axis, mm."""
+        return self._position[axis]
+
+    def actual_mm(self, axis: int) -> float:
+        """Measured position of an axis, mm."""
+        drives, per_mm = self._drives, self._limits().increments_per_mm[axis]
+        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+
+    def speed_mm_s(self, axis: int) -> float:
+        """Speed of an axis, mm/s, of its set points."""
+        run = self.run
+        if run is None:
+            return 0.0
+        before = run.displacement(max(self._now_ns - PERIOD_NS, run.start_ns))[axis]
+        way = run.displacement(self._now_ns)[axis] - before
+        return way / self._limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
     def _limits(self) -> Limits:
         p = self._parameters

@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import islice
 from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
@@ -43,6 +44,11 @@ NEAR_MM: Final = 1e-9
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 CENTRES: Final = "IJK"
+DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+MOST_KEPT: Final = 100_000
+"""Moves of a cycle that supervision keeps (M8006)."""
+STAYING, ADDRESSED = 0x01, 0x02
+"""Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
 
 
 class Waiting(Enum):
@@ -51,6 +57,8 @@ class Waiting(Enum):
     EXECUTION = "the last block, to be executed"
     CONDITION = "the parameters that waituntil asks for"
     ACKNOWLEDGEMENT = "the M function with a jump"
+    BEGINNING = "the path of the last block, to begin (sc:2)"
+    PASS = "the next pass: a block of supervision (sc:1) has been analysed"
 
 
 @dataclass
@@ -61,8 +69,8 @@ class _Level:
     place: int = 0
     last: int | None = None
     """Place of the last block to be executed, of a call with an end."""
-    loops: list[tuple[int, int]] = field(default_factory=list)
-    """Place after M24, and passes that are left, this one included."""
+    loops: list[tuple[int, int, int]] = field(default_factory=list)
+    """Place after M24, passes that are left, this one included, and all of them."""
     cycle: bool = False
     """It was called as a cycle: its blocks are intermediate ones."""
     change: bool = False
@@ -91,7 +99,13 @@ class Interpreter:
         axes = len(self._names)
         self._levels: list[_Level] = []
         self._ready: deque[PathBlock] = deque()
+        self._cycle_now: _Cycle | None = None
         self._waiting: Waiting | None = None
+        self._supervises = False
+        """sc:1, sc:2: what blocks come to stays here."""
+        self._kept: list[PathBlock] = []
+        self._lets_go = False
+        """The block has said sc:0 or sc:100."""
         self._symbols: dict[str, float] = {}
         self._bound: dict[str, int] = {}
         self._modal = START
@@ -105,11 +119,14 @@ class Interpreter:
         self._centre: dict[str, float] = {}
         self._radius: float | None = None
         self._feed: float | None = None
-        self._speed, self._turning = 0.0, 0
+        self._speed: float | None = None
+        self._turning = 0
         self._pole, self._polar = (0.0, 0.0), (0.0, 0.0)
         self._tool: int | None = None
         self._jump_to: tuple[str, int] | None = None
         self._skips = False
+        self._drilling: int | None = None
+        """The drilling cycle that stays."""
         self._block_now: Block | None = None
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
@@ -171,10 +188,35 @@ class Interpreter:
         """The same, of coordinates."""
         return self._frame
 
+    @property
+    def depth(self) -> int:
+        """Subprograms that are open."""
+        return max(len(self._levels) - 1, 0)
+
+    @property
+    def loops(self) -> list[tuple[int, int]]:
+        """Passes and passes left of each open loop of the program that is analysed, the innermost last."""
+        return [(passes, left) for _, left, passes in self._levels[-1].loops] if self._levels else []
+
+    @property
+    def feed_mm_min(self) -> float | None:
+        """F, None before there is one."""
+        return self._feed
+
+    @property
+    def program_position(self) -> Point:
+        """The target that has been analysed last, in the program's coordinates."""
+        return self._program_position
+
+    def put_back(self, *blocks: PathBlock) -> None:
+        """Blocks that are to come next."""
+        self._ready.extendleft(reversed(blocks))
+
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._levels, self._waiting = [], None
         self._ready.clear()
+        self._cycle_now = None
         self._tools.end()
 
     def executed(self) -> None:
@@ -182,6 +224,11 @@ class Interpreter:
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
             self._renew()
+
+    def begun(self) -> None:
+        """The path of the last block has begun."""
+        if self._waiting is Waiting.BEGINNING:
+            self._waiting = None
 
     def acknowledged(self, jumps: bool) -> None:
         """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
@@ -206,6 +253,8 @@ class Interpreter:
         """
         if self._ready:
             return self._ready.popleft()
+        if self._cycle_now is not None:
+            return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION and self._block_now is not None and self._holds(self._block_now):
             self._waiting = None
         if self._waiting is not None:
@@ -225,15 +274,43 @@ class Interpreter:
             return self._waiting
         try:
             self._execute(block)
-        except ProgramError:
+        except ProgramError as error:
             level.place -= 1
+            error.column = error.column or block.column
             raise
+        if self._supervises and not self._lets_go and self._stays():
+            return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
+
+    def _stays(self) -> bool:
+        """Keep what a block of supervision has come to, unless it has functions or ends something."""
+        speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
+        if speaks or self._waiting not in (None, Waiting.BEGINNING) or not self._levels:
+            return False
+        self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
+        self._ready.clear()
+        return True
+
+    def _call_system(self, block: Block) -> None:
+        """`sc:n`: 0 blocks go on, 1 and 2 they stay (supervision), 100 those that stay go on now."""
+        self._lets_go = False
+        for expression in block.calls:
+            number = whole(self._value(expression))
+            if number not in (0, 1, 2, 100):
+                raise ProgramError(1211, f"sc:{number}; there are 0, 1, 2 and 100")
+            if number in (0, 100):
+                self._ready.extendleft(reversed(self._kept))
+                self._kept.clear()
+                self._lets_go = True
+            if number != 100:
+                self._supervises = number in (1, 2)
+            if number == 2:
+                self._waiting = Waiting.BEGINNING
 
     def _empty(self, block: Block) -> PathBlock:
         level = self._levels[-1] if self._levels else None
         name = level.program.name if level else ""
-        return PathBlock(name, block.number or 0, start=self._position, plane=self._frame.plane)
+        return PathBlock(name, block.number or 0, block.column, start=self._position, plane=self._frame.plane)
 
     def _returned(self, level: _Level) -> PathBlock | None:
         """A subprogram has come to its end, or the main program has without M30."""
@@ -252,15 +329,23 @@ class Interpreter:
     def _execute(self, block: Block) -> None:
         """One block, in the manual's order."""
         level = self._levels[-1]
+        self._call_system(block)
         later = self._assign(block)
         goal = self._parameter_jump(block)
-        spoken = _Spoken(block, level.program.name, main=len(self._levels) == 1)
+        spoken = _Spoken(block, level.program.name, main=not any(level.cycle for level in self._levels))
         spoken.parameters = later
         spoken.synchronises = any(self._synchronises(assign) for assign in block.assignments)
         self._functions(block, spoken)
         if goal is None:
             goal = spoken.goal
         self._words(block, spoken)
+        if self._cycle_now is not None:
+            self._cycle_now.goal = goal
+        else:
+            self._conclude(goal, spoken, level)
+
+    def _conclude(self, goal: tuple[str, int] | None, spoken: _Spoken, level: _Level) -> None:
+        """What a block does last: it leads elsewhere."""
         if goal is not None and spoken.jump is None:
             self._go(*goal)
         elif spoken.call is not None:
@@ -377,6 +462,10 @@ class Interpreter:
             raise ProgramError(1232, f"G{number}: {BEYOND[number]} are not in this twin", column)
         elif number in self._cycles or number == 82:
             spoken.cycles.append(number)
+            if number in DRILLING and self._drill_flags & STAYING:
+                self._drilling = number
+        elif number == 80:
+            self._drilling = None
         elif f"Z{number}" in self._store:
             spoken.call = (f"Z{number}", None, None)
         else:
@@ -410,6 +499,7 @@ class Interpreter:
             case 0:
                 self._without_correction(1232, "M00", m.column)
                 spoken.stop = Stop.MEASURING_STOP
+                self._machine_function(m, (), spoken)
             case 1:
                 self._without_correction(1229, "M01", m.column)
                 if 123 in spoken.blockwise:
@@ -478,7 +568,7 @@ class Interpreter:
             raise ProgramError(1228, f"M{m.number} {wrong}", m.column)
         if defined.jump:
             spoken.jump = self._goal(values, m)
-        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt)
+        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
         if defined.pre:
             spoken.pre.append(function)
         if defined.post:
@@ -492,8 +582,11 @@ class Interpreter:
     def _words(self, block: Block, spoken: _Spoken) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
         self._select(spoken)
-        self._feed_words(block, spoken)
-        targets = self._axis_words(block, spoken)
+        taken = self._drilling_words(block, spoken)
+        self._feed_words(block, spoken, taken)
+        targets = self._axis_words(block, spoken, taken)
+        if self._drilling is not None and targets and not spoken.cycles:
+            spoken.cycles.append(self._drilling)
         if spoken.cycles:
             self._cycle(block, spoken, targets)
             return
@@ -524,8 +617,26 @@ class Interpreter:
         self._length = self._tools.length_mm
         self._renew()
 
-    def _feed_words(self, block: Block, spoken: _Spoken) -> None:
+    @property
+    def _drill_flags(self) -> int:
+        return byte(self._parameters.get(8_806), 3)
+
+    def _drilling_words(self, block: Block, spoken: _Spoken) -> frozenset[str]:
+        """Words that are parameters of the block's drilling cycle; their names."""
+        if not DRILLING.intersection(spoken.cycles) or not self._drill_flags & ADDRESSED:
+            return frozenset()
+        third = self._frame.plane.third
+        axis = next(name for name, number in self._names.items() if number == third)
+        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[third]: 35, "H": 36}
+        taken = [word for word in block.words if word.name in numbers]
+        for word in taken:
+            self._parameters.write(numbers[word.name], self._value(word.value))
+        return frozenset(word.name for word in taken)
+
+    def _feed_words(self, block: Block, spoken: _Spoken, taken: frozenset[str]) -> None:
         for word in block.words:
+            if word.name in taken:
+                continue
             if word.name == "F":
                 self._feed = self._value(word.value)
             elif word.name == "f":
@@ -537,13 +648,20 @@ class Interpreter:
                 self._radius = self._value(word.value)
                 spoken.centred = False
 
-    def _axis_words(self, block: Block, spoken: _Spoken) -> dict[int, float] | None:
-        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs."""
+    def _axis_words(self, block: Block, spoken: _Spoken, taken: frozenset[str]) -> dict[int, float] | None:
+        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs.
+
+        taken: words of a drilling cycle; its depth alone drills where the tool stands.
+        """
         named: dict[int, float] = {}
         radial: dict[str, float] = {}
         letters = {chr(int(self._parameters.get(q, d, "q"))): part for q, d, part in ((150, 120, "r"), (151, 99, "a"))}
         for word in block.words:
-            if word.name in self._names:
+            if word.name in taken:
+                if word.name in self._names:
+                    first = self._frame.plane.first
+                    named.setdefault(first, 0.0 if self._modal.dimension == 91 else self._program_position[first])
+            elif word.name in self._names:
                 named[self._names[word.name]] = self._value(word.value)
             elif word.name in letters and self._modal.polar == 10:
                 radial[letters[word.name]] = self._value(word.value)
@@ -628,6 +746,8 @@ class Interpreter:
             return arc
         if not self._centre:
             raise ProgramError(1233)
+        if all(block.word(name) for name in (*CENTRES, *list(self._names)[:3])):
+            raise ProgramError(1232, "circles in space are not in this twin")
         letters = (CENTRES[plane.first], CENTRES[plane.second])
         base = plane.of(start_program) if self._modal.dimension == 91 else (0.0, 0.0)
         here = plane.of(start_program)
@@ -651,6 +771,7 @@ class Interpreter:
         made = PathBlock(
             program=spoken.program,
             number=spoken.block.number or 0,
+            column=spoken.block.column,
             start=start,
             elements=elements,
             plane=self._frame.plane,
@@ -660,6 +781,7 @@ class Interpreter:
             override=self._modal.override != 63,
             end=self._block_end(spoken, rapid),
             correction=self._correction_of(spoken),
+            tool_mm=abs(self._tools.radius_mm) if elements and not rapid else 0.0,
             chamfer_mm=p.get(70) if g12 and p.given(70, 0.0) and not p.given(71, 0.0) else None,
             rounding_mm=p.get(71) if g12 and p.given(71, 0.0) else None,
             three_points=123 in spoken.blockwise,
@@ -712,31 +834,44 @@ class Interpreter:
         """The moves of a cycle, each a PathBlock of its own."""
         numbers = [81 if number == 82 else number for number in spoken.cycles]
         outer = next((n for n in numbers if 86 <= n <= 89), None)
-        inner = next((n for n in numbers if n != outer), None)
+        inner = next((n for n in numbers if n != outer), None if outer is None else self._drilling)
         first = outer if outer is not None else numbers[0]
         if len(numbers) > (2 if outer is not None else 1):
             raise ProgramError(1232, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
-        before, after = list(spoken.pre), list(spoken.post)
-        spoken.pre, spoken.post = before, []
-        stop, spoken.stop = spoken.stop, Stop.NONE
-        motion = self._modal
-        for move in self._moves(first, inner, targets or {}, spoken):
+        after, stop = list(spoken.post), spoken.stop
+        spoken.post, spoken.stop = [], Stop.NONE
+        moves = _Moves(self._cycles, first, self._call_of(targets or {}, inner))
+        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal)
+        self._go_on_with(self._cycle_now)
+        while self._supervises and self._cycle_now is not None:
+            if self._cycle_now.moves.made >= MOST_KEPT:
+                raise ProgramError(8006, f"more than {MOST_KEPT} moves under supervision")
+            self._go_on_with(self._cycle_now)
+
+    def _go_on_with(self, cycle: _Cycle) -> None:
+        """The next move of a cycle, or its end."""
+        spoken = cycle.spoken
+        move = next(cycle.moves, None)
+        if move is not None:
             self._move(move, spoken)
             spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = [], {}, (), None
-        self._modal = motion
-        spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = after, stop, None, None
+            return
+        self._cycle_now, self._modal = None, cycle.modal
+        spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = cycle.post, cycle.stop, None, None
         self._emit(spoken, (), main=spoken.main)
         self._after(spoken)
 
-    def _moves(self, number: int, inner: int | None, targets: Mapping[int, float], spoken: _Spoken) -> Iterator[Move]:
-        """A cycle's moves; at each place of a pattern the moves of the machining cycle."""
-        function = self._cycles[number]
-        for move in function(self._call_of(targets, inner)):  # type: ignore[operator]
-            yield move
-            if move.cycle is not None:
-                plane, place = self._frame.plane, self._program_position
-                here = {axis: place[axis] for axis in (plane.first, plane.second)}
-                yield from self._cycles[move.cycle](self._call_of(here, None))  # type: ignore[operator]
+    def _next_of_cycle(self, cycle: _Cycle) -> PathBlock:
+        """The block of a cycle's next move; with its end, what else its block does."""
+        try:
+            self._go_on_with(cycle)
+            if self._cycle_now is None:
+                self._conclude(cycle.goal, cycle.spoken, cycle.level)
+        except ProgramError:
+            self._cycle_now = None
+            cycle.level.place -= 1
+            raise
+        return self._ready.popleft()
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters
@@ -813,11 +948,11 @@ class Interpreter:
     def _loop(self, spoken: _Spoken, level: _Level) -> None:
         """M24, M25, and the ends of programs."""
         if spoken.passes is not None:
-            level.loops.append((level.place, spoken.passes))
+            level.loops.append((level.place, spoken.passes, spoken.passes))
         if spoken.loops_back:
-            place, left = level.loops.pop()
+            place, left, passes = level.loops.pop()
             if left > 1:
-                level.loops.append((place, left - 1))
+                level.loops.append((place, left - 1, passes))
                 level.place = place
         if spoken.stop in (Stop.END, Stop.REPEAT) or spoken.returns:
             in_subprogram = len(self._levels) > 1 and self._levels[-1] is level
@@ -881,6 +1016,54 @@ class Interpreter:
         if frame != self._frame:
             self._frame = frame
             self._program_position = frame.program(self._position)
+
+
+class _Moves(Iterator[Move]):
+    """Moves of a cycle, one after the other; at each place of a pattern those of the machining cycle.
+
+    Cycles are pure functions: a copy begins anew and leaves out what has been.
+    """
+
+    def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
+        self._cycles, self._number, self._call = cycles, number, call
+        self.made = 0
+        self._rest: Iterator[Move] | None = None
+
+    def __next__(self) -> Move:
+        if self._rest is None:
+            self._rest = islice(self._all(), self.made, None)
+        move = next(self._rest)
+        self.made += 1
+        return move
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_rest": None}
+
+    def _all(self) -> Iterator[Move]:
+        call = self._call
+        place = call.position
+        for move in self._cycles[self._number](call):  # type: ignore[operator]
+            yield move
+            place = tuple(move.target.get(axis, value) for axis, value in enumerate(place))
+            if move.cycle is not None:
+                here = {axis: place[axis] for axis in (call.plane.first, call.plane.second)}
+                within = replace(call, position=place, words=here, inner=None)
+                for step in self._cycles[move.cycle](within):  # type: ignore[operator]
+                    yield step
+                    place = tuple(step.target.get(axis, value) for axis, value in enumerate(place))
+
+
+@dataclass
+class _Cycle:
+    """A cycle that is being carried out: what its block has said, and what comes at the end of it."""
+
+    spoken: _Spoken
+    level: _Level
+    moves: _Moves
+    post: list[Machine]
+    stop: Stop
+    modal: Modal
+    goal: tuple[str, int] | None = None
 
 
 @dataclass

@@ -135,6 +135,11 @@ class MachinePlc:
         self._waiting.append(code)
         self._hand_over(t_ns)
 
+    def withdraw(self) -> None:
+        """M functions that have not been acknowledged are taken back."""
+        self._waiting.clear()
+        self._memory.m[STROBE] &= 0xFE
+
     def speed(self, spindle: int, value: float) -> None:
         """S of the first spindle, 1/min."""
         if spindle == 1:

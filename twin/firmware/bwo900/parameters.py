@@ -10,7 +10,7 @@ block is executed (real time), bit 3 its writing synchronises. What is not said 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -33,6 +33,8 @@ SYNCHRONISING: Final = 0x08
 LARGEST_Q: Final = 59_999
 """60 000 parameters, the largest system."""
 AXIS_SIZE: Final = 200
+FIRST_LIVE: Final = 8_900
+"""Below it no parameter is worked out when it is asked for."""
 AXES: Final = 32
 CHANNEL_SIZE: Final = 100
 """Of a channel's descriptor: q100, q200 ..."""
@@ -65,6 +67,8 @@ class Parameters:
         """values: by q, in place of FACTORY."""
         self._values: dict[int, float] = dict(FACTORY if values is None else values)
         self._status: dict[int, int] = {}
+        self.live: Callable[[int], float | None] | None = None
+        """What a P of channel 1 is now, None: what has been written."""
         self.revision = 0
         """Rises with every writing."""
 
@@ -111,6 +115,9 @@ class Parameters:
     def read(self, area: str, number: int, channel: int = 1) -> float:
         """The value. Raises ProgramError M1300 if it is deleted."""
         value = self._values.get(self.address(area, number, channel))
+        if self.live is not None and area == "P" and channel == 1 and number >= FIRST_LIVE:
+            now = self.live(number)
+            value = value if now is None else now
         if value is None:
             raise ProgramError(1300, f"{area}{number}")
         return value

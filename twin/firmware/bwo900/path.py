@@ -2,7 +2,7 @@
 
     speed of a piece      the feed, the rapid speed of the axis with the longest way (G00), and what each axis can:
                           v <= V_i / |d_i|,  d the direction
-    acceleration          a <= A_i / |d_i|,  A_i = P12004 / P12008, or P12009 where that is more and it is no G00
+    acceleration          a <= A_i / |d_i|,  A_i = P12004 / P12008, or P12009 where that is longer and it is no G00
     on a circle           v^2 / R and the ramp share the acceleration of the plane's axes: each has 1 / sqrt 2 of it
                           P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes
     at a corner           factor of the lower of both speeds: cos(180 deg - angle) ^ P8851, 0 at 90 degrees and sharper
@@ -36,6 +36,8 @@ DYNAMICS_MS: Final = 250.0
 """P12008 where nobody has set it: time from standstill to the highest speed."""
 KV_1_S: Final = 16.0
 """P12020 where nobody has set it."""
+FURTHEST: Final = 2.0**31
+"""Increments from zero that a counter of 32 bits holds."""
 SHARE: Final = math.sqrt(0.5)
 """Of the acceleration, on circles: across the path and along it."""
 
@@ -60,6 +62,8 @@ class Limits:
     kv: float
     test_feed: float | None
     """P8815, mm/s: in place of all feeds."""
+    feed_share: float = 1.0
+    """P8818: of every programmed feed."""
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
@@ -68,7 +72,7 @@ class Limits:
         speed = tuple((p.axis(a, 4, 0.0) or FASTEST_MM_MIN) / MINUTE_S for a in axes)
         first = tuple(v / (1e-3 * (p.axis(a, 8, 0.0) or DYNAMICS_MS)) for a, v in zip(axes, speed, strict=True))
         second = tuple(
-            max(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) else f
+            min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, speed, first, strict=True)
         )
         exponent = p.get(8_851) if p.loaded(8_851) else 1.0
@@ -82,6 +86,7 @@ class Limits:
             deviation_mm=p.get(8_852),
             kv=min(p.axis(a, 20, 0.0) or KV_1_S for a in axes),
             test_feed=p.get(8_815) / MINUTE_S or None,
+            feed_share=max(p.given(8_818, 100.0), 0.0) / 100.0,
         )
 
 
@@ -143,7 +148,10 @@ class Path:
         self._end = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
-        return tuple(round(x * per) for x, per in zip(place, self.limits.increments_per_mm, strict=True))
+        exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
+        if not all(abs(value) <= FURTHEST for value in exact):
+            raise ProgramError(1202, "a place that no counter holds")
+        return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
         """Speed that is wanted, speed that is never exceeded, acceleration."""
@@ -160,7 +168,7 @@ class Path:
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(1230)
-            wanted = limits.test_feed or block.feed_mm_min / MINUTE_S
+            wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
         return wanted, limit, acceleration
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:

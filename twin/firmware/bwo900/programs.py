@@ -76,6 +76,15 @@ class Program:
         """The number of the block at a place, -1 if it has none."""
         return self.numbers[place]
 
+    def after(self, number: int) -> str:
+        """What stands behind a block's number; empty if there is no such block."""
+        try:
+            block = self.line(self.place(number))
+        except ProgramError:
+            return ""
+        found = _NUMBER.match(block)
+        return block[found.end() :].strip() if found else block
+
     def place(self, number: int) -> int:
         """The place of the block with that number. Raises ProgramError M1255 if there is none."""
         at = bisect_left(self.highest, number)

@@ -148,6 +148,14 @@ class Block:
     """`sc:n`"""
     message: Text | None = None
 
+    @property
+    def column(self) -> int:
+        """Where to look for what is wrong with its path: the words of a circle, its axes, its G and M words, from 1."""
+        circle = [word.column for word in self.words if word.name[0] in "IJKR"]
+        axes = [word.column for word in self.words if word.name[0] not in "FfSTt"]
+        others = [g.column for g in self.g] + [m.column for m in self.m]
+        return next((min(columns) for columns in (circle, axes, others) if columns), 1)
+
     def word(self, name: str) -> Word | None:
         """The word of that name."""
         return next((word for word in self.words if word.name == name), None)
@@ -163,7 +171,7 @@ _M = re.compile(r"M\s*(\d+)")
 _NUMBER = re.compile(r"\d+(?:[.,]\d*)?|[.,]\d+")
 _HEX = re.compile(r"\$([0-9A-Fa-f]+)\s*;")
 _NAME = re.compile(r"_[A-Za-z0-9_]*")
-_LOWER = re.compile(r"waituntil|sc|t[rlq]?|[fxc]")
+_LOWER = re.compile(r"waituntil|sc|t[rlq]?|[a-z](?=\s*[:\d.,+-])")
 _FUNCTION = re.compile(r"asin|acos|atan|sin|cos|tan|sqr|intr|int|abs|ln|log|exp|not")
 _RELATION = re.compile(r"\s*(<>|>=|<=|=|>|<)\s*")
 _COMPARED = re.compile(r"(?P<right>.+?)\s*\.\s*(?P<target>\d+|[Pq]\d+|_\w+|\([^()]*\))(?=\s|$|[A-Z{(!;_\\])")

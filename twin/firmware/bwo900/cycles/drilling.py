@@ -10,7 +10,8 @@
                    | |         |  ^ . | ^  |             |  ^
     P33            v '         v  | v v |  '             v  '     drawn: feed; dotted: rapid
 
-Planes are absolute along the third axis of the plane, with G91, too. Without P35 the tool goes back to P34.
+Planes are absolute along the third axis of the plane, with G91, too. Without P35 the tool goes back to P34. A
+depth is reached, by an exact stop, before the tool goes back.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ __all__ = ["boring", "deep_hole", "drilling", "strokes", "tapping"]
 
 SAFETY_MM: Final = 1.0
 """P38 where it is not programmed."""
+MOST: Final = 10_000
+"""Strokes of a hole; more is a slip in a parameter (M8036)."""
 RIGHT, LEFT, STOP = 3, 4, 5
 """M functions of the spindle."""
 
@@ -35,7 +38,7 @@ def drilling(call: Call) -> Iterator[Move]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call))
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
     yield from _end(call, approach)
 
 
@@ -53,7 +56,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
             yield _to(call, Kind.RAPID, approach)
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
-        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None)
+        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
     if call.given(39) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
@@ -64,14 +67,16 @@ def strokes(call: Call, depth: float, approach: float) -> list[float]:
     whole = depth - approach
     if call.given(39) is None:
         count = int(abs(call.needed(36, 8036)))
-        if count < 1:
-            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 and more")
+        if not 1 <= count <= MOST:
+            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 to {MOST}")
         return [approach + whole * number / count for number in range(1, count + 1)]
     less, stroke = abs(call.needed(36, 8036)), abs(call.needed(37, 8037))
     if not less:
         raise ProgramError(8036, "P36 is 0: strokes would never end")
     if not stroke:
         raise ProgramError(8037, "P37 is 0")
+    if abs(whole) > MOST * less:
+        raise ProgramError(8036, f"P36 is {less:g}: more than {MOST} strokes to {abs(whole):g} mm")
     sign = 1.0 if whole > 0 else -1.0
     left, at, ends = abs(whole), approach, list[float]()
     while left > 0.0:
@@ -91,7 +96,7 @@ def tapping(call: Call) -> Iterator[Move]:
         return
     depth, approach, pitch = _planes(call)
     left = int(call.get(31) or 0) == LEFT or (not call.get(31) and call.turning < 0)
-    feed = call.speed_rpm * pitch
+    feed = (call.speed_rpm or 0.0) * pitch
     yield from _begin(call, approach, LEFT if left else RIGHT)
     yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(RIGHT if left else LEFT,))
     if (dwell := _dwell(call)) is not None:
@@ -106,7 +111,7 @@ def boring(call: Call) -> Iterator[Move]:
         return
     depth, approach, feed = _planes(call)
     yield from _begin(call, approach)
-    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call))
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
     yield _to(call, Kind.LINE, approach, feed)
     yield from _end(call, approach)
 
@@ -119,6 +124,8 @@ def _planes(call: Call) -> tuple[float, float, float]:
         raise ProgramError(8032, f"P32 is {feed:g}; allowed: more than 0")
     if depth == approach:
         raise ProgramError(8033, "P33 and P34 are the same plane")
+    if call.speed_rpm is None:
+        raise ProgramError(8300)
     if not call.speed_rpm:
         raise ProgramError(8302, "S is 0")
     if not call.turning:

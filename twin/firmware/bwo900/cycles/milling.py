@@ -235,6 +235,8 @@ def _rectangular(call: Call) -> tuple[_Job, _Pocket]:
         raise ProgramError(8014, f"P14 is {corner:g}")
     if corner is None or (not corner and not call.strict):
         corner = radius
+    if min(first, second) - 2.0 * (job.allowance + radius) < -NEAR_MM:
+        raise ProgramError(8001, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15")
     if corner < radius:
         raise ProgramError(8001, f"P14 is {corner:g}, the tool's radius {radius:g} mm")
     if 2.0 * corner > min(first, second) + NEAR_MM:
@@ -244,8 +246,6 @@ def _rectangular(call: Call) -> tuple[_Job, _Pocket]:
         quarters += 2
     job = _job(call, radius, quarters)
     pocket = _grown(call, job, job.allowance)
-    if pocket.b < -NEAR_MM:
-        raise ProgramError(8001, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15")
     _counted(call, 16, 8016, 2.0 * pocket.b, job.infeed)
     return job, pocket
 
@@ -435,7 +435,8 @@ def _rapid(job: _Job, place: UV) -> Move:
 
 
 def _level(job: _Job, height: float, kind: Kind, feed: float | None = None) -> Move:
-    return Move(kind, {job.call.plane.third: height}, None, feed)
+    """To a height; with feed it is a floor, which is reached before the tool goes on."""
+    return Move(kind, {job.call.plane.third: height}, None, feed, exact_stop=kind is Kind.LINE)
 
 
 def _down(job: _Job, layer: int) -> Iterator[Move]:

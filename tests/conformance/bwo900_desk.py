@@ -1,0 +1,90 @@
+"""The BWO 900 on the test desk: files as the manual prints them (3.10), a referenced machine, and programs analysed to
+their end. Programs are written here with `|` between their blocks."""
+
+from __future__ import annotations
+
+from firmware.bwo900.run import Analysed
+
+from isel_twin.testing import Desk
+
+CARRIAGE = (20_000, 20_000, 20_000)
+T1 = {"p21000": 1.0, "p21020": 2.0, "p21030": 3.0, "p21011": 0.0, "p21031": 0.0}
+"""Tools (P21000 on, 20 parameters each): T1 without radius, T2 with radius 3."""
+
+
+def file(*lines: str) -> bytes:
+    """A file as it goes over the line: a blank line, the lines, #, EOT, a blank line."""
+    return ("\r\n" + "".join(f"{line}\r\n" for line in (*lines, "#"))).encode("latin-1") + b"\x04\r\n"
+
+
+def parameters(**values: float) -> bytes:
+    """A file of parameters: p100=5, q171=2."""
+    return file("D", *(f"{'K1:P' if n[0] == 'p' else 'q'} {n[1:]}: {value}" for n, value in values.items()))
+
+
+REFERENCE = parameters(p8683=1, p12530=1, p12330=1, p12130=1)
+
+
+def fresh(*programs: str, referenced: bool = True, **before: float) -> Desk:
+    """A control with these programs and parameters, its axes at 0."""
+    desk = Desk.of("bwo900", carriage=CARRIAGE)
+    for text in programs:
+        desk.send(file(*text.split("|")))
+    if before:
+        desk.send(parameters(**before))
+    if referenced:
+        desk.send(REFERENCE)
+        desk.finish()
+    desk.run(0.01)
+    return desk
+
+
+def start(desk: Desk, number: int = 1, mode: int = 2) -> None:
+    """Mode and Start."""
+    desk.send(parameters(p8800=number, p8683=mode, p8684=1))
+
+
+def run(*programs: str, mode: int = 2, **before: float) -> Desk:
+    """P1 from its beginning to its end."""
+    desk = fresh(*programs, **before)
+    start(desk, mode=mode)
+    desk.finish()
+    return desk
+
+
+def seconds(*programs: str, **before: float) -> float:
+    """How long P1 takes, of virtual time."""
+    desk = fresh(*programs, **before)
+    begin = desk.time_ns
+    start(desk)
+    desk.finish()
+    return (desk.time_ns - begin) / 1e9
+
+
+def said(desk: Desk) -> list[int]:
+    """Numbers of the messages, in order."""
+    return [int(text[1:5]) for _, text in desk.remarks if text[:1] == "M" and text[1:5].isdigit()]
+
+
+def mm(desk: Desk) -> tuple[float, ...]:
+    return tuple(count / 1000.0 for count in desk.counts)
+
+
+def value(desk: Desk, number: int) -> float:
+    """A parameter P as the control puts it out (P11181)."""
+    bases = ((0, 5_000, 10_000), (7_000, 10_000, 15_000), (11_000, 12_000, 1_000), (12_000, 18_400, 2_000))
+    q = next(base + number - first for first, end, base in bases if first <= number < end)
+    return put_out(desk)[q]
+
+
+def put_out(desk: Desk) -> dict[int, float]:
+    """All parameters, as the control puts them out, by q."""
+    before = len(desk.replies)
+    desk.send(parameters(p11181=0))
+    lines = b"".join(data for _, data in desk.replies[before:]).decode("latin-1").split("\r\n")
+    return {int(line[1:].split(":")[0]): float(line.split(":")[1].split()[0]) for line in lines if line[:1] == "q"}
+
+
+def analysed(text: str, **values: float) -> Analysed:
+    """A program analysed to its end."""
+    return Analysed(text.replace("|", "\n"), **values)

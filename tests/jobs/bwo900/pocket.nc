@@ -1,0 +1,10 @@
+P1
+N1 P20003:60 P20004:60 P20005:30 {zero point G54: the workpiece's top}
+N2 P21000:2 P21010:3 {tool 2: radius 3 mm}
+N10 G00 G54 G90 X0 Y0 Z10 F1800 S12000 T2 M06 {a rectangular pocket with finishing, a circular one beside it}
+N20 M03
+N30 G73 X0 Y0 Z1 P11:36 P12:24 P13:3 P14:6 P15:0,5 P16:4 P17:1,5 P19:1 P20:0,5 P21:600
+N40 P11:-- P12:--
+N50 G75 X40 Y0 Z1 P14:12 P16:4
+N60 G00 Z10 M05
+N70 M30

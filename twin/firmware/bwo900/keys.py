@@ -1,0 +1,68 @@
+"""The operator's keys, and the parameters that stand for each (manual 7.5, 8.4: P8682 on; P8800 on).
+
+key            parameter        a host may write the same parameters, as a PLC does
+mode           P8683            hand 1, auto 2, single 4, positioning 8
+start, stop    P8684 = 1, 0
+abort          P8705 = 1
+clear          P8508 = 1        the messages that stand are taken note of
+override       P11310           %
+skip           P8810            blocks with / are skipped
+program        P8800            what Start begins; block: where, P8801 (0: at the first)
+reference      P12130 ...       reference run of an axis, or of all of them: Z, Y, X
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from isel_twin.controller import Key, KeyValue
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.parameters import Limits
+
+__all__ = ["KEYS", "MODES", "values", "writes"]
+
+MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
+AXES: Final = ("z", "y", "x")
+"""In the order of a reference run of all."""
+MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 8_810
+PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
+
+KEYS: Final[Mapping[str, Key]] = {
+    "mode": Key("what the control does", tuple(MODES)),
+    "start": Key("begin the program, or go on with it"),
+    "stop": Key("brake along the path, and wait for start"),
+    "abort": Key("brake along the path, and forget the rest of the program"),
+    "clear": Key("take note of the messages that stand"),
+    "override": Key("part of the programmed feed", Limits("%", 0.0, 120.0)),
+    "skip": Key("blocks with / are skipped; before start", bool),
+    "program": Key("number of the program that start begins", Limits("", 0, 999_999, whole=True)),
+    "block": Key("block at which start begins it; 0: the first", Limits("", 0, 999_999_999, whole=True)),
+    "reference": Key("reference run of an axis, in mode hand", ("all", *AXES)),
+}
+
+
+def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
+    """Parameters that a key writes, and their values."""
+    if name == "mode":
+        yield MODE, float(MODES[str(value)])
+    elif name in ("start", "stop"):
+        yield START, float(name == "start")
+    elif name == "reference":
+        for axis in AXES if value == "all" else (str(value),):
+            yield REFERENCE + AXIS_SIZE * "xyz".index(axis), 1.0
+    elif name in ("abort", "clear"):
+        yield {"abort": ABORT, "clear": CLEAR}[name], 1.0
+    else:
+        yield {"override": OVERRIDE, "skip": SKIP, "program": PROGRAM, "block": BLOCK}[name], float(value)
+
+
+def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:
+    """What the keys are put to. mode: of MODES; override: 1 is 100 %."""
+    return {
+        "mode": next(name for name, number in MODES.items() if number == mode),
+        "override": round(100.0 * override, 6),
+        "skip": bool(parameters.get(SKIP)),
+        "program": int(parameters.get(PROGRAM)),
+        "block": int(parameters.get(BLOCK)),
+    }
