@@ -144,12 +144,15 @@ class Step:
     """A program that the controller carries out by itself has come to the next of its steps. Changes nothing.
 
     t_ns: when, now or before; name: what people call it; text: as it stands in the program; counts: counters then.
+    plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it cuts nothing or nobody knows.
     """
 
     t_ns: int
     name: str
     text: str
     counts: tuple[int, ...]
+    plane: tuple[int, int] = (0, 1)
+    tool_mm: float = 0.0
 
 
 Event = Reply | Output | CounterSet | FlashWrite | Remark | Step

@@ -253,7 +253,13 @@ def _parts(twin: Twin, before: tuple[int, str] | None) -> tuple[Part, ...]:
     ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
     scale = twin.step_mm.tolist()
     parts = [
-        Part(step.t_ns, f"{step.name} {step.text}".strip(), tuple(c * mm for c, mm in zip(end, scale, strict=False)))
+        Part(
+            step.t_ns,
+            f"{step.name} {step.text}".strip(),
+            tuple(count * mm for count, mm in zip(end, scale, strict=False)),
+            step.plane,
+            step.tool_mm,
+        )
         for step, end in zip(steps, ends, strict=False)
     ]
     said = [

@@ -18,6 +18,9 @@ class Part:
     time_ns: int
     text: str
     position_mm: tuple[float, ...] = ()
+    plane: tuple[int, int] = (0, 1)
+    """Axes of the plane in which the step cuts, and the radius of its tool, 0 if it cuts nothing or nobody knows."""
+    tool_mm: float = 0.0
 
 
 @dataclass(frozen=True)

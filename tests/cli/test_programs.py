@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -105,3 +106,29 @@ def test_an_emergency_stop_names_the_block_it_came_in(program, capsys, tmp_path:
     assert call("run", program(text), *CONTROL, "--scenario", scenario, "--json") == 1
     *_, started, _ = ran(capsys)
     assert started["why"].startswith("M3001 P1 N20 column 8: emergency stop")
+
+
+TOOL = "P1\nN1 P21000:2 P21010:3\nN10 G90 {plane} F2400 T2 M06\nN20 G0 {to}\nN30 G1 {cut}\nN40 M30\n"
+"""Tool 2 has a radius of 3 mm."""
+
+
+@pytest.mark.parametrize(
+    ("plane", "to", "cut", "view"),
+    [("G17", "X10 Y10", "X60", "xy"), ("G18", "X10 Z10", "X60", "xz"), ("G19", "Y10 Z10", "Y60", "yz")],
+)
+def test_the_report_draws_the_tool_as_wide_as_it_is_in_the_plane_it_cuts_in(
+    program, capsys, tmp_path: Path, plane: str, to: str, cut: str, view: str
+) -> None:
+    """Lines of the grid give the scale: so many px are so many mm, and the tool is 6 mm wide."""
+    page = tmp_path / "report.html"
+    assert call("run", program(TOOL.format(plane=plane, to=to, cut=cut)), *CONTROL, "--report", page) == 0
+    text = page.read_text()
+    drawings = {name: re.search(rf"aria-labelledby='path-{name}-title.*?</svg>", text) for name in ("xy", "xz", "yz")}
+    drawn = [name for name, found in drawings.items() if found and "class='swath'" in found[0]]
+    assert drawn == [view]
+    svg = drawings[view][0]
+    wide = float(re.search(r"class='swath' stroke-width='([\d.]+)'", svg)[1])
+    ticks = re.findall(r"<text x='([\d.]+)' y='[\d.]+' text-anchor='middle'>(-?[\d.]+)</text>", svg)
+    (x0, mm0), *_, (x1, mm1) = [(float(x), float(mm)) for x, mm in ticks]
+    assert wide == pytest.approx(6.0 * (x1 - x0) / (mm1 - mm0), rel=0.01)
+    assert "<td class='code command'>P1 N30 G1" in text

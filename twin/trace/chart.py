@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from isel_twin.job import Result
     from isel_twin.trace.recorder import Change, Recorder
 
-__all__ = ["COLOURS", "Mark", "deviation_classes", "escape", "lanes", "path_view", "picture", "time_plots"]
+__all__ = ["COLOURS", "Mark", "deviation_classes", "escape", "lanes", "path_view", "picture", "swaths", "time_plots"]
 
 COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
 """Of deviations, from none to the largest."""
@@ -89,8 +89,39 @@ def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:
     return most_um, classes.astype(np.int64)
 
 
-def path_view(columns: Columns, axes: tuple[int, int], name: str, marks: Sequence[Mark]) -> str:
-    """The path seen along the third axis, in equal scales."""
+@dataclass(frozen=True)
+class Swath:
+    """A tool of a radius cuts in a plane, from one time to another."""
+
+    begin_ns: int
+    end_ns: int
+    plane: tuple[int, int]
+    radius_mm: float
+
+
+def swaths(results: Sequence[Result]) -> list[Swath]:
+    """Where the tools of programs cut, one for each stretch in one plane with one tool."""
+    found: list[Swath] = []
+    for result in results:
+        steps = [part for part in result.parts if part.position_mm]
+        ends = [step.time_ns for step in steps[1:]] + [result.end_ns]
+        for step, end_ns in zip(steps, ends, strict=False):
+            if step.tool_mm <= 0.0:
+                continue
+            plane = (min(step.plane), max(step.plane))
+            last = found[-1] if found else None
+            if last is not None and (last.end_ns, last.plane, last.radius_mm) == (step.time_ns, plane, step.tool_mm):
+                found[-1] = Swath(last.begin_ns, end_ns, plane, step.tool_mm)
+            else:
+                found.append(Swath(step.time_ns, end_ns, plane, step.tool_mm))
+    return found
+
+
+def path_view(
+    columns: Columns, axes: tuple[int, int], name: str, marks: Sequence[Mark], cuts: Sequence[Swath] = ()
+) -> str:
+    """The path seen along the third axis, in equal scales; cuts: of them, those in its plane are drawn as wide as the
+    tool is."""
     u, v = axes
     points = columns.way.position_mm[:, [u, v]]
     names = CARRIAGES[u].upper(), CARRIAGES[v].upper()
@@ -115,6 +146,13 @@ def path_view(columns: Columns, axes: tuple[int, int], name: str, marks: Sequenc
     ]
     parts += _path_axes(box, middle, scale, names)
     parts.append(f"<rect class='frame' x='{box[0]:g}' y='{box[1]:g}' width='{box[2]:g}' height='{box[3]:g}'/>")
+    for cut in cuts:
+        if cut.plane == axes:
+            here = (columns.way.time_ns >= cut.begin_ns) & (columns.way.time_ns <= cut.end_ns)
+            data, wide = _line(x[here].tolist(), y[here].tolist()) if here.any() else "", 2.0 * cut.radius_mm / scale
+            told = f"<title>tool of radius {cut.radius_mm:g} mm</title>"
+            if data:
+                parts.append(f"<path class='swath' stroke-width='{wide:.2f}' d='{data}'>{told}</path>")
     parts.append(f"<g id='{key}'>")
     for colour in range(len(COLOURS)):
         if data := _runs(x, y, classes == colour):

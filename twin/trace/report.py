@@ -32,6 +32,7 @@ from isel_twin.trace.chart import (
     escape,
     path_view,
     picture,
+    swaths,
     time_plots,
 )
 from isel_twin.trace.columns import Columns, columns
@@ -40,6 +41,7 @@ from isel_twin.units import SECOND_NS
 if TYPE_CHECKING:
     from isel_twin.checks.job import Bounds, Finding, Report
     from isel_twin.job import Result
+    from isel_twin.result import Part
     from isel_twin.trace.recorder import Recorder
     from isel_twin.twin import Twin
 
@@ -118,7 +120,7 @@ def write_report(
         "</div></section>",
         _findings(findings, marks, seen, plots) if findings else "",
         _golden(findings, checked),
-        _path(seen, marks),
+        _path(seen, marks, results),
         "<section aria-labelledby='plots'><h2 id='plots'>Time plots</h2>",
         _controls(),
         f"<figure>{plots}<figcaption>Drag to look closer, double-click for all; Ctrl and wheel, or the keys + - 0 and "
@@ -280,7 +282,7 @@ def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
 # Path and plots
 
 
-def _path(seen: Columns, marks: Sequence[Mark]) -> str:
+def _path(seen: Columns, marks: Sequence[Mark], results: Sequence[Result]) -> str:
     most_um, _ = deviation_classes(seen)
     unit, most = ("um", most_um) if most_um < MM_FROM_UM else ("mm", most_um / 1e3)
     swatches = []
@@ -297,10 +299,15 @@ def _path(seen: Columns, marks: Sequence[Mark]) -> str:
         f"<text x='110' y='30' text-anchor='middle'>0</text>"
         f"{''.join(swatches)}</svg>"
     )
-    views = path_view(seen, (0, 1), "xy", marks) + path_view(seen, (0, 2), "xz", marks)
+    cuts = swaths(results)
+    planes = {"xy": (0, 1), "xz": (0, 2)}
+    planes |= {"yz": (1, 2)} if any(cut.plane == (1, 2) for cut in cuts) else {}
+    views = "".join(path_view(seen, plane, name, marks, cuts) for name, plane in planes.items())
+    wide = " Grey, in the plane in which it cuts: as wide as the tool is." if cuts else ""
     return (
         "<section aria-labelledby='path'><h2 id='path'>Path</h2><p>From above and from the front, in the zero that "
-        "counts at the end. Where a counter is set anew, the path goes on.</p>"
+        "counts at the end. Where a counter is set anew, the path goes on."
+        f"{wide}</p>"
         f"<figure><div class='columns'>{views}</div>"
         f"{legend}</figure></section>"
     )
@@ -356,6 +363,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
             cells += f"<td class='text'>{links}</td>"
         style = " class='wrong'" if not result.ok or result.number in wrong else ""
         rows.append(f"<tr{key}{style}><th scope='row'>{result.number}</th>{cells}</tr>\n")
+        rows += [_part(part, axes, len(head)) for part in result.parts[:ROWS]]
     rest = f"<p>and {len(results) - len(shown)} more</p>" if len(results) > len(shown) else ""
     return (
         "<section aria-labelledby='commands'><h2 id='commands'>Commands</h2><div class='wide'><table><caption>Lines of "
@@ -363,6 +371,16 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
         f"{_head(head)}"
         f"<tbody>{''.join(rows)}</tbody></table></div>{rest}</section>"
     )
+
+
+def _part(part: Part, axes: int, columns: int) -> str:
+    """A row of a step of a program, or of what the controller has said."""
+    places = "".join(f"<td>{position:.4f}</td>" for position in part.position_mm)
+    style = "" if places else " class='wrong'"
+    begin = f"<td>{part.time_ns / SECOND_NS:.6f}</td><td></td><td class='code command'>{escape(part.text[:LONG])}</td>"
+    rest = columns - 4 - (1 + axes + len(part.position_mm) if places else 0)
+    cells = f"<td></td>{'<td></td>' * axes}{places}" if places else ""
+    return f"<tr{style}><th scope='row'></th>{begin}{cells}{'<td></td>' * rest}</tr>\n"
 
 
 def _reply(result: Result) -> str:

@@ -77,6 +77,8 @@ class PathBlock:
     """False: G63, 100 %."""
     end: BlockEnd = BlockEnd.CONTINUOUS
     correction: Correction = Correction()
+    tool_mm: float = 0.0
+    """Radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut."""
     chamfer_mm: float | None = None
     """G12 with P70: at the corner to the next path."""
     rounding_mm: float | None = None

@@ -90,8 +90,8 @@ class Services:
     """Whether all axes are within the exact-stop window."""
     limits: Callable[[], Limits]
     counts: Callable[[], tuple[int, ...]]
-    begun: Callable[[int, str, int], None]
-    """A block of a program has begun: when, program, number."""
+    begun: Callable[[int, PathBlock], None]
+    """A block of a program has begun: when, and which."""
     ended: Callable[[tuple[str, int] | None], None]
     """A program has ended by itself (None), or was broken off in a block of a program."""
     option: Callable[[int], int]
@@ -438,7 +438,7 @@ class Channel:
     def _enter(self, block: PathBlock, t_ns: int) -> None:
         """A block begins, or has begun at t_ns."""
         if self.block != (block.program, block.number) and block.number:
-            self._do.begun(t_ns, block.program, block.number)
+            self._do.begun(t_ns, block)
         self.block, self.column = (block.program, block.number), block.column
 
     def _fail(self, why: str, block: PathBlock) -> None:

@@ -575,13 +575,14 @@ class Control:
         per_mm = self._limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
 
-    def _block_begun(self, t_ns: int, program: str, number: int) -> None:
-        stored = self._store.get(program)
-        text = "" if stored is None else stored.after(number)
+    def _block_begun(self, t_ns: int, block: PathBlock) -> None:
+        stored = self._store.get(block.program)
+        text = "" if stored is None else stored.after(block.number)
         run = self._shown
         way = (0,) * AXES if run is None else run.displacement(t_ns)
         counts = tuple(b + m for b, m in zip(self._base, way, strict=True))
-        self._events.append(Step(t_ns, f"{program} N{number}", text, counts))
+        plane = (block.plane.first, block.plane.second)
+        self._events.append(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
@@ -589,7 +590,7 @@ class Control:
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
 
-    # ---- what it tells about itself -----------------------------------------------------------------------------------
+    # ---- what it tells about itself ---------------------------------------------------------------------------------
 
     def _cell(self, number: int) -> float | None:
         return cell(number, self._interpreter, self._channel, self, AXES)

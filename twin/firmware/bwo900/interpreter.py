@@ -783,6 +783,7 @@ class Interpreter:
             override=self._modal.override != 63,
             end=self._block_end(spoken, rapid),
             correction=self._correction_of(spoken),
+            tool_mm=abs(self._tools.radius_mm) if elements and not rapid else 0.0,
             chamfer_mm=p.get(70) if g12 and p.given(70, 0.0) and not p.given(71, 0.0) else None,
             rounding_mm=p.get(71) if g12 and p.given(71, 0.0) else None,
             three_points=123 in spoken.blockwise,
