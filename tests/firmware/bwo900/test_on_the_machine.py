@@ -221,3 +221,21 @@ def test_a_stop_ends_when_the_axes_are_there_however_time_is_cut() -> None:
     assert ends[0] == ends[1]
     # Four ways of 10 mm with 400 mm/s^2: 2 sqrt(10 / 400) s each, then what the lag takes.
     assert 4 * 0.316 < ends[0][0] / 1e9 < 4 * (0.316 + 0.3) + 0.1
+
+
+def test_it_is_saved_and_restored_within_a_cycle() -> None:
+    def life(saved_at: int | None) -> tuple[int, list[int], list[float]]:
+        twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=START_MM)
+        twin.write(begin(twin, "pocket.nc")[-1])
+        for number in range(6):
+            twin.run(3.1)
+            if number == saved_at:
+                state = twin.save()
+                twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=START_MM)
+                twin.restore(state)
+        twin.run_until_idle()
+        return twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()
+
+    undisturbed = life(None)
+    assert undisturbed[1][:3] == [100_000, 60_000, 40_000]
+    assert [life(number) for number in (1, 4)] == [undisturbed] * 2
