@@ -21,6 +21,7 @@ from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.elements import Arc
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect, ProgramError
+from isel_twin.testing import Desk
 
 DRILL: Final = "N20 G56 G00 X0 Y0 Z100 S1200 F1500 M03 T01 M16"
 """First block of the manual's drilling examples."""
@@ -644,9 +645,25 @@ class TestToolChange:
 
     def test_z6_goes_to_the_place_of_change(self) -> None:
         text = f"P1\nN10 T2 M06\nN20 G00 X0 Y0\nN30 T2 M06\nN40 T1 M06\nN50 M30\n{self.LONG}"
-        program = Analysed(text, p8100=0, **TOOLS)
+        program = Analysed(text, **TOOLS)
         assert [p[:2] for p in program.points] == [(1000, 300), (0, 0), (1000, 300)], "the same tool: no change"
         assert program.parameters.get(8100) == 1
+
+    def test_z6_on_a_new_control(self) -> None:
+        """The manual's Z6 asks for P8100 of a control that has never had a tool: T0."""
+        desk = Desk.of("bwo900", carriage=(20_000, 20_000, 20_000))
+        cycle = self.LONG.replace("1000", "10").replace("300", "30").strip().splitlines()
+        tools = [f"K1:{name.upper()}: {value}" for name, value in TOOLS.items()]
+        for lines in (
+            ["P1", "N10 T2 M06", "N20 G00 X0 Y0", "N30 M30"],
+            cycle,
+            ["D", *tools],
+            ["D", "K1:P8683: 1", "K1:P12530: 1", "K1:P12330: 1", "K1:P12130: 1"],
+            ["D", "K1:P8800: 1", "K1:P8683: 2", "K1:P8684: 1"],
+        ):
+            desk.send("".join(f"{line.strip()}\r\n" for line in ("", *lines, "#")).encode() + b"\x04\r\n")
+            desk.finish()
+        assert desk.remarks == []
 
     def test_z5_runs_with_every_new_t(self) -> None:
         program = Analysed("P1\nN10 T2\nN20 G00 X1 M30\nZ5\nN10 P600:P8050\nN20 M30", **TOOLS)

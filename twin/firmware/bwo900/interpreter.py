@@ -33,7 +33,7 @@ from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Parameters, byte
 from isel_twin.firmware.bwo900.programs import Program, Store
 from isel_twin.firmware.bwo900.syntax import Assign, Block, MWord, Word
-from isel_twin.firmware.bwo900.tools import Tools
+from isel_twin.firmware.bwo900.tools import Tools, told
 
 __all__ = ["DEEPEST_CALLS", "Interpreter", "Waiting"]
 
@@ -357,7 +357,9 @@ class Interpreter:
     # Parameters
 
     def parameter(self, area: str, number: int, channel: int) -> float:
-        """See expressions.Environment."""
+        """See expressions.Environment; records of tools say T0 where there has never been one."""
+        if area == "P" and channel == 1 and told(number):
+            return self._parameters.get(number)
         return self._parameters.read(area, number, channel)
 
     def symbol(self, name: str, index: int) -> float:
