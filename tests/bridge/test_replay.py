@@ -86,7 +86,7 @@ def serve_session(serve: Callable[..., Any], tmp_path, controller: str, speed: s
     path = tmp_path / "session.mcap"
     served = serve(
         *("--controller", controller, "--scenario", str(scenario), "--seed", "4"),
-        *(("--machine", "4030-servo") if controller == "gmi99" else ()),
+        *(("--machine", "4030-servo") if controller in ("gmi99", "bwo900") else ()),
         *("--record", str(path), "--control", "127.0.0.1:0"),
         speed=speed,
         plant="mujoco",

@@ -305,6 +305,15 @@ def test_software_limits_hold_in_hand() -> None:
     assert (mm(desk)[0], said(desk)) == (12.0, [2103])
 
 
+@pytest.mark.parametrize("kind", [3, 4, 5])
+@shows("bwo900-8.5-45")
+def test_kinds_of_moves_in_hand_that_are_not_there(kind: int) -> None:
+    desk = fresh(p8750=kind, p8751=1)
+    desk.send(parameters(p8752=1))
+    desk.finish()
+    assert (mm(desk)[0], said(desk)) == (0.0, [1321])
+
+
 @shows("bwo900-2.2-6")
 def test_axes_have_no_keys_in_auto() -> None:
     desk = fresh()

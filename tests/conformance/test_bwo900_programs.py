@@ -174,7 +174,10 @@ def test_the_order_in_a_block() -> None:
 
 @shows("bwo900-3.6-27", "bwo900-3.6-28")
 def test_a_loop_of_supervision_runs_beside_a_path() -> None:
-    program = "P1|N10 G01 F6000 X100|N20 sc :1|N30 P500>P501.140|N40 P502:P502+1|N50 M23.30|N140 P503:1|N150 sc :0|N200 G00 X20|N210 M30"
+    program = (
+        "P1|N10 G01 F6000 X100|N20 sc :1|N30 P500>P501.140|N40 P502:P502+1|N50 M23.30|"
+        "N140 P503:1|N150 sc :0|N200 G00 X20|N210 M30"
+    )
     desk = fresh(program, p500=0, p501=5, p502=0, p503=0)
     start(desk)
     desk.run(0.5)

@@ -121,7 +121,7 @@ def record(path: Path, cut: str = "whole", **how: Any) -> Twin:
 @pytest.mark.parametrize("cut", ["whole", "slices"])
 @pytest.mark.parametrize("controller", controller_names())
 def test_a_session_of_each_controller_replays_to_the_bit(controller: str, cut: str, tmp_path: Path) -> None:
-    machine = "4030-servo" if controller == "gmi99" else "4030"
+    machine = "4030-servo" if controller in ("gmi99", "bwo900") else "4030"
     twin = record(tmp_path / "session.mcap", cut, controller=controller, machine=machine, line_speed=cut == "slices")
     recorded = read(tmp_path / "session.mcap")
     assert versions(recorded) == []

@@ -278,7 +278,7 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     scenario = folder / content["scenario"] if "scenario" in content else None
     call = TwinCall(
         machine=called,
-        controller=content.get("controller", "imc-s8"),
+        controller=content.get("controller", TwinCall.controller),
         plant=content.get("plant", "mujoco"),
         scenario=scenario,
         start_mm=start_mm,

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import itertools
 import math
+import pickle
+import tracemalloc
 from typing import Any, Final
 
 import pytest
-from firmware.bwo900.run import Analysed
+from firmware.bwo900.run import Analysed, programs
 
-from isel_twin.firmware.bwo900 import interpreter
-from isel_twin.firmware.bwo900.blocks import PathBlock
+from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.elements import Arc
+from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect, ProgramError
 
 DRILL: Final = "N20 G56 G00 X0 Y0 Z100 S1200 F1500 M03 T01 M16"
@@ -313,11 +315,36 @@ class TestPatterns:
             pattern(f"{cycle} G81", parameters)
         assert error.value.number == number
 
-    def test_places_without_end_are_a_message_and_no_wait(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(interpreter, "MOST_MOVES", 1000)
-        with pytest.raises(ProgramError) as error:
-            pattern("G88 G81", "P100:90 P106:100000 P110:20 P116:100000")
-        assert error.value.number == 8006
+    def test_places_without_end_are_analysed_as_they_are_made(self) -> None:
+        """10^10 holes: nothing is reckoned before it is asked for, and nothing is kept."""
+        text = (
+            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P106:100000 P110:20 P116:100000 P32:800 P33:0 P34:32\n"
+            "N40 G88 G81\nN50 M30"
+        )
+        one = Interpreter(Analysed("N10 M30").parameters, programs(text))
+        one.begin("P1", (0.0, 0.0, 0.0))
+        tracemalloc.start()
+        blocks = [one.next() for _ in range(500)]
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(500):
+            one.next()
+        assert tracemalloc.get_traced_memory()[0] - before < 20_000
+        tracemalloc.stop()
+        assert len({b.finish[0] for b in blocks if isinstance(b, PathBlock)}) > 80, "six moves a hole"
+
+    def test_a_copy_goes_on_with_the_same_move(self) -> None:
+        text = (
+            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P106:4 P110:20 P116:3 P32:800 P33:0 P34:32\n"
+            "N40 G88 G81\nN50 M30"
+        )
+        one = Interpreter(Analysed("N10 M30").parameters, programs(text))
+        one.begin("P1", (0.0, 0.0, 0.0))
+        for _ in range(20):
+            one.next()
+        two = pickle.loads(pickle.dumps(one))
+        rest = [(one.next(), two.next()) for _ in range(60)]
+        assert all(a == b for a, b in rest)
+        assert any(isinstance(a, PathBlock) and a.stop is Stop.END for a, _ in rest)
 
 
 MILL: Final = "N10 G00 G54 G90 F{feed} S900 T02 M06 M03 M07"

@@ -590,7 +590,7 @@ class Control:
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
 
-    # ---- what it tells about itself -----------------------------------------------------------------------------------
+    # ---- what it tells about itself ---------------------------------------------------------------------------------
 
     def _cell(self, number: int) -> float | None:
         return cell(number, self._interpreter, self._channel, self, AXES)

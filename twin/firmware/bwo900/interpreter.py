@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import islice
 from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
@@ -44,10 +45,10 @@ ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 CENTRES: Final = "IJK"
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+MOST_KEPT: Final = 100_000
+"""Moves of a cycle that supervision keeps (M8006)."""
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
-MOST_MOVES: Final = 100_000
-"""Of a cycle (M8006): its moves are reckoned before the first of them is made."""
 
 
 class Waiting(Enum):
@@ -98,6 +99,7 @@ class Interpreter:
         axes = len(self._names)
         self._levels: list[_Level] = []
         self._ready: deque[PathBlock] = deque()
+        self._cycle_now: _Cycle | None = None
         self._waiting: Waiting | None = None
         self._supervises = False
         """sc:1, sc:2: what blocks come to stays here."""
@@ -214,6 +216,7 @@ class Interpreter:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._levels, self._waiting = [], None
         self._ready.clear()
+        self._cycle_now = None
         self._tools.end()
 
     def executed(self) -> None:
@@ -250,6 +253,8 @@ class Interpreter:
         """
         if self._ready:
             return self._ready.popleft()
+        if self._cycle_now is not None:
+            return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION and self._block_now is not None and self._holds(self._block_now):
             self._waiting = None
         if self._waiting is not None:
@@ -334,6 +339,13 @@ class Interpreter:
         if goal is None:
             goal = spoken.goal
         self._words(block, spoken)
+        if self._cycle_now is not None:
+            self._cycle_now.goal = goal
+        else:
+            self._conclude(goal, spoken, level)
+
+    def _conclude(self, goal: tuple[str, int] | None, spoken: _Spoken, level: _Level) -> None:
+        """What a block does last: it leads elsewhere."""
         if goal is not None and spoken.jump is None:
             self._go(*goal)
         elif spoken.call is not None:
@@ -826,31 +838,40 @@ class Interpreter:
         first = outer if outer is not None else numbers[0]
         if len(numbers) > (2 if outer is not None else 1):
             raise ProgramError(1232, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
-        before, after = list(spoken.pre), list(spoken.post)
-        spoken.pre, spoken.post = before, []
-        stop, spoken.stop = spoken.stop, Stop.NONE
-        motion = self._modal
-        for count, move in enumerate(self._moves(first, inner, targets or {}, spoken)):
-            if count >= MOST_MOVES:
-                raise ProgramError(8006, f"more than {MOST_MOVES} moves")
+        after, stop = list(spoken.post), spoken.stop
+        spoken.post, spoken.stop = [], Stop.NONE
+        moves = _Moves(self._cycles, first, self._call_of(targets or {}, inner))
+        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal)
+        self._go_on_with(self._cycle_now)
+        while self._supervises and self._cycle_now is not None:
+            if self._cycle_now.moves.made >= MOST_KEPT:
+                raise ProgramError(8006, f"more than {MOST_KEPT} moves under supervision")
+            self._go_on_with(self._cycle_now)
+
+    def _go_on_with(self, cycle: _Cycle) -> None:
+        """The next move of a cycle, or its end."""
+        spoken = cycle.spoken
+        move = next(cycle.moves, None)
+        if move is not None:
             self._move(move, spoken)
             spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = [], {}, (), None
-        self._modal = motion
-        spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = after, stop, None, None
+            return
+        self._cycle_now, self._modal = None, cycle.modal
+        spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = cycle.post, cycle.stop, None, None
         self._emit(spoken, (), main=spoken.main)
         self._after(spoken)
 
-    def _moves(self, number: int, inner: int | None, targets: Mapping[int, float], spoken: _Spoken) -> Iterator[Move]:
-        """A cycle's moves; at each place of a pattern the moves of the machining cycle."""
-        function = self._cycles[number]
-        call = self._call_of(targets, inner)
-        for move in function(call):  # type: ignore[operator]
-            yield move
-            if move.cycle is not None:
-                plane, place = self._frame.plane, self._program_position
-                here = {axis: place[axis] for axis in (plane.first, plane.second)}
-                within = replace(call, position=place, words=here, inner=None)
-                yield from self._cycles[move.cycle](within)  # type: ignore[operator]
+    def _next_of_cycle(self, cycle: _Cycle) -> PathBlock:
+        """The block of a cycle's next move; with its end, what else its block does."""
+        try:
+            self._go_on_with(cycle)
+            if self._cycle_now is None:
+                self._conclude(cycle.goal, cycle.spoken, cycle.level)
+        except ProgramError:
+            self._cycle_now = None
+            cycle.level.place -= 1
+            raise
+        return self._ready.popleft()
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters
@@ -995,6 +1016,54 @@ class Interpreter:
         if frame != self._frame:
             self._frame = frame
             self._program_position = frame.program(self._position)
+
+
+class _Moves(Iterator[Move]):
+    """Moves of a cycle, one after the other; at each place of a pattern those of the machining cycle.
+
+    Cycles are pure functions: a copy begins anew and leaves out what has been.
+    """
+
+    def __init__(self, cycles: Mapping[int, object], number: int, call: Call) -> None:
+        self._cycles, self._number, self._call = cycles, number, call
+        self.made = 0
+        self._rest: Iterator[Move] | None = None
+
+    def __next__(self) -> Move:
+        if self._rest is None:
+            self._rest = islice(self._all(), self.made, None)
+        move = next(self._rest)
+        self.made += 1
+        return move
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_rest": None}
+
+    def _all(self) -> Iterator[Move]:
+        call = self._call
+        place = call.position
+        for move in self._cycles[self._number](call):  # type: ignore[operator]
+            yield move
+            place = tuple(move.target.get(axis, value) for axis, value in enumerate(place))
+            if move.cycle is not None:
+                here = {axis: place[axis] for axis in (call.plane.first, call.plane.second)}
+                within = replace(call, position=place, words=here, inner=None)
+                for step in self._cycles[move.cycle](within):  # type: ignore[operator]
+                    yield step
+                    place = tuple(step.target.get(axis, value) for axis, value in enumerate(place))
+
+
+@dataclass
+class _Cycle:
+    """A cycle that is being carried out: what its block has said, and what comes at the end of it."""
+
+    spoken: _Spoken
+    level: _Level
+    moves: _Moves
+    post: list[Machine]
+    stop: Stop
+    modal: Modal
+    goal: tuple[str, int] | None = None
 
 
 @dataclass

@@ -22,6 +22,10 @@ __all__ = ["Bwo900Language", "create"]
 
 END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
+AXES: Final = ("X", "Y", "Z")
+PER_MM: Final = 1000.0
+MOVE: Final = 9_999
+"""The program that `move` writes."""
 NUMBER: Final = 1
 """Of a program whose file does not say its number."""
 
@@ -92,8 +96,13 @@ class Bwo900Language:
         return [_file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """A program of one block."""
-        raise LanguageError("a BWO 900 moves by programs: run a program file")
+        """A program of one line, and its start. A count is a thousandth of a millimetre, as P12012 is delivered."""
+        if len(target) > len(AXES):
+            raise LanguageError(f"{len(target)} axes; there are {', '.join(AXES)}")
+        words = " ".join(f"{axis}{count / PER_MM:.3f}" for axis, count in zip(AXES, target, strict=False))
+        feed = settings.speed_hz / PER_MM * 60.0
+        program = _file([f"P{MOVE}", f"N10 G90 G1 F{feed:.3f} {words}", "N20 M30"])
+        return [program, _file(["D", f"K1:P8800: {MOVE}", "K1:P8683: 2", "K1:P8684: 1"])]
 
     def break_off(self) -> bytes:
         """Abort."""

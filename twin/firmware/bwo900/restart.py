@@ -1,8 +1,8 @@
 """Restart at the contour: a program that was broken off goes on at the block it was broken off in (manual 8.5, P8804).
 
     P8802, P8803   program and block that were broken off, written by the control
-    P8804 = 1      Start analyses the program up to there without moving, drives to the beginning of that block in rapid,
-                   and goes on; P8804 is 0 again
+    P8804 = 1      Start analyses the program up to there without moving, drives to the beginning of that block in
+                   rapid, and goes on; P8804 is 0 again
 
 A block of a cycle is begun at the beginning of the cycle. M functions on the way are not sent: the bits of the table
 that say which are to be are lost with the manual's picture.

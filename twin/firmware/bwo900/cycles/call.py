@@ -48,8 +48,8 @@ class Call:
 
     parameters: P numbers that have a value (a deleted one is missing). position: in program coordinates, before the
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
-    mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 the spindle stands. motion: 0, 1, 2, 3,
-    of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
+    mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 the spindle stands. motion:
+    0, 1, 2, 3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
     """
 
     parameters: Mapping[int, float]

@@ -26,6 +26,8 @@ __all__ = ["boring", "deep_hole", "drilling", "strokes", "tapping"]
 
 SAFETY_MM: Final = 1.0
 """P38 where it is not programmed."""
+MOST: Final = 10_000
+"""Strokes of a hole; more is a slip in a parameter (M8036)."""
 RIGHT, LEFT, STOP = 3, 4, 5
 """M functions of the spindle."""
 
@@ -65,14 +67,16 @@ def strokes(call: Call, depth: float, approach: float) -> list[float]:
     whole = depth - approach
     if call.given(39) is None:
         count = int(abs(call.needed(36, 8036)))
-        if count < 1:
-            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 and more")
+        if not 1 <= count <= MOST:
+            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 to {MOST}")
         return [approach + whole * number / count for number in range(1, count + 1)]
     less, stroke = abs(call.needed(36, 8036)), abs(call.needed(37, 8037))
     if not less:
         raise ProgramError(8036, "P36 is 0: strokes would never end")
     if not stroke:
         raise ProgramError(8037, "P37 is 0")
+    if abs(whole) > MOST * less:
+        raise ProgramError(8036, f"P36 is {less:g}: more than {MOST} strokes to {abs(whole):g} mm")
     sign = 1.0 if whole > 0 else -1.0
     left, at, ends = abs(whole), approach, list[float]()
     while left > 0.0:

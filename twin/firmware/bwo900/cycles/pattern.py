@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 from isel_twin.firmware.bwo900.cycles.call import Call, Kind, Move
@@ -56,12 +57,10 @@ def perimeter(call: Call) -> Iterator[Move]:
     begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
     yield from _words(call)
     n, m = max(first.count, 1), max(second.count, 1)
-    places = [(i, 0) for i in range(n)] + [(n - 1, j) for j in range(1, m)]
-    if m > 1:
-        places += [(i, m - 1) for i in range(n - 2, -1, -1)]
-    if n > 1:
-        places += [(0, j) for j in range(m - 2, 0, -1)]
-    for i, j in places:
+    along, across = ((i, 0) for i in range(n)), ((n - 1, j) for j in range(1, m))
+    back = ((i, m - 1) for i in range(n - 2, -1, -1)) if m > 1 else ()
+    home = ((0, j) for j in range(m - 2, 0, -1)) if n > 1 else ()
+    for i, j in chain(along, across, back, home):
         yield _place(call, begin, _sum(first, i, second, j), bool(first.count and second.count))
 
 
@@ -85,10 +84,10 @@ def circle(call: Call) -> Iterator[Move]:
     start = math.fmod(call.needed(123, 8123), 360.0)
     travel, count = _circle_places(call)
     kind = {2: Kind.CLOCKWISE, 3: Kind.COUNTER_CLOCKWISE}.get(call.motion, Kind.RAPID)
-    angles = [start + travel * number / (count - 1) for number in range(count)] if count > 1 else [start + travel]
     yield from _words(call)
-    for number, angle in enumerate(angles):
-        place = _on_circle(centre, radius, angle)
+    for number in range(max(count, 1)):
+        share = number / (count - 1) if count > 1 else 1.0
+        place = _on_circle(centre, radius, start + travel * share)
         if number and kind is not Kind.RAPID:
             yield _move(call, kind, place, count > 0, centre=centre, feed=call.rapid_mm_min)
         else:
