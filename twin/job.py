@@ -22,7 +22,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING
@@ -81,7 +81,7 @@ class Line:
     expected: Expected | None = None
     condition: Condition | None = None
     source: str = ""
-    """The line as it stands in the file, and where what is parsed of its condition begins in it; of a program the file."""
+    """The line as it stands in the file, of a program the whole file; and where what is parsed of its condition begins."""
     begin: int = 0
     program: bool = False
     """It loads or runs a program: see RunsPrograms."""
@@ -253,7 +253,7 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
     scale = twin.step_mm.tolist()
     language = twin.language
-    places = language.lines(line.source) if isinstance(language, RunsPrograms) else {}
+    places: Mapping[str, int] = language.lines(line.source) if isinstance(language, RunsPrograms) else {}
 
     def at(name: str, column: int) -> tuple[int, int] | None:
         return (places[name], column) if name in places else None

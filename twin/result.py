@@ -22,7 +22,7 @@ class Part:
     """Axes of the plane in which the step cuts, and the radius of its tool, 0 if it cuts nothing or nobody knows."""
     tool_mm: float = 0.0
     at: tuple[int, int] | None = None
-    """Line and column of the file where it stands, or where what is remarked is to be looked for; None: nowhere in it."""
+    """Line and column of the file where it stands, or where to look for what is remarked; None: nowhere in it."""
 
 
 @dataclass(frozen=True)

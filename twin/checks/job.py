@@ -286,8 +286,8 @@ def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> 
 
 
 def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
-    """With its place in the file, if it is about a line that runs a program: where the controller says, or what was made
-    then."""
+    """With its place in the file, if it is about a line that runs a program: where the controller says it is wrong, or
+    the step that was made then."""
     result = next((one for one in results if one.number == finding.line and one.parts), None)
     if result is None:
         return finding
