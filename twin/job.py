@@ -81,7 +81,7 @@ class Line:
     expected: Expected | None = None
     condition: Condition | None = None
     source: str = ""
-    """The line as it stands in the file, of a program the whole file; and where what is parsed of its condition begins."""
+    """The line as it stands in the file, of a program all of it; and where what is parsed of its condition begins."""
     begin: int = 0
     program: bool = False
     """It loads or runs a program: see RunsPrograms."""
