@@ -33,7 +33,7 @@ from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Parameters, byte
 from isel_twin.firmware.bwo900.programs import Program, Store
 from isel_twin.firmware.bwo900.syntax import Assign, Block, MWord, Word
-from isel_twin.firmware.bwo900.tools import Tools
+from isel_twin.firmware.bwo900.tools import Tools, told
 
 __all__ = ["DEEPEST_CALLS", "Interpreter", "Waiting"]
 
@@ -47,6 +47,8 @@ ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 CENTRES: Final = "IJK"
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+CYCLE_PARAMETERS: Final = (*range(10, 40), *range(100, 160))
+"""P that a cycle is told, as they are when it begins."""
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
 STAYING, ADDRESSED = 0x01, 0x02
@@ -370,7 +372,9 @@ class Interpreter:
     # Parameters
 
     def parameter(self, area: str, number: int, channel: int) -> float:
-        """See expressions.Environment."""
+        """See expressions.Environment; records of tools say T0 where there has never been one."""
+        if area == "P" and channel == 1 and told(number):
+            return self._parameters.get(number)
         return self._parameters.read(area, number, channel)
 
     def symbol(self, name: str, index: int) -> float:
@@ -863,7 +867,9 @@ class Interpreter:
         after, stop = list(spoken.post), spoken.stop
         spoken.post, spoken.stop = [], Stop.NONE
         moves = _Moves(self._cycles, first, self._call_of(targets or {}, inner))
-        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal)
+        plane = self._frame.plane
+        comes = outer == 89 or (outer is not None and not {plane.first, plane.second}.isdisjoint(targets or {}))
+        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal, comes)
         self._go_on_with(self._cycle_now)
         while self._supervises and self._cycle_now is not None:
             if self._cycle_now.moves.made >= MOST_KEPT:
@@ -875,8 +881,11 @@ class Interpreter:
         spoken = cycle.spoken
         move = next(cycle.moves, None)
         if move is not None:
+            pre: list[Machine] = []
+            if cycle.comes and cycle.moves.made == 1:
+                pre, spoken.pre = spoken.pre, []
             self._move(move, spoken)
-            spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = [], {}, (), None
+            spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = pre, {}, (), None
             return
         self._cycle_now, self._modal = None, cycle.modal
         spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = cycle.post, cycle.stop, None, None
@@ -897,7 +906,7 @@ class Interpreter:
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters
-        loaded = {number: p.get(number) for number in range(500) if p.loaded(number)}
+        loaded = {number: p.get(number) for number in CYCLE_PARAMETERS if p.loaded(number)}
         return Call(
             parameters=loaded,
             position=self._program_position,
@@ -1091,6 +1100,8 @@ class _Cycle:
     post: list[Machine]
     stop: Stop
     modal: Modal
+    comes: bool
+    """Its first move only comes to where a pattern begins: functions before the path wait for that."""
     goal: tuple[str, int] | None = None
 
 
