@@ -239,6 +239,8 @@ def too_large(corners: list[tuple[float, float]], side: str, radius: float) -> b
         (ax, ay), (bx, by), (cx, cy) = corners[k - 1], corners[k], corners[(k + 1) % count]
         turn = math.atan2((bx - ax) * (cy - by) - (by - ay) * (cx - bx), (bx - ax) * (cx - bx) + (by - ay) * (cy - by))
         taken.append(max(radius * math.tan(sign * turn / 2.0), 0.0))
+    if max(taken[:2]) > math.dist(*corners[:2]) / 2.0 - 1e-6:
+        return True  # it begins and ends in the middle of the first edge
     return any(
         taken[k] + taken[(k + 1) % count] > math.dist(corners[k], corners[(k + 1) % count]) - 1e-6 for k in range(count)
     )
