@@ -169,3 +169,18 @@ def test_without_supply_no_key_is_heard() -> None:
     bench.ask(key={"mode": "auto"})
     bench.ask(brownout=False)
     assert bench.ask(state=True)["keys"]["mode"] == "hand"
+
+
+def test_the_potentiometer_of_a_card_is_a_key_too() -> None:
+    """20 mm at 20000 Hz take 1 s, and at half of it 2 s: once `o1` has switched the potentiometer on."""
+    times = []
+    for percent in (100, 50):
+        twin = Twin("4030-servo", "gmi99", plant="kinematic", start_mm=START_MM)
+        for text in ("Q7;1", "M40000", "B1000", "f20000", "o1"):
+            assert twin.query(text) == "E5"
+        twin.press("override", percent)
+        assert twin.key_values == {"override": percent}
+        began_ns = twin.time_ns
+        twin.query("81h 20000")
+        times.append((twin.time_ns - began_ns) / 1e9)
+    assert times == pytest.approx([1.0, 2.0], abs=0.06)

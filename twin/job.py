@@ -22,7 +22,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING
@@ -81,7 +81,7 @@ class Line:
     expected: Expected | None = None
     condition: Condition | None = None
     source: str = ""
-    """The line as it stands in the file, and where what is parsed of its condition begins in it."""
+    """The line as it stands in the file, of a program all of it; and where what is parsed of its condition begins."""
     begin: int = 0
     program: bool = False
     """It loads or runs a program: see RunsPrograms."""
@@ -116,7 +116,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
     Only text that has to be framed needs the language.
     """
     if isinstance(language, RunsPrograms) and (steps := language.job(text)) is not None:
-        return [Line(number, step, (data,), program=True) for number, (step, data) in enumerate(steps, 1)]
+        return [Line(number, step, (data,), source=text, program=True) for number, (step, data) in enumerate(steps, 1)]
     lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
         told = _COMMENT.sub("", raw)
@@ -223,7 +223,7 @@ def play(
         took_ns = twin.time_ns - time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
         accepted = language is None or language.accepted(line.sent, reply)
-        parts = _parts(twin, said) if line.program else ()
+        parts = _parts(twin, line, said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
@@ -247,11 +247,17 @@ def play(
             return
 
 
-def _parts(twin: Twin, before: tuple[int, str] | None) -> tuple[Part, ...]:
+def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part, ...]:
     """Steps of a program, each with the place that it ends at, and what was said since the remark `before`."""
     steps = list(twin.steps_made)
     ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
     scale = twin.step_mm.tolist()
+    language = twin.language
+    places: Mapping[str, int] = language.lines(line.source) if isinstance(language, RunsPrograms) else {}
+
+    def at(name: str, column: int) -> tuple[int, int] | None:
+        return (places[name], column) if name in places else None
+
     parts = [
         Part(
             step.t_ns,
@@ -259,11 +265,14 @@ def _parts(twin: Twin, before: tuple[int, str] | None) -> tuple[Part, ...]:
             tuple(count * mm for count, mm in zip(end, scale, strict=False)),
             step.plane,
             step.tool_mm,
+            at(step.name, 1),
         )
         for step, end in zip(steps, ends, strict=False)
     ]
+    new = reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks))))
     said = [
-        Part(*remark) for remark in reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks))))
+        Part(time_ns, text, at=at(*language.place(text)) if isinstance(language, RunsPrograms) else None)
+        for time_ns, text in new
     ]
     return tuple(sorted(parts + said, key=lambda part: part.time_ns))
 

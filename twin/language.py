@@ -257,6 +257,12 @@ class RunsPrograms(Protocol):
     def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
         """What is sent to run a text that is a program: what each step is called, and its bytes. None: it is a job."""
 
+    def lines(self, text: str) -> Mapping[str, int]:
+        """Line of such a text, from 1, of each step, by the name that the controller gives it (`Step.name`)."""
+
+    def place(self, said: str) -> tuple[str, int]:
+        """The step that a remark of the controller is about, and the column there, from 1; "" and 0: none."""
+
 
 @runtime_checkable
 class LoadsPlc(Protocol):

@@ -21,6 +21,8 @@ class Part:
     plane: tuple[int, int] = (0, 1)
     """Axes of the plane in which the step cuts, and the radius of its tool, 0 if it cuts nothing or nobody knows."""
     tool_mm: float = 0.0
+    at: tuple[int, int] | None = None
+    """Line and column of the file where it stands, or where to look for what is remarked; None: nowhere in it."""
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def test_the_table_has_a_row_a_block(program, capsys) -> None:
 def test_a_check_names_the_block(program, capsys, tmp_path: Path) -> None:
     junit = tmp_path / "checks.xml"
     assert call("check", program(ARC), *CONTROL, "--junit", junit) == 1
-    assert "refused    line 3" in capsys.readouterr().out
+    assert "refused    line 4, column 16" in capsys.readouterr().out
     assert "start P1: M1238 P1 N30 column 16: centre does not fit" in junit.read_text()
 
 
@@ -132,3 +132,20 @@ def test_the_report_draws_the_tool_as_wide_as_it_is_in_the_plane_it_cuts_in(
     (x0, mm0), *_, (x1, mm1) = [(float(x), float(mm)) for x, mm in ticks]
     assert wide == pytest.approx(6.0 * (x1 - x0) / (mm1 - mm0), rel=0.01)
     assert "<td class='code command'>P1 N30 G1" in text
+
+
+def test_what_a_check_finds_stands_at_its_line_and_column_of_the_file(program, capsys, tmp_path: Path) -> None:
+    """N30 is line 6 of the file: blank lines count."""
+    file, found = program("\nP1\n\n" + ARC.removeprefix("P1\n")), tmp_path / "found.sarif"
+    assert call("check", file, *CONTROL, "--sarif", found) == 1
+    assert "line 6, column 16" in capsys.readouterr().out
+    results = json.loads(found.read_text())["runs"][0]["results"]
+    regions = {one["ruleId"]: one["locations"][0]["physicalLocation"]["region"] for one in results}
+    assert regions == {"refused": {"startLine": 6, "startColumn": 16}, "fault": {"startLine": 6, "startColumn": 16}}
+
+
+def test_what_happens_in_a_block_stands_at_its_line(program, capsys) -> None:
+    """The axis runs into its switch in N20, line 3."""
+    assert call("check", program("P1\nN10 G1 F1200\nN20 X2000\nN30 M30\n"), *CONTROL, "--json") == 1
+    (report,) = (json.loads(line) for line in capsys.readouterr().out.splitlines() if '"findings"' in line)
+    assert {one["rule"]: one["line"] for one in report["findings"]} == {"switch": 3, "refused": 3, "fault": 3}

@@ -29,6 +29,8 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def where(finding: Finding) -> str:
     """Place of a finding in words."""
     line = "" if finding.line is None else f"line {finding.line}"
+    if finding.at is not None:
+        line = f"line {finding.at[0]}, column {finding.at[1]}"
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
     return ", ".join(part for part in (line, time) if part)
 
@@ -100,7 +102,8 @@ def _location(report: Report, finding: Finding) -> dict[str, Any]:
     path = Path(report.job)
     uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
     location: dict[str, Any] = {"artifactLocation": {"uri": uri}}
-    location["region"] = {"startLine": finding.line or 1}
+    line, column = finding.at or (finding.line or 1, 0)
+    location["region"] = {"startLine": line, **({"startColumn": column} if column else {})}
     return location
 
 
@@ -110,7 +113,7 @@ def as_json(report: Report) -> str:
         {
             "rule": finding.rule,
             "level": "warning" if finding.warning else "error",
-            "line": finding.line,
+            "line": finding.line if finding.at is None else finding.at[0],
             "time_s": None if finding.time_ns is None else finding.time_ns / SECOND_NS,
             "message": finding.message,
         }
@@ -126,7 +129,11 @@ def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
     for report in reports:
         for finding in report.findings:
             kind = "warning" if finding.warning else "error"
-            values = {"file": report.job, "line": str(finding.line or 1), "title": f"isel-twin {finding.rule}"}
+            values = {
+                "file": report.job,
+                "line": str((finding.at or (finding.line or 1,))[0]),
+                "title": f"isel-twin {finding.rule}",
+            }
             place = ",".join(f"{key}={_escaped(value, ':,')}" for key, value in values.items())
             yield f"::{kind} {place}::{_escaped(finding.message)}"
 

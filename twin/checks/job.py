@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -99,6 +99,8 @@ class Finding:
     line: int | None = None
     """Of the job; None: the job as a whole."""
     time_ns: int | None = None
+    at: tuple[int, int] | None = None
+    """Line and column of the file, if its lines are not those of the job: in a program of the controller's own."""
 
     @property
     def warning(self) -> bool:
@@ -245,6 +247,7 @@ class Inspection:
         run = Golden.of({}, self._moves, verdict)
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        findings = [_placed(finding, self.results) for finding in findings]
         return Report(job, _few(findings), verdict, run, tuple(self._scribe.spans_ns))
 
 
@@ -280,6 +283,19 @@ def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> 
     wanted = (f"{name} == struck", f"input.{name} == struck")
     said = [" ".join(result.command.strip("! \t").split()) for result in results if result.condition and result.ok]
     return finding.rule == "switch" and any(text in wanted for text in said)
+
+
+def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
+    """With its place in the file, if it is about a line that runs a program: where the controller says it is wrong, or
+    the step that was made then."""
+    result = next((one for one in results if one.number == finding.line and one.parts), None)
+    if result is None:
+        return finding
+    parts = [part for part in result.parts if part.at is not None]
+    said = [part for part in parts if not part.position_mm] if finding.rule in ("refused", "fault") else []
+    made = [part for part in parts if finding.time_ns is None or part.time_ns <= finding.time_ns]
+    found = (said or made or parts)[-1:]
+    return replace(finding, at=found[0].at) if found else finding
 
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:

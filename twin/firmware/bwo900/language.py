@@ -119,6 +119,25 @@ class Bwo900Language:
         start = _file(["D", f"K1:P8800: {first[1:]}", "K1:P8683: 2", "K1:P8684: 1"])
         return [*steps, ("reference", self.reference()[0]), (f"start {first}", start)]
 
+    def lines(self, text: str) -> Mapping[str, int]:
+        """See RunsPrograms."""
+        found: dict[str, int] = {}
+        name = ""
+        for number, line in enumerate(text.splitlines(), 1):
+            word = line.strip()
+            if program := program_name(word):
+                name = program
+            elif word == END:
+                name = ""
+            elif block := re.match(r"/?\s*N\s*(\d+)", word):
+                found.setdefault(f"{name or f'P{NUMBER}'} N{int(block[1])}", number)
+        return found
+
+    def place(self, said: str) -> tuple[str, int]:
+        """See RunsPrograms."""
+        found = re.match(r"M\d+ ([PZ]\d+ N\d+)(?: column (\d+))?", said)
+        return ("", 0) if found is None else (found[1], int(found[2] or 1))
+
 
 def _programs(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """The programs of a file, each with its blocks."""

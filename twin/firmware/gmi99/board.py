@@ -130,7 +130,8 @@ class Board:
         self.analog_drives = 0
         """Drives whose analog output leaves the image (FB 254.8)."""
         self.contact_loss_reported = True
-        self._pot = override_pot_percent
+        self.pot_percent = override_pot_percent
+        """Where the potentiometer stands."""
         self._levels: dict[tuple[int, int], int] = {}
         """Outputs of the drives as they are, by byte and bit."""
         self.images = Images(self._output_changed)
@@ -247,7 +248,7 @@ class Board:
             return 100
         if self.override_given is not None:
             return self.override_given
-        return self._pot if self.override_external is None else self.override_external
+        return self.pot_percent if self.override_external is None else self.override_external
 
     @property
     def enable_missing(self) -> bool:

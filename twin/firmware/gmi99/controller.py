@@ -9,9 +9,10 @@ Everything that takes time goes on in `_settle`, after whatever has happened.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal
 
-from isel_twin.controller import DriveInput, Drives, Event, Reply, SerialFormat
+from isel_twin.controller import DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
 from isel_twin.firmware.gmi99 import images, link, queries
 from isel_twin.firmware.gmi99.commands import Kind, command_of, parse
 from isel_twin.firmware.gmi99.device import OUTPUT_NAMES, Card
@@ -20,6 +21,7 @@ from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.motion import SetPointRun
+from isel_twin.parameters import Limits
 
 BUFFER_FULL = 0x08
 ABORT, STATUS, SPINDLE_SPEED, OVERRIDE = 0, 1, 8, 9
@@ -29,10 +31,13 @@ _SETTLES = 10_000
 
 
 class Gmi99:
-    """Implements isel_twin.controller.Controller, UsesDrives and NamesOutputs."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
 
     direction = (1,) * SLOTS
     output_names: Sequence[str] = OUTPUT_NAMES
+    keys: Mapping[str, Key] = MappingProxyType(
+        {"override": Key("the potentiometer; after o1", Limits("%", 0, OVERRIDE_LIMIT, whole=True))}
+    )
 
     def __init__(
         self,
@@ -104,6 +109,16 @@ class Gmi99:
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         self._card.now_ns = t_ns
         self._card.drives.set_input(terminal, level)
+        self._card.path.speeds_changed()
+        self._settle()
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        return {"override": self._card.pot_percent}
+
+    def press(self, t_ns: int, name: str, value: KeyValue) -> None:
+        self._card.now_ns = t_ns
+        self._card.pot_percent = int(value)
         self._card.path.speeds_changed()
         self._settle()
 
