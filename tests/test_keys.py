@@ -47,7 +47,8 @@ def test_a_program_is_chosen_started_stopped_and_ends_where_it_says() -> None:
     operate(twin)
     assert twin.counts.tolist() == [60_000, 20_000, 0]
     assert twin.key_values == {
-        "mode": "auto", "override": 50.0, "skip": True, "program": 3, "block": 0, "axis": "x", "step": 0.0, "move": "off"
+        "mode": "auto", "override": 50.0, "skip": True, "program": 3, "block": 0,
+        "axis": "x", "step": 0.0, "move": "off",
     }  # fmt: skip
     assert not twin.remarks
 
