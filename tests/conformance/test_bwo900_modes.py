@@ -176,6 +176,27 @@ def test_emergency_stop() -> None:
     assert (mm(desk), said(desk)) == (there, [3001])
 
 
+@shows("bwo900-9.5-15")
+def test_a_workspace_that_vanishes_is_a_message() -> None:
+    desk = fresh("P1|N10 G54 G0 X5 M00|N20 X6|N30 M30", p8555=1)
+    start(desk)
+    desk.run(3.0)
+    desk.send(parameters(p8555=9, p8684=1))
+    desk.finish()
+    assert said(desk) == [1240]
+
+
+@pytest.mark.parametrize(
+    "name", ["p12004", "p12008", "p12012", "p12013", "p12016", "p12020", "p8815", "p8816", "p8818"]
+)
+@shows("bwo900-8.7-2")
+def test_parameters_that_make_no_sense_mean_their_defaults(name: str) -> None:
+    desk = fresh("P1|N10 G0 X5|N20 G1 F1000 Y5|N30 M30", **{name: -5})
+    start(desk)
+    desk.finish()
+    assert mm(desk) == (5.0, 5.0, 0.0)
+
+
 @shows("bwo900-9.7-2")
 def test_limit_switches() -> None:
     desk = fresh("P1|N10 G1 F3000 X900|N30 M30")

@@ -626,6 +626,16 @@ def test_corner_arcs_by_angle(threshold: float | None, turned: float, arcs: int)
     assert sum(isinstance(element, Arc) for element in elements(text, threshold)) == arcs
 
 
+@shows("bwo900-7.3-1")
+@pytest.mark.parametrize(("g", "side"), [("G41", 1.0), ("G42", -1.0)])
+@pytest.mark.parametrize("way", [("X30", "X20"), ("Y30", "Y20")])
+def test_the_way_back_is_an_outer_corner(g: str, side: float, way: tuple[str, str]) -> None:
+    made = elements(f"N10 F500 tr:2|N20 {g} G1 X10 Y10|N30 {way[0]}|N40 {way[1]}|N60 M30")
+    assert isinstance(made[2], Arc)
+    assert math.degrees(made[2].sweep_rad) == pytest.approx(-180.0 * side)
+    assert made[2].radius_mm == pytest.approx(2.0)
+
+
 @shows("bwo900-7.3-4")
 def test_changing_sides_inserts_an_arc() -> None:
     made = elements("N10 F500 tr:2|N20 G41 G1 X10|N30 X30|N40 G42 X50 Y10|N50 X70 Y20|N60 M30")

@@ -133,6 +133,7 @@ def test_symbols() -> None:
     done = analysed("N10 _test1::=12|N20 _test2:=10|N30 G00 X:_test1 Y:_test2|N40 M30", p12=4)
     assert done.points == [(4.0, 10.0, 0.0)]
     assert refused("N10 _" + "a" * 31 + ":=1").number == 1211
+    assert refused("N10 _a[3]:=1").number == 1307
 
 
 @shows("bwo900-3.6-22")
@@ -289,6 +290,12 @@ def test_measuring_stop() -> None:
     desk.finish()
     assert mm(desk)[0] == 50.0
     assert refused("N10 G41 tr:1 G1 F100 X5|N20 X9 M00").number == 1232
+    desk = fresh("P1|N10 G0 Z5 M00|N20 Z6|N30 M30")
+    start(desk)
+    desk.run(3.0)
+    desk.send(parameters(p8161=3, p8684=1))
+    desk.finish()
+    assert mm(desk)[2] == 9.0
 
 
 @shows("bwo900-6.1-4", "bwo900-6.1-5")
@@ -319,6 +326,7 @@ def test_loops() -> None:
     assert done.parameters.get(1) == 12.0
     assert refused("N10 M25").number == 1217
     assert refused("N10 M24").number == 1218
+    assert refused("N10 M24.2 M23.10").number == 1218
 
 
 @shows("bwo900-6.1-11")

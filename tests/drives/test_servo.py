@@ -25,7 +25,7 @@ from scipy import signal
 from isel_twin.cli.motor import motor as motor_command
 from isel_twin.drives import Screw
 from isel_twin.drives.dynamics import stored_energy_j
-from isel_twin.drives.servo import LAG_FAULT, cool, forget, servo_parameters, step_servo
+from isel_twin.drives.servo import LAG_FAULT, cool, forget, servo_parameters, servo_torque, step_servo
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.servo_report import servo_table
 from isel_twin.drives.shaft import axis_states
@@ -201,6 +201,32 @@ def test_what_i2t_becomes_in_a_rest_is_what_it_becomes_sub_step_by_sub_step():
     rotor.stay(80_000 * DT)
     assert told == pytest.approx(0.7 * math.exp(-80_000 * DT / 4.0), rel=1e-9)
     assert rotor.s["heat"][0] == pytest.approx(told, rel=1e-9)
+
+
+def steadiness(rotor: Rotor, command: float, substeps: int) -> list[bool]:
+    """Whether each sub-step says that the ones behind it will be the same."""
+    said = []
+    for _ in range(substeps):
+        said.append(bool(servo_torque(rotor.p[0], rotor.s[0], command, ON)[2]))
+        rotor.stay(rotor.dt_s, command)
+    return said
+
+
+def test_it_says_that_nothing_will_change_at_rest_only():
+    """At rest where it was told, in position: always, and nothing changes; with a step, or as long as I2t holds the
+    current down: never."""
+    rotor = Rotor()
+    rotor.stay(0.1)
+    before = rotor.s.copy()
+    assert steadiness(rotor, 0.0, 40) == [True] * 40
+    for name in before.dtype.names:
+        assert name == "due" or np.array_equal(before[name], rotor.s[name], equal_nan=True), name
+    rotor.s["overloaded"], rotor.s["heat"] = 1, 0.99
+    assert steadiness(rotor, 0.0, 40) == [False] * 40
+    rotor = Rotor()
+    rotor.stay(0.1)
+    rotor.stay(20 * rotor.dt_s, 1000.0)
+    assert not any(steadiness(rotor, 1000.0, 200))
 
 
 def test_beyond_its_following_error_it_is_off_in_that_very_sub_step():

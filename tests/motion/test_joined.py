@@ -199,6 +199,22 @@ def test_a_hold_brakes_along_the_path_and_goes_on(k: int, sine: bool) -> None:
     assert np.array_equal(left.deltas(0, left.ticks), again.deltas(on, again.ticks))
 
 
+@pytest.mark.parametrize("sine", [False, True])
+def test_a_rest_that_is_held_before_it_has_begun_stays_where_it_is(sine: bool) -> None:
+    """In the middle of a piece, as often as one likes; and pieces may be appended to it meanwhile."""
+    held = plan([ALONG, ALONG], sine=sine).replanned(100, hold=True)
+    (x, y), left = held.displacement(held.ticks), held.remainder()
+    assert 0 < x < 20_000
+    for _ in range(3):
+        left = left.replanned(0, hold=True)
+        assert (left.ticks, left.displacement(0)) == (0, (0, 0))
+        left = left.replanned(0, append=pieces([ALONG]))
+        assert (left.ticks, left.displacement(0)) == (0, (0, 0))
+        left = left.remainder()
+    assert left.displacement(left.ticks) == (100_000 - x, -y)
+    assert left.replanned(0, hold=True).stopped(0).displacement(0) == (0, 0)
+
+
 def test_a_hold_in_the_first_half_of_a_sine_fall_to_a_corner_keeps_the_corner() -> None:
     parts = [ALONG, Part((0.0, 20_000.0), 20_000, 10_000, 50_000, 1000)]
     form = law(parts, sine=True)

@@ -77,9 +77,7 @@ def experiment(
     covariance = None if known is None else _known(known, unknowns)
     with call_errors():
         candidates = experiments.blocks(believed, controller, wanted, unknowns, seed)
-        choice = choose(
-            believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion
-        )
+        choice = choose(believed, controller, candidates, unknowns, blocks, known=covariance, criterion=criterion)
     made = experiments.assemble(name.name, choice.blocks, language)
     with call_errors():
         atomic_write(job, experiments.job_text(made, language).encode())

@@ -95,6 +95,11 @@ class Block:
             curves=tuple((j, curve) for j, curve in self.curves if j < count),
         )
 
+    def standing(self, piece: int, s: float, t_s: float) -> Block:
+        """With nothing but a phase that stands, from a time on, at place s of a piece."""
+        phases = np.array([[t_s, 0.0, s, s, 0.0, 0.0]])
+        return replace(self, phases=phases, piece=np.array([piece], np.int32), back=np.zeros(1, np.int8))
+
     def with_phases(self, row: int, piece: int, law: Law) -> Block:
         """With the first `row` phases, then those of a law that begins on this piece."""
         return replace(

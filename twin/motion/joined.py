@@ -266,6 +266,8 @@ class Joined:
         if not (self.held and new.held) or sharpness != 1:
             row, piece, law = new._braked(tail, state, sharpness) if new.held else new._laid(tail, state)
             tail = tail.with_phases(row, piece, law)
+        if not len(tail.phases) and len(tail.table):  # stands where it is, which may be in the middle of a piece
+            tail = tail.standing(state.piece, state.s, state.t_s if before else 0.0)
         return new._with(before, tail, k)
 
     def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
@@ -424,8 +426,6 @@ class Joined:
 
     def _with(self, before: tuple[Block, ...], tail: Block, k: int) -> Joined:
         """This plan with these blocks, the last one cut where nothing will change any more."""
-        if not len(tail.phases) and len(tail.table):
-            tail = replace(tail, phases=np.zeros((1, 6)), piece=np.zeros(1, np.int32), back=np.zeros(1, np.int8))
         row = int(tail.piece.searchsorted(tail.settled))
         if not self.held and BLOCK <= row < len(tail.piece) and tail.piece[row] == tail.settled:
             past, tail = tail.split(row)

@@ -232,6 +232,15 @@ def test_an_endless_loop_takes_its_time_and_can_be_aborted() -> None:
     assert desk.controller.idle
 
 
+def test_functions_do_not_pile_up() -> None:
+    desk = desk_with("P1|N10 M7 M23.10")
+    start(desk)
+    desk.run(3.0)
+    desk.send(parameters(p8705=1))
+    desk.run(1.0)
+    assert desk.controller.idle
+
+
 def test_functions_with_halt_wait_for_the_plc() -> None:
     desk = desk_with("P1|N10 G0 X10|N20 M6|N30 X20|N40 M30")
     start(desk)

@@ -14,11 +14,14 @@ from typing import Any, Final
 
 import pytest
 from firmware.bwo900.run import Analysed, programs
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.elements import Arc
-from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect, ProgramError
+from isel_twin.testing import Desk
 
 DRILL: Final = "N20 G56 G00 X0 Y0 Z100 S1200 F1500 M03 T01 M16"
 """First block of the manual's drilling examples."""
@@ -282,6 +285,23 @@ class TestPatterns:
         assert where == {7: (20.0, 20.0), 9: (110.0, 50.0)}
         codes = [f.code for b in program.blocks if b.number == 40 for f in (*b.pre, *b.post) if f.code in (3, 5)]
         assert codes == [3, 5] * 3, "those of the cycle at each place"
+
+    @pytest.mark.parametrize(
+        ("call", "first"),
+        [
+            ("G86 G85 X0 Y10", (0.0, 10.0)),
+            ("G88 G85 X0 Y10", (0.0, 10.0)),
+            ("G86 X0 Y10", (0.0, 10.0)),
+            ("G89 G85", (117.553, 35.451)),
+        ],
+    )
+    def test_the_beginning_is_that_of_the_block(self, call: str, first: tuple[float, float]) -> None:
+        parameters = "P100:90 P101:30 P106:3 P110:20 P111:40 P116:3 P120:70 P121:20 P122:100 P123:18 P124:120 P126:5"
+        program = pattern(f"{call} M07", parameters)
+        before = [[f.code for f in b.pre] for b in program.blocks if b.number == 40]
+        where = [b.start[:2] for b in program.blocks if b.number == 40]
+        number = next(k for k, codes in enumerate(before) if 7 in codes)
+        assert where[number] == pytest.approx(first, abs=6e-4)
 
     def test_pockets_at_places(self) -> None:
         program = analysed("""
@@ -625,13 +645,69 @@ class TestToolChange:
 
     def test_z6_goes_to_the_place_of_change(self) -> None:
         text = f"P1\nN10 T2 M06\nN20 G00 X0 Y0\nN30 T2 M06\nN40 T1 M06\nN50 M30\n{self.LONG}"
-        program = Analysed(text, p8100=0, **TOOLS)
+        program = Analysed(text, **TOOLS)
         assert [p[:2] for p in program.points] == [(1000, 300), (0, 0), (1000, 300)], "the same tool: no change"
         assert program.parameters.get(8100) == 1
+
+    def test_z6_on_a_new_control(self) -> None:
+        """The manual's Z6 asks for P8100 of a control that has never had a tool: T0."""
+        desk = Desk.of("bwo900", carriage=(20_000, 20_000, 20_000))
+        cycle = self.LONG.replace("1000", "10").replace("300", "30").strip().splitlines()
+        tools = [f"K1:{name.upper()}: {value}" for name, value in TOOLS.items()]
+        for lines in (
+            ["P1", "N10 T2 M06", "N20 G00 X0 Y0", "N30 M30"],
+            cycle,
+            ["D", *tools],
+            ["D", "K1:P8683: 1", "K1:P12530: 1", "K1:P12330: 1", "K1:P12130: 1"],
+            ["D", "K1:P8800: 1", "K1:P8683: 2", "K1:P8684: 1"],
+        ):
+            desk.send("".join(f"{line.strip()}\r\n" for line in ("", *lines, "#")).encode() + b"\x04\r\n")
+            desk.finish()
+        assert desk.remarks == []
 
     def test_z5_runs_with_every_new_t(self) -> None:
         program = Analysed("P1\nN10 T2\nN20 G00 X1 M30\nZ5\nN10 P600:P8050\nN20 M30", **TOOLS)
         assert program.parameters.get(600) == 2
+
+
+SOUND: Final = {
+    11: 30, 12: 20, 13: 5, 14: 9, 15: 1, 16: 4, 17: 2, 18: 1, 19: 1, 20: 1, 21: 100, 30: 0.1, 32: 800, 33: 0, 34: 5,
+    35: 9, 36: 3, 37: 2, 38: 1, 39: 0, 100: 90, 101: 30, 106: 4, 110: 20, 111: 40, 116: 3, 120: 70, 121: 20, 122: 100,
+    123: 18, 124: 120, 126: 5,
+}  # fmt: skip
+"""Parameters with which every cycle does something."""
+VALUES: Final = st.sampled_from([None, 0, 1, -1, 2, 3, -4, 5.5, 10, 40, 200, -200, 360, 1e-6, 1e6, 123456.789])
+CYCLE_NUMBERS: Final = st.sampled_from(["G71", "G72", "G73", "G74", "G75", "G81", "G83", "G84", "G85"])
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    cycle=CYCLE_NUMBERS,
+    pattern=st.sampled_from(["", "", "G86", "G87", "G88", "G89"]),
+    changed=st.dictionaries(st.sampled_from([*SOUND, 31, 103, 104, 105, 113, 114, 115, 125]), VALUES, max_size=4),
+    plane=st.sampled_from(["G17", "G18", "G19"]),
+    words=st.sampled_from(["", "X1 Y2 Z3", "Z5", "X-3"]),
+    flags=st.sampled_from([0, 0x010000, 0x020000, 0x030000]),
+)
+def test_any_parameters_are_moves_or_a_message(
+    cycle: str, pattern: str, changed: dict[int, float | None], plane: str, words: str, flags: int
+) -> None:
+    first = f"N10 G00 {plane} T02 M06 F900 S100 M03"
+    text = f"{first}\nN20 {pattern} {cycle} {words}\nN30 X1 M30"
+    parameters = Analysed("N10 M30", **TOOLS, p8806=flags).parameters
+    for number, value in {**SOUND, **changed}.items():
+        parameters.write(number, value)
+    one = Interpreter(parameters, programs(text))
+    one.begin("P1", (0.0, 0.0, 0.0))
+    try:
+        for _ in range(100):
+            block = one.next()
+            if isinstance(block, PathBlock):
+                assert all(math.isfinite(x) for e in block.elements for x in e.end)
+            elif block is Waiting.EXECUTION:
+                one.executed()
+    except ProgramError as error:
+        assert error.number in MESSAGES  # noqa: PT017
 
 
 def test_every_message_of_cycles_has_a_text() -> None:

@@ -33,6 +33,8 @@ LED_MM: Final = 0.5 * FASTEST_MM_S * SAMPLE_S
 """The counter tells the set point that the drive is being led to in the next 2 ms: on the average half of that."""
 LOST_MM: Final = 0.1
 """Carriage against law: backlash 0.02 mm, what friction winds up, 30 N turning round at the drive, 0.06 mm."""
+WINDOW_MM: Final = math.sqrt(1.0 / 1000.0) + 0.01
+"""At an exact stop: the control's window (P12016 not set: root of an increment in mm), half of the backlash."""
 Places = NDArray[np.float64]
 
 
@@ -107,7 +109,7 @@ def test_the_carriage_follows_within_the_lag_of_the_law(name: str) -> None:
     assert np.abs(one.lag - expected).max() <= LED_MM
     assert np.abs(one.lag).max() == pytest.approx(FASTEST_MM_S / KV, rel=0.005), "v / Kv in rapid"
     assert beside(one.carriage, one.law).max() <= LOST_MM
-    assert np.abs(one.carriage[-1] - one.set_point[-1]).max() <= 0.02, "at the end there is backlash only"
+    assert np.abs(one.carriage[-1] - one.set_point[-1]).max() <= WINDOW_MM, "the end is an exact stop"
 
 
 def test_the_lag_while_milling() -> None:
@@ -133,7 +135,7 @@ def test_the_pockets_walls() -> None:
     assert np.abs(left[:, 0]).max() + 3.0 == pytest.approx(18.0, abs=LOST_MM)
     assert np.abs(left[:, 1]).max() + 3.0 == pytest.approx(12.0, abs=LOST_MM)
     assert np.hypot(right[:, 0] - 40.0, right[:, 1]).max() + 3.0 == pytest.approx(12.0, abs=LOST_MM)
-    assert low[:, 2].min() == pytest.approx(-3.0, abs=0.03)
+    assert low[:, 2].min() == pytest.approx(-3.0, abs=WINDOW_MM)
 
 
 def test_the_holes() -> None:
@@ -145,13 +147,13 @@ def test_the_holes() -> None:
     wanted = [(x0 + x, y0 + y) for x0, y0 in ((40, 40), (90, 60)) for x, y in fields]
     carriage = one.carriage[begun(one) :]
     z = carriage[:, 2]
-    deep = np.flatnonzero(z < 26.0 + 0.05)
+    deep = np.flatnonzero(z < 26.0 + 0.1)
     groups = np.split(deep, np.flatnonzero(np.diff(deep) > 100) + 1)
     places = [carriage[g[np.argmin(z[g])]] for g in groups]
     assert sorted((round(float(p[0])), round(float(p[1]))) for p in places) == sorted(wanted)
-    assert [p[2] for p in places] == pytest.approx([26.0] * 20, abs=0.03), "an exact stop at each depth"
+    assert [p[2] for p in places] == pytest.approx([26.0] * 20, abs=WINDOW_MM), "an exact stop at each depth"
     exact = [min(math.dist(p[:2], w) for w in wanted) for p in places]
-    assert max(exact) <= 0.03
+    assert max(exact) <= WINDOW_MM
 
 
 def distance(places: Places, corners: list[tuple[float, float]], circle: tuple[float, float, float, int]) -> Places:
@@ -197,8 +199,7 @@ def test_the_tool_keeps_its_radius_from_the_contour(
 
 
 def test_a_stop_ends_when_the_axes_are_there_however_time_is_cut() -> None:
-    """Exact stops are over when the drives are in position (10 increments for 20 ms, at most 0.2 s after a feed of
-    50 mm/s), not when somebody happens to look."""
+    """Exact stops are over when the axes are within their window, not when somebody happens to look."""
     program = b"\r\nP1\r\nN10 G00 G28 X10 F3000\r\nN20 G01 Y10\r\nN30 X0\r\nN40 Y0\r\nN50 M30\r\n#\r\n\x04\r\n"
     ends = []
     for pieces_s in (None, 0.0213):
@@ -218,5 +219,23 @@ def test_a_stop_ends_when_the_axes_are_there_however_time_is_cut() -> None:
                 twin.run_until(twin.time_ns + round(1e9 * pieces_s), lambda one=twin: one.idle)  # type: ignore[operator]
         ends.append((ended[0] - began, twin.counts.tolist(), twin.position_mm.tolist()))
     assert ends[0] == ends[1]
-    # Four ways of 10 mm with 400 mm/s^2: 2 sqrt(10 / 400) s each, then the lag, 20 ms in the window.
-    assert 4 * 0.316 + 4 * 0.02 < ends[0][0] / 1e9 < 4 * (0.316 + 0.3) + 0.1
+    # Four ways of 10 mm with 400 mm/s^2: 2 sqrt(10 / 400) s each, then what the lag takes.
+    assert 4 * 0.316 < ends[0][0] / 1e9 < 4 * (0.316 + 0.3) + 0.1
+
+
+def test_it_is_saved_and_restored_within_a_cycle() -> None:
+    def life(saved_at: int | None) -> tuple[int, list[int], list[float]]:
+        twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=START_MM)
+        twin.write(begin(twin, "pocket.nc")[-1])
+        for number in range(6):
+            twin.run(3.1)
+            if number == saved_at:
+                state = twin.save()
+                twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=START_MM)
+                twin.restore(state)
+        twin.run_until_idle()
+        return twin.time_ns, twin.counts.tolist(), twin.position_mm.tolist()
+
+    undisturbed = life(None)
+    assert undisturbed[1][:3] == [100_000, 60_000, 40_000]
+    assert [life(number) for number in (1, 4)] == [undisturbed] * 2

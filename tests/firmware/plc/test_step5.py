@@ -312,3 +312,61 @@ def test_a_code_that_is_none_stops_it_when_it_comes_there(code: str) -> None:
     processor = Processor(Program.of([Block("OB", 1, bytes.fromhex(code) + b"\x65\x00"[: 2 - len(code) % 2])]), {})
     with pytest.raises(Halt):
         processor.run("OB", 1, Memory(), Elements(), 0)
+
+
+CODES = """U M 6.0 : 80 06; O M 6.1 : 89 06; S M 6.2 : 92 06; = M 6.3 : 9b 06; UN M 6.4 : a4 06; ON M 6.5 : ad 06
+R M 6.6 : b6 06; U E 5.1 : c1 05; O E 5.1 : c9 05; S E 5.1 : d1 05; = A 5.1 : d9 85; UN E 5.1 : e1 05
+ON A 5.1 : e9 85; R A 5.1 : f1 85; U T 3 : f8 03; O T 3 : f9 03; UN T 3 : fc 03; ON T 3 : fd 03
+U Z 3 : b8 03; O Z 3 : b9 03; UN Z 3 : bc 03; ON Z 3 : bd 03; U( : ba 00; O( : bb 00; ) : bf 00
+O : fb 00; SI T 3 : 34 03; SV T 3 : 1c 03; SE T 3 : 24 03; SS T 3 : 2c 03; SA T 3 : 14 03; R T 3 : 3c 03
+ZV Z 3 : 6c 03; ZR Z 3 : 54 03; S Z 3 : 5c 03; R Z 3 : 7c 03; L KB 9 : 28 09; L EB 2 : 4a 02
+L AB 2 : 4a 82; L EW 2 : 52 02; L MB 2 : 0a 02; L MW 2 : 12 02; L DW 2 : 32 02; L DL 2 : 22 02
+L DR 2 : 2a 02; L T 2 : 02 02; L Z 2 : 42 02; L KH 1234 : 30 40 12 34; L KF 1 : 30 04 00 01
+L KM 11 : 30 80 00 03; L KY 1,255 : 30 20 01 ff; L KT 050.1 : 30 02 10 50; L KZ 123 : 30 01 01 23
+T AB 2 : 4b 82; T AW 2 : 53 82; T MB 2 : 0b 02; T MW 2 : 13 02; T DW 2 : 33 02; T DL 2 : 23 02
+T DR 2 : 2b 02; !=F : 21 80; ><F : 21 60; >F : 21 20; >=F : 21 a0; <F : 21 40; <=F : 21 c0; +F : 79 00
+-F : 59 00; I 5 : 11 05; D 5 : 19 05; UW : 41 00; OW : 49 00; XOW : 51 00; KEW : 01 00; KZW : 09 00
+SLW 4 : 61 04; SRW 4 : 69 04; TAK : 70 02; SPA OB 2 : 6d 02; SPB OB 2 : 4d 02; SPA PB 2 : 75 02
+SPB PB 2 : 55 02; SPA FB 2 : 3d 02; SPB FB 2 : 1d 02; SPA SB 2 : 7d 02; SPB SB 2 : 5d 02; A DB 2 : 20 02
+BEA : 65 01; BEB : 05 00; NOP0 : 00 00; NOP1 : ff ff; STP : 70 03"""
+"""Machine code of each instruction: the table that the decisions stand on, written down once more."""
+
+
+@pytest.mark.parametrize("line", [line.strip() for line in CODES.replace("\n", "; ").split("; ")])
+def test_the_code_of_an_instruction(line: str) -> None:
+    text, code = line.split(" : ")
+    assert assemble(f"OB 1\n{text}\nBE\n").image[10:-2].hex(" ") == code
+
+
+@pytest.mark.parametrize(
+    ("jump", "code"), [("SPA", "2d"), ("SPB", "fa"), ("SPZ", "45"), ("SPN", "35"), ("SPP", "15"), ("SPM", "25")]
+)
+def test_a_distance_is_in_words_from_the_jump(jump: str, code: str) -> None:
+    """Forward over a constant of two words, backward onto itself."""
+    assert assemble(f"OB 1\n{jump} =ON\nL KF 1\nON: NOP0\nBE\n").image[10:12].hex(" ") == f"{code} 03"
+    assert assemble(f"OB 1\nUP: NOP0\n{jump} =UP\nBE\n").image[12:14].hex(" ") == f"{code} ff"
+
+
+@pytest.mark.parametrize(
+    ("store", "area", "at", "value"),
+    [
+        ("T MB 50", "m", 50, 0x34),
+        ("T AB 20", "a", 20, 0x34),
+        ("T DL 20", "d", 41, 0x34),
+        ("T DR 20", "d", 40, 0x34),
+    ],
+)
+def test_a_byte_is_stored_beside_its_neighbours(store: str, area: str, at: int, value: int) -> None:
+    bench = Bench(f"L KH 1234; {store}")
+    image = getattr(bench.memory, area)
+    image[:] = b"\xee" * len(image)
+    bench.run()
+    assert image[at - 2 : at + 3] == bytes((0xEE, 0xEE, value, 0xEE, 0xEE))
+
+
+@pytest.mark.parametrize(
+    "operand", ["KY 1,256", "KY 256,1", "KF 32768", "KT 1000.0", "KT 1.4", "KZ 1000", "KB 256", "KH 10000"]
+)
+def test_a_constant_that_is_none_is_not_assembled(operand: str) -> None:
+    with pytest.raises(ValueError, match=operand.split(" ")[1]):
+        assemble(f"OB 1\nL {operand}\nBE\n")

@@ -78,6 +78,8 @@ class Services:
     """Send an M function to the PLC."""
     acknowledged: Callable[[], bool]
     """Whether all of them have been."""
+    room: Callable[[], bool]
+    """Whether the PLC takes more of them."""
     withdraw: Callable[[], None]
     """Take back those that have not been."""
     speed: Callable[[int, float], None]
@@ -412,6 +414,9 @@ class Channel:
         if self._holds:
             self.phase, self._due_ns = Phase.HELD, None
             return
+        if not self._do.room():
+            self.phase, self._due_ns = Phase.EMPTY, self._now_ns + BLOCK_NS
+            return
         self._fill()
         if not self._blocks:
             self._nothing()
@@ -523,7 +528,7 @@ class Channel:
             last = chosen[-1] if chosen else (self._stretch[-1].block if self._stretch else None)
             if last is not None and not _joins(last, block, self._halts(last), self._halts(block)):
                 break
-            if last is not None and self._do.allowed(block):
+            if last is not None and (self._do.allowed(block) or not self._do.room()):
                 break
             chosen.append(self._blocks.popleft())
         done = self._stretch[-1].until if self._stretch else 0

@@ -40,7 +40,7 @@ from isel_twin.firmware.bwo900.jog import Jog
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
-from isel_twin.firmware.bwo900.path import Limits
+from isel_twin.firmware.bwo900.path import Limits, positive
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.status import NUMBERS, cell
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
@@ -50,6 +50,8 @@ from isel_twin.units import MILLISECOND_NS, SECOND_NS
 __all__ = ["Control", "Mode"]
 
 AXES: Final = 3
+INCREMENTS_PER_MM: Final = 1_000.0
+"""P12012 over P12013 where nobody has set them."""
 PULSES: Final = 5_000
 """Increments from zero pulse to zero pulse."""
 POWER_NS: Final = 500 * MILLISECOND_NS
@@ -104,6 +106,7 @@ class Control:
             Services(
                 function=self._function,
                 acknowledged=lambda: self._plc.idle,
+                room=lambda: self._plc.room,
                 withdraw=self._plc.withdraw,
                 speed=self._plc.speed,
                 tool=self._plc.tool,
@@ -386,9 +389,11 @@ class Control:
         if self._drives is None:
             return True
         p, per_mm = self._parameters, self._limits().increments_per_mm
-        windows = [p.axis(axis, 16, 0.0) or math.sqrt(1.0 / per_mm[axis]) for axis in range(AXES)]
-        lags = [abs(lag) / per for lag, per in zip(self._drives.lag, per_mm, strict=False)]
-        return all(lag <= window for lag, window in zip(lags, windows, strict=True))
+        for axis, per in enumerate(per_mm):
+            window = positive(p.axis(axis, 16, 0.0), math.sqrt(1.0 / per))
+            if not self._drives.in_position[axis] or abs(self._drives.lag[axis]) / per > window:
+                return False
+        return True
 
     # ---- reference runs ---------------------------------------------------------------------------------------------
 
@@ -615,7 +620,9 @@ class Control:
 
     def _limits(self) -> Limits:
         p = self._parameters
-        per_mm = [(p.axis(a, 12, 0.0) or 1000.0) / (p.axis(a, 13, 0.0) or 1.0) for a in range(AXES)]
+        per_mm = [
+            positive(p.axis(a, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(a, 13, 0.0), 1.0) for a in range(AXES)
+        ]
         return Limits.of(p, per_mm)
 
     def _allowed(self, block: PathBlock) -> str:
@@ -640,6 +647,7 @@ class Control:
     def _say(self, said: Message) -> None:
         """A message: shown, kept in the history, and what it does."""
         self.messages.append(said)
+        del self.messages[:-MOST_MESSAGES]
         self.history.append((self._now_ns, said))
         del self.history[:-MOST_MESSAGES]
         self._parameters.write(8_501 if said.effect is not Effect.SHOWN else 8_503, float(said.number))

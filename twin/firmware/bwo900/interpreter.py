@@ -33,18 +33,22 @@ from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Parameters, byte
 from isel_twin.firmware.bwo900.programs import Program, Store
 from isel_twin.firmware.bwo900.syntax import Assign, Block, MWord, Word
-from isel_twin.firmware.bwo900.tools import Tools
+from isel_twin.firmware.bwo900.tools import Tools, told
 
 __all__ = ["DEEPEST_CALLS", "Interpreter", "Waiting"]
 
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""
+DEEPEST_LOOPS: Final = 32
+"""M24 inside each other (M1218); the manual names no number."""
 NEAR_MM: Final = 1e-9
 """Paths shorter than this are none."""
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 CENTRES: Final = "IJK"
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+CYCLE_PARAMETERS: Final = (*range(10, 40), *range(100, 160))
+"""P that a cycle is told, as they are when it begins."""
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
 STAYING, ADDRESSED = 0x01, 0x02
@@ -104,6 +108,8 @@ class Interpreter:
         self._supervises = False
         """sc:1, sc:2: what blocks come to stays here."""
         self._kept: list[PathBlock] = []
+        self._stale = self._measured = False
+        """A block that was waited for has been executed; it had M00."""
         self._lets_go = False
         """The block has said sc:0 or sc:100."""
         self._symbols: dict[str, float] = {}
@@ -114,6 +120,8 @@ class Interpreter:
         self._length = self._tools.length_mm
         self._position = tuple(position) + (0.0,) * (axes - len(position))
         """Where the path has got to, in machine coordinates."""
+        self._known_frame: tuple[object, ...] | None = None
+        """What the frame has been worked out from."""
         self._frame = self._frame_now()
         self._program_position = self._frame.program(self._position)
         self._centre: dict[str, float] = {}
@@ -223,7 +231,14 @@ class Interpreter:
         """The block that analysis waits for has been executed; tool data may have changed."""
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
-            self._renew()
+            self._stale = True
+
+    def _refresh(self) -> None:
+        """What may have changed while a block was waited for; after M00 the tool's length, too."""
+        self._stale = False
+        if self._measured:
+            self._length = self._tools.length_mm
+        self._renew()
 
     def begun(self) -> None:
         """The path of the last block has begun."""
@@ -253,6 +268,8 @@ class Interpreter:
         """
         if self._ready:
             return self._ready.popleft()
+        if self._stale:
+            self._refresh()
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION and self._block_now is not None and self._holds(self._block_now):
@@ -355,14 +372,22 @@ class Interpreter:
     # Parameters
 
     def parameter(self, area: str, number: int, channel: int) -> float:
-        """See expressions.Environment."""
+        """See expressions.Environment; records of tools say T0 where there has never been one."""
+        if area == "P" and channel == 1 and told(number):
+            return self._parameters.get(number)
         return self._parameters.read(area, number, channel)
 
     def symbol(self, name: str, index: int) -> float:
         """See expressions.Environment: a bound symbol is its parameter, another one a variable, 0 before it is set."""
         if name in self._bound:
             return self._parameters.read("P", self._bound[name] + index)
-        return self._symbols.get(_indexed(name, index), 0.0)
+        return self._symbols.get(self._internal(name, index), 0.0)
+
+    def _internal(self, name: str, index: int) -> str:
+        """The name of an internal variable, which has no index (manual 3.6: only those of parameters have)."""
+        if index:
+            raise ProgramError(1307, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
+        return name
 
     def _value(self, expression: Expression) -> float:
         return expression.value if isinstance(expression, Number) else evaluate(expression, self)
@@ -380,7 +405,7 @@ class Interpreter:
                 elif target.name in self._bound:
                     self._write("P", self._bound[target.name] + index, 1, value, later)
                 else:
-                    self._symbols[_indexed(target.name, index)] = 0.0 if value is None else value
+                    self._symbols[self._internal(target.name, index)] = 0.0 if value is None else value
             else:
                 number = whole(self._value(target.number), 1202)
                 self._write(target.area, number, target.channel, value, later)
@@ -800,6 +825,7 @@ class Interpreter:
         self._ready.append(made)
         if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or spoken.synchronises:
             self._waiting = Waiting.EXECUTION
+            self._measured = made.stop is Stop.MEASURING_STOP
             if made.stop is Stop.NONE:
                 self._ready[-1] = replace(made, stop=Stop.SYNCHRONISE)
         if spoken.jump is not None:
@@ -841,7 +867,9 @@ class Interpreter:
         after, stop = list(spoken.post), spoken.stop
         spoken.post, spoken.stop = [], Stop.NONE
         moves = _Moves(self._cycles, first, self._call_of(targets or {}, inner))
-        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal)
+        plane = self._frame.plane
+        comes = outer == 89 or (outer is not None and not {plane.first, plane.second}.isdisjoint(targets or {}))
+        self._cycle_now = _Cycle(spoken, self._levels[-1], moves, after, stop, self._modal, comes)
         self._go_on_with(self._cycle_now)
         while self._supervises and self._cycle_now is not None:
             if self._cycle_now.moves.made >= MOST_KEPT:
@@ -853,8 +881,11 @@ class Interpreter:
         spoken = cycle.spoken
         move = next(cycle.moves, None)
         if move is not None:
+            pre: list[Machine] = []
+            if cycle.comes and cycle.moves.made == 1:
+                pre, spoken.pre = spoken.pre, []
             self._move(move, spoken)
-            spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = [], {}, (), None
+            spoken.pre, spoken.speeds, spoken.parameters, spoken.tool = pre, {}, (), None
             return
         self._cycle_now, self._modal = None, cycle.modal
         spoken.post, spoken.stop, spoken.dwell_s, spoken.feed = cycle.post, cycle.stop, None, None
@@ -875,7 +906,7 @@ class Interpreter:
 
     def _call_of(self, targets: Mapping[int, float], inner: int | None) -> Call:
         p = self._parameters
-        loaded = {number: p.get(number) for number in range(500) if p.loaded(number)}
+        loaded = {number: p.get(number) for number in CYCLE_PARAMETERS if p.loaded(number)}
         return Call(
             parameters=loaded,
             position=self._program_position,
@@ -948,6 +979,8 @@ class Interpreter:
     def _loop(self, spoken: _Spoken, level: _Level) -> None:
         """M24, M25, and the ends of programs."""
         if spoken.passes is not None:
+            if len(level.loops) >= DEEPEST_LOOPS:
+                raise ProgramError(1218, f"more than {DEEPEST_LOOPS} loops inside each other")
             level.loops.append((level.place, spoken.passes, spoken.passes))
         if spoken.loops_back:
             place, left, passes = level.loops.pop()
@@ -1012,6 +1045,10 @@ class Interpreter:
 
     def _renew(self) -> None:
         """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
+        known = (self._modal, self._rotation, self._shift, self._correction, self._length, self._parameters.revision)
+        if known == self._known_frame:
+            return
+        self._known_frame = known
         frame = self._frame_now()
         if frame != self._frame:
             self._frame = frame
@@ -1063,6 +1100,8 @@ class _Cycle:
     post: list[Machine]
     stop: Stop
     modal: Modal
+    comes: bool
+    """Its first move only comes to where a pattern begins: functions before the path wait for that."""
     goal: tuple[str, int] | None = None
 
 
@@ -1114,7 +1153,3 @@ def _compare(left: float, relation: str, right: float) -> bool:
         case ">=":
             return left >= right
     return left <= right
-
-
-def _indexed(name: str, index: int) -> str:
-    return f"{name}[{index}]" if index else name

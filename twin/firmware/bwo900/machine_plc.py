@@ -21,6 +21,8 @@ from isel_twin.units import MILLISECOND_NS
 __all__ = ["DEFAULT", "MachinePlc"]
 
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
+MOST_WAITING: Final = 32
+"""M functions that wait for their turn; a program with more waits."""
 CODE, STROBE, SPEED, TOOL = 30, 32, 34, 36
 
 DEFAULT: Final = """
@@ -118,6 +120,11 @@ class MachinePlc:
     def idle(self) -> bool:
         """Every M function has been acknowledged."""
         return not self._waiting and not self._memory.m[STROBE] & 1
+
+    @property
+    def room(self) -> bool:
+        """It takes more M functions."""
+        return len(self._waiting) < MOST_WAITING
 
     def power_on(self, t_ns: int) -> None:
         """Passes begin."""

@@ -5,6 +5,7 @@
 
       outer corner, change of direction > P8845       an arc about the corner (P8845 deleted: always)
       outer corner, otherwise                          both prolonged to their meeting point
+      the way back                                     an arc, as outside
       inner corner                                     both cut at their meeting point
       tangential                                       nothing
 
@@ -189,7 +190,8 @@ class Offset:
         if same and abs(angle) < STRAIGHT_RAD:
             self._finish(last, moved.start)
             return moved.start
-        outer = same and correction.side * angle < 0.0
+        back = abs(angle) > math.pi - STRAIGHT_RAD
+        outer = same and (back or correction.side * angle < 0.0)
         if not same or (outer and corner_arc(math.degrees(abs(angle)), self._threshold)):
             return self._around(last, moved, element, correction)
         point = self._meeting(last, moved, plane, outer=outer)
@@ -203,7 +205,7 @@ class Offset:
         plane, corner = last.open.block.plane, last.open.block.plane.of(element.start)
         start, end = last.moved.end, moved.start
         before, after = heading(last.element, plane, 1.0), heading(element, plane, 0.0)
-        sweep = turn(before, after)
+        sweep = -correction.side * abs(turn(before, after))
         if correction.side != last.correction.side:
             first, second = left_of(before), left_of(after)
             sweep = turn(

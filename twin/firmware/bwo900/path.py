@@ -27,7 +27,7 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.motion.joined import Pieces
 
-__all__ = ["Limits", "Path", "corner_factor"]
+__all__ = ["Limits", "Path", "corner_factor", "positive"]
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0
@@ -69,8 +69,8 @@ class Limits:
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
-        speed = tuple((p.axis(a, 4, 0.0) or FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(v / (1e-3 * (p.axis(a, 8, 0.0) or DYNAMICS_MS)) for a, v in zip(axes, speed, strict=True))
+        speed = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
+        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, speed, strict=True))
         second = tuple(
             min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, speed, first, strict=True)
@@ -81,13 +81,18 @@ class Limits:
             speed=speed,
             acceleration=second,
             rapid_acceleration=first,
-            rapid=p.given(8_816, max(speed) * MINUTE_S) / MINUTE_S,
+            rapid=positive(p.get(8_816), max(speed) * MINUTE_S) / MINUTE_S,
             corner=-1.0 if exponent == -1.0 else exponent or 1.0,
-            deviation_mm=p.get(8_852),
-            kv=min(p.axis(a, 20, 0.0) or KV_1_S for a in axes),
-            test_feed=p.get(8_815) / MINUTE_S or None,
-            feed_share=max(p.given(8_818, 100.0), 0.0) / 100.0,
+            deviation_mm=max(p.get(8_852), 0.0),
+            kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
+            test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
+            feed_share=positive(p.get(8_818), 100.0) / 100.0,
         )
+
+
+def positive(value: float, default: float) -> float:
+    """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
+    return value if value > 0.0 else default
 
 
 def corner_factor(cosine: float, exponent: float) -> float:

@@ -13,7 +13,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-__all__ = ["PATH", "REQUESTED", "SPINDLE", "Tools"]
+__all__ = ["PATH", "REQUESTED", "SPINDLE", "Tools", "told"]
 
 REQUESTED: Final = 8_050
 """First parameter of the record for the PLC: the tool that T has asked for."""
@@ -26,6 +26,11 @@ GROUP, LIFE_SET, LIFE, RADIUS, LENGTH, RADIUS_CORRECTION, LENGTH_CORRECTION, QUA
 SUB_RECORDS: Final = 8
 """Where the sub records of an entry begin."""
 TEACH_RADIUS: Final = 8_748
+
+
+def told(number: int) -> bool:
+    """Whether a parameter is one of those of a record that have a value without a tool, too: 0, as of T0."""
+    return REQUESTED <= number < PATH + SIZE and (number - REQUESTED) % SIZE <= QUADRANT
 
 
 class Tools:

@@ -204,7 +204,10 @@ def straight(
     """
     if feed is not None and feed <= 0:
         raise ValueError(f"a feed must be positive, got {feed}")
-    wanted = rules.speed_hz[0] if feed is None else feed if per_revolution else useful_hz(feed, rules)
+    if feed is None:
+        wanted = rules.speed_hz[0]
+    else:
+        wanted = max(feed, 2 * factor(rules.speed_hz[0])) if per_revolution else useful_hz(feed, rules)
     n = len(way)
     length, limit, acceleration, per_path = np.empty(n), np.empty(n), np.empty(n), np.empty((n, AXES))
     shortest = np.full(n, SHORTEST_S) if shortest_s is None else shortest_s

@@ -44,7 +44,7 @@ class _Ray:
 def ray(call: Call) -> Iterator[Move]:
     """G86."""
     begin, line = _start(call), _ray(call, 100)
-    yield from _words(call)
+    yield from _come(call, begin)
     if line.count < 2:
         yield _place(call, begin, line.at(1.0), line.count == 1)
         return
@@ -55,7 +55,7 @@ def ray(call: Call) -> Iterator[Move]:
 def perimeter(call: Call) -> Iterator[Move]:
     """G87."""
     begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
-    yield from _words(call)
+    yield from _come(call, begin)
     n, m = max(first.count, 1), max(second.count, 1)
     along, across = ((i, 0) for i in range(n)), ((n - 1, j) for j in range(1, m))
     back = ((i, m - 1) for i in range(n - 2, -1, -1)) if m > 1 else ()
@@ -67,7 +67,7 @@ def perimeter(call: Call) -> Iterator[Move]:
 def grid(call: Call) -> Iterator[Move]:
     """G88."""
     begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
-    yield from _words(call)
+    yield from _come(call, begin)
     n, m = max(first.count, 1), max(second.count, 1)
     for j in range(m):
         for i in range(n) if j % 2 == 0 else range(n - 1, -1, -1):
@@ -158,6 +158,12 @@ def _start(call: Call) -> tuple[float, float]:
     """A: of the words, or where the tool stands."""
     u, v = call.plane.of(call.position)
     return call.words.get(call.plane.first, u), call.words.get(call.plane.second, v)
+
+
+def _come(call: Call, begin: tuple[float, float]) -> Iterator[Move]:
+    """To A and what the block says of other axes, if it has words."""
+    if call.words:
+        yield Move(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
 
 
 def _words(call: Call) -> Iterator[Move]:
