@@ -110,8 +110,7 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
         case 8_940:
             return channel.motion
         case 8_941 | 8_942:
-            programmed, left = channel.dwell_s
-            return programmed if number == 8_941 else left
+            return channel.dwell_s[number - 8_941]
     return None
 
 
