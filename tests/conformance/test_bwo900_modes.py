@@ -293,6 +293,7 @@ def test_an_axis_moves_while_its_key_is_held() -> None:
     [
         case("bwo900-8.5-42", {}, 10.0),
         case("bwo900-8.5-42", {"p8762": 3}, 0.1),
+        case("bwo900-8.5-42", {"p8762": 2, "p8764": 3.5}, 3.5),
         case("bwo900-8.5-43", {"p8760": 2.5}, 2.5),
     ],
 )
@@ -300,9 +301,10 @@ def test_steps(values: dict[str, float], way: float) -> None:
     desk = fresh(p8750=2, p8751=3, **values)
     for count in (1, 2):
         desk.send(parameters(p8752=1))
+        desk.run(0.01)
+        desk.send(parameters(p8752=0))
         desk.finish()
         assert mm(desk)[2] == pytest.approx(count * way)
-        desk.send(parameters(p8752=0))
 
 
 @shows("bwo900-8.5-44")
@@ -324,6 +326,12 @@ def test_software_limits_hold_in_hand() -> None:
     desk.send(parameters(p8752=1))
     desk.finish()
     assert (mm(desk)[0], said(desk)) == (12.0, [2103])
+    desk = fresh("P1|N10 G0 Y20 M01|N20 P12231:5 P12031:18 M30", p8750=1, p8751=2, p8755=3000)
+    start(desk)
+    desk.finish()
+    desk.send(parameters(p8683=1, p8752=2))
+    desk.finish()
+    assert mm(desk)[1] == 5.0
 
 
 @pytest.mark.parametrize("kind", [3, 4, 5])

@@ -110,7 +110,8 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
         case 8_940:
             return channel.motion
         case 8_941 | 8_942:
-            return channel.dwell_s[number - 8_941]
+            programmed, rest = channel.dwell_s
+            return programmed if number == 8_941 else rest
     return None
 
 
