@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -76,3 +78,15 @@ def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
     assert words(path, r"^(import|from) (fcntl|grp|posix|pty|pwd|resource|syslog|termios|tty)\b") == []
     if path != DEMONSTRATION:
         assert words(path, r"^(import|from) isel_twin\.bridge\.pty\b") == []
+
+
+def test_firmware_has_no_circle_of_imports() -> None:
+    """Those for type checking count as well: who names a type knows its module."""
+    known: dict[str, set[str]] = {}
+    for path in sources("twin/firmware"):
+        name = ".".join(("isel_twin", *path.relative_to(ROOT / "twin").with_suffix("").parts))
+        imports = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
+        known[name] = {f"{node.module}.{alias.name}" for node in imports for alias in node.names}
+        known[name] |= {str(node.module) for node in imports}
+    known = {name: {other for other in others if other in known} for name, others in known.items()}
+    assert list(TopologicalSorter(known).static_order())

@@ -46,7 +46,10 @@ def test_a_program_is_chosen_started_stopped_and_ends_where_it_says() -> None:
     twin = new_twin()
     operate(twin)
     assert twin.counts.tolist() == [60_000, 20_000, 0]
-    assert twin.key_values == {"mode": "auto", "override": 50.0, "skip": True, "program": 3, "block": 0}
+    assert twin.key_values == {
+        "mode": "auto", "override": 50.0, "skip": True, "program": 3, "block": 0,
+        "axis": "x", "step": 0.0, "move": "off",
+    }  # fmt: skip
     assert not twin.remarks
 
 
@@ -93,7 +96,7 @@ key = {{ stop = true }}
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        ({"moed": "auto"}, "moed: unknown key; did you mean 'mode'?"),
+        ({"overide": 50}, "overide: unknown key; did you mean 'override'?"),
         ({"mode": "automatic"}, "mode: 'automatic'; allowed: hand, auto, single, positioning"),
         ({"override": 121}, "override: 121; allowed: 0 .. 120 %"),
         ({"start": False}, "start: False; allowed: true"),
@@ -184,3 +187,23 @@ def test_the_potentiometer_of_a_card_is_a_key_too() -> None:
         twin.query("81h 20000")
         times.append((twin.time_ns - began_ns) / 1e9)
     assert times == pytest.approx([1.0, 2.0], abs=0.06)
+
+
+def test_an_axis_moves_in_hand_as_long_as_its_key_is_held_or_by_a_step() -> None:
+    """1000 mm/min where nobody has said otherwise: 16.7 mm in a second, less the ramps; then 2.5 mm back."""
+    twin = new_twin()
+    twin.press("reference", "all")
+    twin.run_until_idle()
+    twin.press("axis", "y")
+    twin.press("move", "+")
+    twin.run(1.0)
+    twin.press("move", "off")
+    twin.run_until_idle()
+    y = int(twin.counts[1])
+    assert 16_000 < y < 17_500
+    assert twin.counts[0] == twin.counts[2] == 0
+    twin.press("step", 2.5)
+    twin.press("move", "-")
+    twin.press("move", "off")
+    twin.run_until_idle()
+    assert twin.counts[1] == y - 2500

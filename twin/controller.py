@@ -305,6 +305,8 @@ class Key:
     """In a few words, for people."""
     value: Setting | None = None
     """What it can be put to; None: it is a push-button, and the value is True."""
+    held: bool = False
+    """It springs back to the first of its words when it is let go."""
 
     @property
     def allowed(self) -> str:

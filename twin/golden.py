@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -61,6 +62,8 @@ WINDOW_TICKS = 500
 """Ticks in its windows, unless there are too many of them."""
 DIGITS = 6
 """Hexadecimal digits of a digest: one in 16 million changes of a window goes unseen, of a whole job fewer."""
+LONG_STEP = 60
+"""Characters of a step of a program that are shown."""
 TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2
 """Of lost steps: less is load angle."""
@@ -88,6 +91,8 @@ class Move:
     axes: tuple[str, ...] = ()
     """Digest of each axis, "-": it stands."""
     windows: tuple[str, ...] = ()
+    steps: tuple[tuple[int, str], ...] = field(default=(), compare=False)
+    """Of a program: when each began, in ns since the command was sent, and what it is; not in the file."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,7 @@ class Scribe:
             ticks=tuple(int(np.count_nonzero(delta[:, i])) for i in axes),
             axes=tuple(_axis_digest(t_ns, delta[:, i]) for i in axes),
             windows=tuple(_digest(t_ns[cut], delta[cut]) for cut in cuts),
+            steps=tuple((part.time_ns - result.time_ns, part.text) for part in result.parts if part.position_mm),
         )
 
 
@@ -360,9 +366,18 @@ def _where(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> str:
     if first < len(spans_ns):
         begin_ns, end_ns = spans_ns[first]
         when = f"first from {begin_ns / SECOND_NS:.6f} to {end_ns / SECOND_NS:.6f} s after it was sent"
+        ends = zip(now.steps, _ends(now.steps), strict=True)
+        made = [text for (begun_ns, text), over_ns in ends if begun_ns <= end_ns and over_ns > begin_ns]
+        if made:
+            when += f" ({made[0][:LONG_STEP]}{f' to {made[-1][:LONG_STEP]}' if len(made) > 1 else ''})"
     else:
         when = "ends before" if now.windows else "nothing moves any more"
     return f"{when}: {', '.join(names) or 'the axes apart are the same'}"
+
+
+def _ends(steps: Sequence[tuple[int, str]]) -> list[float]:
+    """When each step was over."""
+    return [*(begun_ns for begun_ns, _ in steps[1:]), *[math.inf] * bool(steps)]
 
 
 def _filled(was: Sequence[Any], now: Sequence[Any]) -> tuple[list[Any], list[Any]]:

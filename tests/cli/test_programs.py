@@ -149,3 +149,20 @@ def test_what_happens_in_a_block_stands_at_its_line(program, capsys) -> None:
     assert call("check", program("P1\nN10 G1 F1200\nN20 X2000\nN30 M30\n"), *CONTROL, "--json") == 1
     (report,) = (json.loads(line) for line in capsys.readouterr().out.splitlines() if '"findings"' in line)
     assert {one["rule"]: one["line"] for one in report["findings"]} == {"switch": 3, "refused": 3, "fault": 3}
+
+
+def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys) -> None:
+    """Twelve sides of 10 mm; the eighth is 1 mm longer now."""
+    sides = [f"N{10 * n} G1 {'XY'[n % 2]}{10 * (n // 2 + 1)}" for n in range(1, 13)]
+    text = "\n".join(["P1", "N5 G90 F600 G28", *sides, "N200 M30", ""])
+    file = program(text)
+    assert call("golden", "record", file, *CONTROL) == 0
+    program(text.replace("N80 G1 X50", "N80 G1 X51"))
+    assert call("golden", "compare", file) == 1
+    out = capsys.readouterr().out
+    first = next(line for line in out.splitlines() if "stream first from" in line)
+    named = re.search(r"\(P1 N(\d+) .*? to P1 N(\d+) |\(P1 N(\d+) [^)]*\)", first)
+    assert named
+    begin, end = int(named[1] or named[3]), int(named[2] or named[3])
+    assert begin <= 80 <= end
+    assert end - begin <= 10

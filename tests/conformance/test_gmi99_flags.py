@@ -290,6 +290,27 @@ def test_mode_0_and_1_of_the_images_and_no_other() -> None:
         assert bytes.fromhex(desk.ask(command("T", 1, 1, at)))[6] & 1, mode
 
 
+@shows("gmi99-6-25")
+def test_the_mode_is_in_force_directly_after_the_call() -> None:
+    """OB 21 calls, OB 1 looks at E0.0 in the same pass: the drive's, and so is A0.4."""
+    desk = fresh()
+    desk.ask(command("N", 1, 12))
+    load(desk, *assembled("OB 21\nL KF 1\nL KF 2\nSPA FB 254\nBE\nOB 1\nU E 0.0\n= A 0.4\nBE\n"))
+    assert after(desk, 4.001).outputs["a0.4"] == 1
+
+
+@shows("gmi99-6-26")
+def test_outputs_of_the_drives_are_those_of_their_place_in_the_image() -> None:
+    """A0.1 is on; with cards it is a card's, and the drive's is A24.1."""
+    desk = fresh()
+    desk.ask(command("p", 10, 16, 1))
+    seen = [desk.outputs["a0.1"]]
+    for cards in (1, 0):
+        desk.ask(command("N", cards, 12))
+        seen.append(desk.outputs["a0.1"])
+    assert seen == [1, 0, 1]
+
+
 # ---- 6: instructions through the card --------------------------------------------------------------------------------
 
 

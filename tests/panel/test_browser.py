@@ -327,6 +327,19 @@ def test_the_keys_of_a_control_of_its_own(bench, open_panel):
     assert page.said == []
 
 
+def test_an_axis_moves_in_hand_while_its_key_is_held_down(bench, open_panel):
+    here = bench(controller="bwo900", machine="4030-servo", speed=1.0, ready=True)
+    page = open_panel(here)
+    move = page["#keys [data-key=move]"]
+    move.get_by_role("button", name="+").hover()
+    page.page.mouse.down()
+    expect(page['[data-output="moving"]']).to_have_attribute("data-on", "1")
+    page.page.mouse.up()
+    expect(page['[data-output="moving"]']).to_have_attribute("data-on", "0")
+    assert here.twin.counts[0] > 0
+    assert page.said == []
+
+
 def test_a_controller_without_keys_shows_none(bench, open_panel):
     page = open_panel(bench())
     expect(page["#keys"]).to_be_hidden()

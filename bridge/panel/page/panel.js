@@ -165,17 +165,21 @@ function element(name) {
   return line;
 }
 
-// Down as long as it is held, and long enough to be seen; let go by the server if the browser goes meanwhile.
-function push(name, [up, down]) {
+function spring(down, up, attributes, text) {
   let since = 0;
-  const press = () => { if (!since) { since = performance.now(); please({ set: { [name]: down } }, { gone: { set: { [name]: up } } }); } };
+  const press = () => { if (!since) { since = performance.now(); please(down, { gone: up }); } };
   const release = () => {
     if (!since) return;
-    setTimeout(() => please({ set: { [name]: up } }), Math.max(0, 120 - (performance.now() - since)));
+    setTimeout(() => please(up), Math.max(0, 120 - (performance.now() - since)));
     since = 0;
   };
-  const button = make("button", { class: "push", onpointerdown: press, onpointerup: release, onpointerleave: release, onblur: release,
-    onkeydown: (event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) press(); }, onkeyup: release }, plain(name));
+  return make("button", { ...attributes, onpointerdown: press, onpointerup: release, onpointerleave: release, onblur: release,
+    onkeydown: (event) => { if ([" ", "Enter"].includes(event.key) && !event.repeat) press(); }, onkeyup: release }, text);
+}
+
+// Down as long as it is held, and long enough to be seen; let go by the server if the browser goes meanwhile.
+function push(name, [up, down]) {
+  const button = spring({ set: { [name]: down } }, { set: { [name]: up } }, { class: "push" }, plain(name));
   updates.push((now) => mark(button, "aria-pressed", now.inputs[name] === down));
   return button;
 }
@@ -208,7 +212,8 @@ function build_keys() {
       updates.push((now) => { if (document.activeElement !== field && Number(field.value) !== now.keys[key.key]) field.value = now.keys[key.key] ?? ""; });
     } else {
       const states = key.form.words || [false, true];
-      const buttons = states.map((state) => make("button", { "data-state": String(state), onclick: () => press(state) }, key.form.words ? plain(state) : state ? "on" : "off"));
+      const event = (state) => ({ key: { [key.key]: state } });
+      const buttons = key.held ? states.slice(1).map((state) => spring(event(state), event(states[0]), { "data-state": state }, plain(state))) : states.map((state) => make("button", { "data-state": String(state), onclick: () => press(state) }, key.form.words ? plain(state) : state ? "on" : "off"));
       line.append(make("span", { class: "states", role: "group", "aria-label": name }, ...buttons));
       updates.push((now) => { for (const button of buttons) mark(button, "aria-pressed", String(now.keys[key.key]) === button.dataset.state); });
     }

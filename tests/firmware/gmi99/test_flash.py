@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+
 import hypothesis.strategies as st
-from conformance.gmi99_desk import OK, CardDesk, command, fresh, long
+from conformance.gmi99_desk import OK, PLC_BEGIN, PLC_END, CardDesk, assembled, command, fresh, load, long
 from hypothesis import given, settings
 
 from isel_twin.firmware.gmi99.settings import Settings, Stored, decode, encode
@@ -101,3 +103,39 @@ def test_a_power_cut_at_any_write_leaves_the_old_image_or_the_new_one() -> None:
     assert set(word) == {long(b"I" + n.to_bytes(2, "little")) for n in (0, 0x1234, 0x4321)}
     assert list(program)[-1] == "60"
     assert set(program) == {"0", "40", "60"}, "a recording that was cut is an empty program"
+
+
+def test_a_power_cut_during_a_download_for_the_plc_leaves_the_old_program_none_or_the_new_one() -> None:
+    """None while it is being loaded, as for programs of the card, which the download makes invalid; and what a program
+    has written into the static data words is there as a whole."""
+    old, new = (f"OB 1\nL KF {n}\nT DW 3\nL KF {n}\nT DW 4\nBE\n" for n in (0x1111, 0x2222))
+    desk = fresh()
+    desk.tell(command("p", 3, 100, 0), command(0x81, 40), command("p", 3, 101))
+    load(desk, *assembled(old))
+    desk.run(0.1)
+    desk.tell(PLC_BEGIN, *assembled(new))
+    desk.run(0.1)
+    desk.tell(PLC_END, command("p", 1, 1))
+    desk.run(0.1)
+    seen = []
+    for _, image in desk.flash_log:
+        again = fresh()
+        again.power_cycle(flash=image)
+        code = again.ask(command("T", 12, 10))
+        loaded = code and int.from_bytes(bytes.fromhex(code)[8:10], "big")
+        data = bytes.fromhex(again.ask(command("T", 1, 6, 6)))[6:8]
+        data += bytes.fromhex(again.ask(command("T", 1, 6, 8)))[6:8]
+        assert again.ask(command("T", 3, 4)) == long(b"\0" if loaded else b"\x02")
+        again.tell(command("Q", 7), command("p", 3, 1, 0))
+        again.finish()
+        seen.append((loaded, data.hex(), again.counts[0]))
+    assert [key for key, _ in itertools.groupby(seen)] == [
+        ("", "00000000", 0),  # the recording has begun
+        ("", "00000000", 40),
+        ("", "00000000", 0),  # the first download
+        (0x1111, "00000000", 0),
+        (0x1111, "11111111", 0),
+        ("", "11111111", 0),  # the second one
+        (0x2222, "11111111", 0),
+        (0x2222, "22222222", 0),
+    ]

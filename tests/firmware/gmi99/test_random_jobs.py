@@ -6,8 +6,9 @@ Taken from the stream of set points alone, T = 4 ms apart, rounding to whole inc
     acceleration    |d_i(k + 1) - d_i(k)|   <=  A T^2 + J T + 2            J: what a corner may jump by
     end             the counters are the sum of what was told, exactly
 
-A piece takes 12 ms at least, so that no tick has two corners. J is FS0 for moves in any direction. For moves along the
-axes every corner is of 90 degrees or more, or of none: there it is FS90.
+A piece takes 12 ms at least, so that no tick has two corners; so do the chords of a circle, whose corners are as those
+of lines (N14 = 0). J is FS0 for moves in any direction. For moves along the axes every corner is of 90 degrees or more,
+or of none: there it is FS90.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def dense(desk: CardDesk) -> np.ndarray:
 
 
 def job(rng: random.Random, *, along_axes: bool) -> tuple[list[str], np.ndarray, dict[str, int]]:
-    """Telegrams of a job of relative moves, their sum, and the limits they were made with."""
+    """Telegrams of a job of relative moves and half circles, their sum, and the limits they were made with."""
     limits = {"m": rng.randrange(2000, 50_001), "f": rng.randrange(500, 50_000), "b": rng.randrange(5, 400)}
     limits |= {"fs0": rng.randrange(3000), "fs90": rng.randrange(800)}
     limits["fs90"] = min(limits["fs90"], limits["fs0"])
@@ -46,6 +47,9 @@ def job(rng: random.Random, *, along_axes: bool) -> tuple[list[str], np.ndarray,
             axis = rng.randrange(3)
             told.append(command(0x80 | 1 << axis, way[axis]))
             total[axis] += way[axis]
+        elif rng.random() < 0.15:  # half a circle, its centre and its end
+            told += [command("G", rng.choice((2, 3))), command(0x83, *way[:2]), command(0x83, 2 * way[0], 2 * way[1])]
+            total[:2] += 2 * np.array(way[:2])
         else:
             told.append(command(0x87, *way))
             total[:3] += way

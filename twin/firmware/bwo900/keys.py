@@ -9,6 +9,9 @@ override       P11310           %
 skip           P8810            blocks with / are skipped
 program        P8800            what Start begins; block: where, P8801 (0: at the first)
 reference      P12130 ...       reference run of an axis, or of all of them: Z, Y, X
+axis           P8751            that moves in hand
+step           P8750, P8760     mm in hand at a time; 0: as long as the key is held
+move           P8752            + and - move the axis in hand, off ends a move that is not by steps
 """
 
 from __future__ import annotations
@@ -23,10 +26,13 @@ from isel_twin.parameters import Limits
 __all__ = ["KEYS", "MODES", "values", "writes"]
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
+MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
 AXES: Final = ("z", "y", "x")
 """In the order of a reference run of all."""
 MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 8_810
 PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
+KIND, AXIS, MOVE, STEP = 8_750, 8_751, 8_752, 8_760
+CONTINUOUS, BY_STEPS = 1.0, 2.0
 
 KEYS: Final[Mapping[str, Key]] = {
     "mode": Key("what the control does", tuple(MODES)),
@@ -39,6 +45,9 @@ KEYS: Final[Mapping[str, Key]] = {
     "program": Key("number of the program that start begins", Limits("", 0, 999_999, whole=True)),
     "block": Key("block at which start begins it; 0: the first", Limits("", 0, 999_999_999, whole=True)),
     "reference": Key("reference run of an axis, in mode hand", ("all", *AXES)),
+    "axis": Key("the axis that moves in mode hand", ("x", "y", "z")),
+    "step": Key("how far it moves at a time; 0: as long as the key is held", Limits("mm", 0.0, 100.0)),
+    "move": Key("move it, in mode hand", tuple(MOVES), held=True),
 }
 
 
@@ -51,6 +60,13 @@ def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
     elif name == "reference":
         for axis in AXES if value == "all" else (str(value),):
             yield REFERENCE + AXIS_SIZE * "xyz".index(axis), 1.0
+    elif name == "axis":
+        yield AXIS, float("xyz".index(str(value)) + 1)
+    elif name == "step":
+        yield KIND, BY_STEPS if value else CONTINUOUS
+        yield STEP, float(value)
+    elif name == "move":
+        yield MOVE, float(MOVES[str(value)])
     elif name in ("abort", "clear"):
         yield {"abort": ABORT, "clear": CLEAR}[name], 1.0
     else:
@@ -65,4 +81,7 @@ def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyV
         "skip": bool(parameters.get(SKIP)),
         "program": int(parameters.get(PROGRAM)),
         "block": int(parameters.get(BLOCK)),
+        "axis": "xyz"[min(max(int(parameters.given(AXIS, 1.0)), 1), 3) - 1],
+        "step": parameters.get(STEP) if parameters.get(KIND) == BY_STEPS else 0.0,
+        "move": next((name for name, number in MOVES.items() if number == parameters.get(MOVE)), "off"),
     }

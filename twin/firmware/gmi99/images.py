@@ -109,7 +109,8 @@ class Images:
     # ---- inputs and outputs -----------------------------------------------------------------------------------------
 
     def arrange(self, *, cards: bool, mode: int) -> None:
-        """Drives go to the first or second group, with what their inputs are; see the module."""
+        """Drives go to the first or second group, with what their inputs are, and their outputs become what the image
+        has there; see the module."""
         at = GROUP if cards and mode == 0 else 0
         if at != self.drives_at:
             other = GROUP - at
@@ -118,6 +119,8 @@ class Images:
                 self.inputs[at : at + GROUP],
             )
             self.drives_at = at
+            for byte in range(at, at + DIGITAL):
+                self._changed(byte, self.outputs[byte])
 
     def set_drive_input(self, byte: int, bit: int, level: bool) -> None:
         """A level at an input of a drive: byte and bit within the drives' group."""

@@ -165,7 +165,11 @@ class CardPlc:
         if 0 <= axis < SLOTS:
             return self._plc_zero(axis, argument), argument
         function = _FUNCTIONS.get(number)
-        return (number, argument) if function is None else function(self._card, argument)
+        if function is None:
+            return number, argument
+        result = function(self._card, argument)
+        memory.e[:] = self._card.images.inputs  # which function 2 may have put elsewhere
+        return result
 
     def _plc_zero(self, axis: int, argument: int) -> int:
         zeros = self._card.offsets.plc_zero
