@@ -515,7 +515,8 @@ class Channel:
         if pieces is None:
             return
         self._serial += 1
-        self._plan = joined(pieces, PERIOD_NS, scale=self._scale(), identity=self._serial)
+        sine = self._path.limits.sine
+        self._plan = joined(pieces, PERIOD_NS, sine=sine, scale=self._scale(), identity=self._serial)
         self.run = SetPointRun(self._plan, PERIOD_NS, self._now_ns)
         self.phase = Phase.PATH
 

@@ -64,6 +64,8 @@ class Limits:
     """P8815, mm/s: in place of all feeds."""
     feed_share: float = 1.0
     """P8818: of every programmed feed."""
+    sine: bool = False
+    """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
@@ -87,6 +89,7 @@ class Limits:
             kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
             test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
             feed_share=positive(p.get(8_818), 100.0) / 100.0,
+            sine=any(p.axis(a, 10, 0.0) == 1.0 for a in axes),
         )
 
 
@@ -174,7 +177,7 @@ class Path:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(1230)
             wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
-        return wanted, limit, acceleration
+        return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
         """Highest speed and acceleration on an arc."""
