@@ -1,0 +1,158 @@
+"""Chamfers, roundings and radius correction at single corners: closed forms worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from firmware.bwo900.run import Analysed
+
+from isel_twin.firmware.bwo900.blocks import PathBlock
+from isel_twin.firmware.bwo900.contour import Contour
+from isel_twin.firmware.bwo900.elements import XY, Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry import meetings, share_of
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.offset import Offset, corner_arc
+
+
+def corrected(text: str, threshold: float | None = None, **parameters: float) -> list[PathBlock]:
+    """The blocks of a program, corners and correction done."""
+    blocks, contour, offset = list[PathBlock](), Contour(), Offset(threshold)
+    for block in Analysed(text, **parameters).blocks:
+        for done in contour.push(block):
+            blocks += offset.push(done)
+    for done in contour.flush():
+        blocks += offset.push(done)
+    return blocks + offset.flush()
+
+
+def path(blocks: list[PathBlock]) -> list[Element]:
+    return [element for block in blocks for element in block.elements]
+
+
+def ends(blocks: list[PathBlock]) -> list[tuple[float, ...]]:
+    return [tuple(round(x, 6) for x in element.end) for element in path(blocks)]
+
+
+def refused(text: str, **parameters: float) -> int:
+    with pytest.raises(ProgramError) as error:
+        corrected(text, **parameters)
+    return error.value.number
+
+
+def test_a_chamfer_between_two_lines() -> None:
+    """Legs of 5 on the lines (3, 4) / 5 and (1, 0): (21, 28) and (29, 32)."""
+    blocks = corrected("N10 G1 F100 G12 P70:5 X24 Y32\nN15 P500:1\nN20 X60\nN30 M30")
+    assert ends(blocks) == [(21.0, 28.0, 0.0), (29.0, 32.0, 0.0), (60.0, 32.0, 0.0)]
+    assert [block.number for block in blocks if block.number] == [10, 15, 20, 30]
+
+
+def test_one_corner_after_the_other() -> None:
+    blocks = corrected("N10 G1 F100 G12 P70:1 X10\nN20 G12 Y10\nN30 X0\nN40 M30")
+    assert ends(blocks) == [(9, 0, 0), (10, 1, 0), (10, 9, 0), (9, 10, 0), (0, 10, 0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("N10 G1 F100 G12 P70:5 X4\nN20 Y40\nN30 M30", 1158),
+        ("N10 G1 F100 G12 P70:5 X40\nN20 Y5\nN30 M30", 1158),
+        ("N10 G1 F100 G12 P70:2 X40\nN20 G2 X60 Y20 R20\nN30 M30", 1158),
+        ("N10 G1 F100 G12 P71:50 X40\nN20 Y40\nN30 M30", 1158),
+        ("N10 G1 F100 G12 P71:5 X40\nN20 X80\nN30 M30", 1158),
+        ("N10 G1 F100 G12 P71:5 X40\nN30 M30", 1226),
+        ("N10 G1 F100 G123 X40\nN30 M30", 1226),
+    ],
+)
+def test_corners_that_are_not_possible(text: str, number: int) -> None:
+    assert refused(text) == number
+
+
+def test_a_rounding_fits_up_to_the_whole_of_both_lines() -> None:
+    blocks = corrected("N10 G1 F100 G12 P71:10 X10\nN20 Y20\nN30 M30")
+    arc = next(element for element in path(blocks) if isinstance(element, Arc))
+    assert (arc.centre, round(math.degrees(arc.sweep_rad))) == ((0.0, 10.0), 90)
+    assert refused("N10 G1 F100 G12 P71:10.01 X10\nN20 Y20\nN30 M30") == 1158
+
+
+@pytest.mark.parametrize(("threshold", "corner"), [(None, True), (110.0, True), (130.0, False), (0.0, False)])
+def test_an_outer_corner_of_120_degrees(threshold: float | None, corner: bool) -> None:
+    """P8845: an arc about the corner, or the meeting point, 2 r away from it."""
+    assert corner_arc(120.0, threshold) is corner
+    turned = math.radians(119.9)
+    text = (
+        f"N5 tr:2\nN10 G0 X-50 Y-9 F100\nN20 G41 G1 X-40 Y0\nN30 X0\n"
+        f"N40 X{50 * math.cos(turned):.6f} Y{-50 * math.sin(turned):.6f}\nN50 G40 X90\nN60 M30"
+    )
+    made = path(corrected(text, threshold))
+    arcs = [element for element in made if isinstance(element, Arc)]
+    assert len(arcs) == corner
+    if not corner:
+        tips = [element.end for element in made if math.hypot(*element.end[:2]) < 4.5]
+        assert math.hypot(*tips[0][:2]) == pytest.approx(2.0 / math.cos(turned / 2.0), abs=1e-4)
+    else:
+        assert arcs[0].centre == pytest.approx((0.0, 0.0), abs=1e-6)
+        assert arcs[0].radius_mm == pytest.approx(2.0)
+        assert abs(math.degrees(arcs[0].sweep_rad)) == pytest.approx(119.9, abs=1e-3)
+
+
+def test_moves_across_the_plane_stand_where_the_tool_is() -> None:
+    blocks = corrected(
+        "N5 tr:5\nN10 G0 X-20 Y0 Z5 F100\nN20 G41 G1 X0 Y0\nN30 Z-1\nN40 Y30\nN50 Z-2\nN60 X40\n"
+        "N70 G40 X60 Y40\nN80 M30"
+    )
+    heights = {block.number: block.elements[0] for block in blocks if block.number in (30, 50)}
+    assert heights[30] == Line((-5.0, 0.0, 5.0), (-5.0, 0.0, -1.0))
+    assert heights[50] == Line((-5.0, 30.0, -1.0), (-5.0, 30.0, -2.0))
+
+
+def test_the_other_side_is_reached_on_an_arc_about_the_corner() -> None:
+    made = path(corrected("N5 tr:3\nN10 G0 X-20 F100\nN20 G41 G1 X0\nN30 X20\nN40 G42 X40\nN50 G40 X60\nN60 M30"))
+    arc = next(element for element in made if isinstance(element, Arc))
+    assert arc.centre == (20.0, 0.0)
+    assert (arc.start[:2], arc.end[:2]) == ((20.0, 3.0), (20.0, -3.0))
+    assert abs(math.degrees(arc.sweep_rad)) == pytest.approx(180.0)
+
+
+def test_another_radius_makes_the_line_oblique() -> None:
+    made = path(corrected("N5 tr:3\nN10 G0 X-20 F100\nN20 G41 G1 X0\nN30 X20\nN35 tr:1\nN40 X40\nN50 G40 X60\nN60 M30"))
+    assert [element.end[:2] for element in made[2:4]] == [(20.0, 3.0), (40.0, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("N20 G41 G2 X20 Y0 R10\nN30 M30", 1153),
+        ("N20 G41 G1 X20\nN30 X40\nN40 G40 G2 X60 Y0 R20\nN50 M30", 1153),
+        ("N20 G41 G1 X20\nN30 X30\nN40 G3 X34 Y0 R2\nN50 G1 X60\nN60 G40 X80\nN70 M30", 1155),
+        ("N20 G41 G1 X20\nN30 X40\n" + "\n".join(f"N{n} P500:{n}" for n in range(31, 45)) + "\nN50 X60\nN60 M30", 1157),
+        ("N20 G41 G1 X20\nN30 X30\nN40 Y4\nN50 X20\nN60 Y40\nN70 G40 X0\nN80 M30", 1223),
+    ],
+)
+def test_contours_that_a_tool_of_radius_5_cannot_follow(text: str, number: int) -> None:
+    assert refused("N5 tr:5\nN10 G0 X0 Y0 F100\n" + text) == number
+
+
+def test_twelve_blocks_without_a_path_may_stand_between_two_with() -> None:
+    between = "\n".join(f"N{n} P500:{n}" for n in range(31, 43))
+    blocks = corrected(f"N5 tr:5\nN10 G0 X0 F100\nN20 G41 G1 X20\nN30 X40\n{between}\nN50 Y40\nN60 G40 X80\nN70 M30")
+    assert ends(blocks)[-2] == (35.0, 40.0, 0.0)
+
+
+def test_meeting_points_and_shares() -> None:
+    line, circle = (
+        Line((0.0, 1.0, 0.0), (10.0, 11.0, 0.0)),
+        Arc((5.0, 0.0, 0.0), (0.0, 5.0, 0.0), XY, (0.0, 0.0), math.pi / 2),
+    )
+    points = sorted(meetings(line, circle, XY))
+    assert points[0] == pytest.approx((-4.0, -3.0))
+    assert points[1] == pytest.approx((3.0, 4.0))
+    assert [list(p) for p in sorted(meetings(circle, line, XY))] == [pytest.approx(list(p)) for p in points]
+    other = Arc((13.0, 0.0, 0.0), (3.0, 0.0, 0.0), XY, (8.0, 0.0), math.pi)
+    low, high = sorted(meetings(circle, other, XY))
+    assert low == pytest.approx((4.0, -3.0))
+    assert high == pytest.approx((4.0, 3.0))
+    assert share_of(circle, XY, (3.0, 4.0)) == pytest.approx(math.atan2(4, 3) / (math.pi / 2))
+    assert share_of(circle, XY, (4.0, -3.0)) == pytest.approx(math.atan2(-3, 4) / (math.pi / 2))
+    assert share_of(line, XY, (3.0, 4.0)) == pytest.approx(0.3)
+    assert meetings(line, Line((0.0, 2.0, 0.0), (10.0, 12.0, 0.0)), XY) == []
