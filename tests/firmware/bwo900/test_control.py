@@ -248,3 +248,40 @@ def test_functions_with_halt_wait_for_the_plc() -> None:
     desk.finish()
     assert mm(desk)[0] == 20.0
     assert (desk.time_ns - before) / 1e9 > 2.0
+
+
+def test_nothing_moves_further_onto_a_switch_that_is_struck() -> None:
+    desk = desk_with("P1|N10 G1 F6000 X900|N20 M30", "P2|N10 G1 F6000 X50|N20 M30")
+    start(desk)
+    desk.finish()
+    there = desk.counts
+    for again in (parameters(p8683=1), parameters(p8683=2, p8684=1), parameters(p8683=1, p8751=1, p8752=1)):
+        desk.send(again)
+        desk.finish()
+        assert desk.counts == there
+    assert [text.split()[0].rstrip(":") for text in said(desk)] == ["M2101"] * 3
+    start(desk, 2)  # off it
+    desk.finish()
+    assert mm(desk)[0] == 50.0
+
+
+def test_software_limits_hold_for_what_an_arc_reaches_between_its_ends() -> None:
+    """A half circle of radius 20 about (10, 20) from (10, 0): X reaches 30."""
+    for limit, runs in ((30.5, True), (29.5, False)):
+        desk = desk_with("P1|N10 G1 F3000 X10|N20 G3 X10 Y40 J20 I10|N30 M30", p12030=limit)
+        start(desk)
+        desk.finish()
+        assert (mm(desk)[1] == 40.0) is runs
+        assert [text.split()[0] for text in said(desk)] == ([] if runs else ["M2103"])
+
+
+def test_the_axes_of_one_file_are_referenced_however_slowly_it_comes() -> None:
+    desk = Desk.of("bwo900", carriage=CARRIAGE)
+    desk.send(file(*PROGRAM.split("|")))
+    desk.send(HOMING, byte_time_ns=1_145_833)  # 9600 baud, 8N2
+    desk.finish()
+    assert desk.counts == (0, 0, 0)
+    start(desk)
+    desk.finish()
+    assert said(desk) == []
+    assert mm(desk) == (10.0, 10.0, 5.0)

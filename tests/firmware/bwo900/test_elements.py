@@ -56,3 +56,18 @@ def test_points_of_an_arc(u: float, v: float, radius: float, begin: float, sweep
         assert sum(a * b for a, b in zip(step, slope, strict=True)) == pytest.approx(
             math.hypot(*step), rel=1e-3, abs=1e-9
         )
+
+
+@given(
+    st.floats(-math.pi, math.pi), st.floats(-6.28, 6.28).filter(lambda s: abs(s) > 1e-3), st.sampled_from([XY, ZX, YZ])
+)
+def test_an_extent_is_what_a_thousand_points_reach(begin: float, sweep: float, plane: Plane) -> None:
+    def at(angle: float) -> tuple[float, ...]:
+        return plane.into((0.0, 0.0, 0.0), 3.0 + 10.0 * math.cos(angle), 4.0 + 10.0 * math.sin(angle))
+
+    arc = Arc(at(begin), at(begin + sweep), plane, (3.0, 4.0), sweep)
+    points = [arc.point(n / 1000.0) for n in range(1001)]
+    for axis in range(3):
+        seen = [point[axis] for point in points]
+        assert arc.extent(axis) == pytest.approx((min(seen), max(seen)), abs=1e-4)
+    assert Line((1.0, 5.0, 0.0), (2.0, 3.0, 0.0)).extent(1) == (3.0, 5.0)

@@ -176,7 +176,7 @@ class Control:
 
     @property
     def next_ns(self) -> int | None:
-        times = [self._channel.next_ns, self._plc.next_ns, self._power_until_ns]
+        times = [self._channel.next_ns, self._plc.next_ns, self._power_due_ns]
         if self._homing is not None:
             times.append(self._homing.next_ns)
         if self._jog is not None:
@@ -278,7 +278,7 @@ class Control:
 
     def _settle(self) -> None:
         """Everything that is due now."""
-        if self._power_until_ns is not None and (self._ready or self._now_ns >= self._power_until_ns):
+        if (until_ns := self._power_due_ns) is not None and (self._ready or self._now_ns >= until_ns):
             self._powered()
         self._plc.advance(self._now_ns)
         if self._homing is not None:
@@ -330,14 +330,17 @@ class Control:
         """E-stop, supply and drives let the axes move."""
         return self._levels.get("estop", True) and self._levels.get("power", True) and not any(self._faulty)
 
+    @property
+    def _power_due_ns(self) -> int | None:
+        """Until when the drives are waited for; None: for nothing, or for the end of the file that asks for them."""
+        return None if self._receiver.busy else self._power_until_ns
+
     def _request_power(self) -> None:
-        """Ask the cabinet for its relay, the drives to forget their faults; then what was asked for goes on."""
+        """Ask the cabinet for its relay, the drives to forget their faults; `_settle` goes on when they are there."""
         self._events += [Output("power_request", 1), Output("power_request", 0)]
         if any(self._faulty):
             self._events += [Output("drive_reset", 1), Output("drive_reset", 0)]
         self._power_until_ns = self._now_ns + POWER_NS
-        if self._ready:
-            self._powered()
 
     def _powered(self) -> None:
         self._power_until_ns = None
@@ -403,7 +406,7 @@ class Control:
             AXES,
             PERIOD_NS,
             self._now_ns,
-            struck=lambda axis: not self._levels.get(f"limit_{'xyz'[axis]}1", True),
+            struck=lambda axis: self._struck(axis, 1),
             to_pulse=self._to_pulse,
             done=self._at_reference,
         )
@@ -488,10 +491,14 @@ class Control:
     def _begin_jog(self) -> None:
         sign, self._jog_sign = self._jog_sign, 0
         try:
-            self._jog = Jog(self._parameters, self._limits(), self.counts, sign, PERIOD_NS, self._now_ns)
+            jog = Jog(self._parameters, self._limits(), self.counts, sign, PERIOD_NS, self._now_ns)
         except ProgramError as error:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
+        if self._struck(jog.axis, 2 if sign > 0 else 1):
+            self._say(message(2101 if sign > 0 else 2102, detail="XYZ"[jog.axis]))
+            return
+        self._jog = jog
         self._follow(self._jog.run)
 
     def _reference(self, axis: int) -> None:
@@ -503,14 +510,7 @@ class Control:
             return
         self._wants.append(axis)
         if self._power_until_ns is None:
-            self._request_power_later()
-
-    def _request_power_later(self) -> None:
-        """The axes of one file are referenced together: the file is read first."""
-        self._events += [Output("power_request", 1), Output("power_request", 0)]
-        if any(self._faulty):
-            self._events += [Output("drive_reset", 1), Output("drive_reset", 0)]
-        self._power_until_ns = self._now_ns + POWER_NS
+            self._request_power()
 
     def _set_mode(self, given: int) -> None:
         try:
@@ -626,18 +626,28 @@ class Control:
         return Limits.of(p, per_mm)
 
     def _allowed(self, block: PathBlock) -> str:
-        """Software limits (P12030, P12031)."""
+        """Software limits (P12030, P12031), and switches that are struck already."""
         p = self._parameters
         for axis in range(AXES):
-            high, low = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
-            if not (p.loaded(high) or p.loaded(low)):
+            extents = [element.extent(axis) for element in block.elements]
+            if not extents:
                 continue
-            places = [element.point(share)[axis] for element in block.elements for share in (0.25, 0.5, 0.75, 1.0)]
-            if p.loaded(high) and places and max(places) > p.get(high):
+            low, high = min(e[0] for e in extents), max(e[1] for e in extents)
+            here = block.elements[0].start[axis]
+            highest, lowest = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+            if p.loaded(highest) and high > p.get(highest):
                 return f"2103 {'XYZ'[axis]}"
-            if p.loaded(low) and places and min(places) < p.get(low):
+            if p.loaded(lowest) and low < p.get(lowest):
                 return f"2104 {'XYZ'[axis]}"
+            if high > here and self._struck(axis, 2):
+                return f"2101 {'XYZ'[axis]}"
+            if low < here and self._struck(axis, 1):
+                return f"2102 {'XYZ'[axis]}"
         return ""
+
+    def _struck(self, axis: int, end: int) -> bool:
+        """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""
+        return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
 
     def _function(self, function: Machine) -> None:
         self._plc.function(self._now_ns, function.code)

@@ -69,6 +69,10 @@ class Line:
         length = self.length_mm or 1.0
         return tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True))
 
+    def extent(self, axis: int) -> tuple[float, float]:
+        """Lowest and highest coordinate of an axis on it."""
+        return min(self.start[axis], self.end[axis]), max(self.start[axis], self.end[axis])
+
     def reversed(self) -> Line:
         """The same, the other way."""
         return Line(self.end, self.start)
@@ -139,6 +143,18 @@ class Arc:
         )
         length = math.hypot(*slope) or 1.0
         return tuple(s / length for s in slope)
+
+    def extent(self, axis: int) -> tuple[float, float]:
+        """Lowest and highest coordinate of an axis on it: at its ends, or where the circle turns back."""
+        places = [self.start[axis], self.end[axis]]
+        if axis in self._in_plane:
+            quarter = math.pi / 2.0
+            first, last = sorted((self.start_rad, self.start_rad + self.sweep_rad))
+            begin = 0.0 if axis == self.plane.first else quarter
+            for turn in range(math.ceil((first - begin) / math.pi), math.floor((last - begin) / math.pi) + 1):
+                share = (begin + turn * math.pi - self.start_rad) / self.sweep_rad
+                places.append(self.point(share)[axis])
+        return min(places), max(places)
 
     def reversed(self) -> Arc:
         """The same, the other way."""

@@ -52,7 +52,7 @@ class Jog:
         kind = int(p.given(8_750, 1.0))
         if kind not in (CONTINUOUS, STEP):
             raise ProgramError(1321, f"P8750 is {kind}; there are 1 continuous and 2 step")
-        self._axis, self._kind = axis, kind
+        self.axis, self._kind = axis, kind
         per_mm = limits.increments_per_mm[axis]
         high, low = 12_030 + 200 * axis, 12_031 + 200 * axis
         edge = high if sign > 0 else low
@@ -85,4 +85,4 @@ class Jog:
             return
         assert isinstance(run.plan, Indexer)
         tick = max(0, -((run.start_ns - now_ns) // self._period_ns))
-        self.run = replace(run, plan=run.plan.braked(self._axis, tick))
+        self.run = replace(run, plan=run.plan.braked(self.axis, tick))
