@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, Element, Plane, Point
 from isel_twin.firmware.bwo900.syntax import Text
@@ -109,6 +108,3 @@ class PathBlock:
     def length_mm(self) -> float:
         """Of its path."""
         return sum(element.length_mm for element in self.elements)
-
-
-NO_CORRECTION: Final = Correction()

@@ -545,7 +545,7 @@ class Interpreter:
                     raise ProgramError(1217, column=m.column)
                 spoken.loops_back = True
             case 26:
-                spoken.watches = True
+                pass  # accepted, without effect: nothing deletes a path (Z14)
             case 28:
                 spoken.call = self._called(values, m)
             case 29:
@@ -668,10 +668,9 @@ class Interpreter:
                 spoken.end_feed = self._value(word.value)
             elif word.name in CENTRES:
                 self._centre[word.name] = self._value(word.value)
-                spoken.centred, self._radius = True, None
+                self._radius = None
             elif word.name == "R":
                 self._radius = self._value(word.value)
-                spoken.centred = False
 
     def _axis_words(self, block: Block, spoken: _Spoken, taken: frozenset[str]) -> dict[int, float] | None:
         """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs.
@@ -1135,8 +1134,6 @@ class _Spoken:
     length: bool = False
     shifts: bool = False
     zero_cleared: bool = False
-    centred: bool = False
-    watches: bool = False
     synchronises: bool = False
 
 

@@ -15,7 +15,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
-from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Builder, Program, Store, program_name
+from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Builder, Store, program_name
 
 __all__ = ["EOT", "Receiver", "parameter_file"]
 
@@ -151,8 +151,3 @@ def parameter_file(parameters: Parameters, status: bool = True) -> str:
         tail = f" S:${known.get(q, 0) | LOADED:08X}" if status else ""
         lines.append(f"q {q}: {value:.15g}{tail}")
     return "".join(f"{line}\r\n" for line in (*lines, END))
-
-
-def program_file(program: Program) -> str:
-    """A program as a file."""
-    return program.file
