@@ -33,7 +33,7 @@ from isel_twin.controller import (
 )
 from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
-from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
+from isel_twin.firmware.bwo900.channel import Channel, Phase
 from isel_twin.firmware.bwo900.homing import Homing
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.jog import Jog
@@ -42,7 +42,9 @@ from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, me
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits, positive
 from isel_twin.firmware.bwo900.restart import find
+from isel_twin.firmware.bwo900.services import Services
 from isel_twin.firmware.bwo900.status import NUMBERS, cell
+from isel_twin.firmware.bwo900.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
