@@ -614,10 +614,9 @@ class Control:
     def speed_mm_s(self, axis: int) -> float:
         """Speed of an axis, mm/s, of its set points."""
         run = self.run
-        if run is None:
+        if run is None or not (tick := run.count(self._now_ns)) or self._now_ns >= run.end_ns + PERIOD_NS:
             return 0.0
-        before = run.displacement(max(self._now_ns - PERIOD_NS, run.start_ns))[axis]
-        way = run.displacement(self._now_ns)[axis] - before
+        way = int(run.plan.deltas(tick - 1, tick)[0, axis])
         return way / self._limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
     def _limits(self) -> Limits:
