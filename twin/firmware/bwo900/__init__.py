@@ -3,7 +3,8 @@
     control.py      host, inputs and clock: implements isel_twin.controller.Controller
     transfer.py     programs and parameters over the line; programs.py, parameters.py, memory.py: what is kept
     syntax.py       blocks read; expressions.py
-    interpreter.py  blocks to paths: groups.py, frames.py, circles.py, tools.py, functions.py; cycles/
+    interpreter.py  blocks to paths: stack.py (programs), values.py (expressions), reader.py (G, M: said.py),
+                    targets.py (axes, circles), coordinates.py (frames), cycle.py (cycles/)
     blocks.py       what flows from there on; elements.py: lines and arcs
     ahead.py        analysis ahead of the real time: contour.py, offset.py; blocks that wait
     channel.py      real time, its phases; services.py: what it asks of the control
