@@ -283,6 +283,17 @@ def test_places_are_reached_in_rapid() -> None:
     assert moves(program, 30)[0] == ((5.0, 7.0, 100.0), RAPID)
 
 
+@shows("bwo900-5.3-13")
+@pytest.mark.parametrize(("g", "sweep"), [("G02 R-30", -270.0), ("G03 R30", 90.0)])
+def test_polar_places_with_g02_and_g03_are_reached_with_the_feed(g: str, sweep: float) -> None:
+    text = f"{DRILL}|N24 G10 X40 Y0|N26 G01 x30 c0|N30 {g} G81 c90 {HOLES['G81']}|N40 M30"
+    first = next(b for b in done(text).path if b.number == 30)
+    assert first.feed_mm_min == 1500.0
+    assert first.finish[:2] == pytest.approx((40.0, 30.0))
+    assert isinstance(first.elements[0], Arc)
+    assert math.degrees(first.elements[0].sweep_rad) == pytest.approx(sweep)
+
+
 @shows("bwo900-5.3-14")
 @pytest.mark.parametrize(("plane", "words", "place"), [("G17", "X3 Y4", (23, 34, 0)), ("G18", "X3 Z4", (23, 0, 54))])
 def test_with_g91_the_place_counts_from_the_last_one(plane: str, words: str, place: tuple[float, ...]) -> None:
@@ -303,6 +314,22 @@ def test_g66_acts_in_the_whole_cycle() -> None:
         ((5.0, 7.0, 60.0), RAPID),
     ]
     assert moves(program, 40)[0][0][0] == 11.0
+
+
+@shows("bwo900-5.3-15")
+@pytest.mark.parametrize("words", ["X50 Y50 Z2", ""])
+@pytest.mark.parametrize("cycle", POCKETS)
+def test_g66_acts_in_all_moves_of_a_pocket(cycle: str, words: str) -> None:
+    """Lines and arcs, with a zero point and a mirror that do not count."""
+    text = f"{MILL} {{}}|N15 X50 Y50 Z2|N20 {{}} {cycle} {words} {POCKETS[cycle]}|N30 M30"
+    plain = done(text.format("", ""))
+    bare = done(text.format("G61 G55", "G66").replace("G54", ""), p20006=7.0, p20007=-3.0, p20008=1.0)
+    if words:
+        assert moves(bare)[1:] == moves(plain), "and the way there"
+    else:  # about the place where the axes stand in the machine
+        shift = [a - b for a, b in zip(moves(bare)[-1][0], moves(plain)[-1][0], strict=True)]
+        assert shift == pytest.approx([-93.0, -3.0, 1.0])
+        near([m[0] for m in moves(bare)], [[x + d for x, d in zip(m[0], shift, strict=True)] for m in moves(plain)])
 
 
 @shows("bwo900-5.3-16")

@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.groups import Modal
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 
-__all__ = ["NUMBERS", "cell"]
+__all__ = ["NUMBERS", "cell", "shown"]
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     9_340: lambda m: m.motion,
@@ -115,23 +115,27 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
     return None
 
 
-def _axis(axis: int, offset: int, interpreter: Interpreter, seen: Seen) -> float | None:
+def shown(axis: int, interpreter: Interpreter) -> float:
+    """How much the display is off the machine's coordinates, mm: zero point, G92, tool length."""
     frame = interpreter.frame
-    shown = frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
-    place = seen.set_mm(axis)
+    return frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
+
+
+def _axis(axis: int, offset: int, interpreter: Interpreter, seen: Seen) -> float | None:
+    shift, place = shown(axis, interpreter), seen.set_mm(axis)
     match offset:
         case 150 | 151:
             return place
         case 152:
             return seen.actual_mm(axis)
         case 154:
-            return place - shown
+            return place - shift
         case 155:
             return interpreter.program_position[axis]
         case 156:
-            return interpreter.program_position[axis] - (place - shown)
+            return interpreter.program_position[axis] - (place - shift)
         case 157:
-            return shown
+            return shift
         case 160:
             return place - seen.actual_mm(axis)
         case 170:
