@@ -172,3 +172,10 @@ class Store(dict[str, Program]):
         if program is None:
             raise ProgramError(1252, name)
         return program
+
+    def text(self, name: str, number: int) -> str:
+        """What stands behind the number of a block of a program; empty if there is no such block."""
+        try:
+            return self.find(name).after(number)
+        except ProgramError:
+            return ""

@@ -55,8 +55,8 @@ class Receiver:
 
     @property
     def busy(self) -> bool:
-        """In the middle of a file."""
-        return bool(self._kind)
+        """In the middle of a file, which may be one that nobody wants; a program that is fed is none."""
+        return bool(self._kind) and not isinstance(self._builder, Feed)
 
     def take(self, data: bytes) -> Iterator[ProgramError]:
         """Bytes of the line; what was wrong with them."""
@@ -112,6 +112,8 @@ class Receiver:
             yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
 
     def _skip(self, number: int, detail: str) -> ProgramError:
+        if isinstance(self._builder, Feed):
+            self._builder.give_up()
         self._kind, self._builder = "?", None
         return ProgramError(number, detail)
 
