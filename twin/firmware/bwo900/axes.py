@@ -74,10 +74,9 @@ class Axes:
     def speed_mm_s(self, axis: int) -> float:
         """Speed of an axis, mm/s, of its set points."""
         run = self.run
-        if run is None:
+        if run is None or not (tick := run.count(self.now_ns)) or self.now_ns >= run.end_ns + PERIOD_NS:
             return 0.0
-        before = run.displacement(max(self.now_ns - PERIOD_NS, run.start_ns))[axis]
-        way = run.displacement(self.now_ns)[axis] - before
+        way = int(run.plan.deltas(tick - 1, tick)[0, axis])
         return way / self.limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
     # What moves them

@@ -7,7 +7,7 @@
     run       set points of the channel, or of a move in hand
 
     power.py      drives on and off        axes.py   where the axes stand     hand.py   moves without a program
-    outgoing.py   events and messages      channel.py   the program
+    outgoing.py   events and messages      channel.py   the program           feeder.py   programs that are fed
 
 Modes: HAND 1, AUTO 2, single block 4, positioning 8. A program starts in AUTO or single block, with all axes referenced
 and the drives on.
@@ -36,6 +36,7 @@ from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.axes import AXES, Axes
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import Channel, Phase
+from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
@@ -70,7 +71,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys and HoldsHost."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -83,6 +84,7 @@ class Control:
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
         self._receiver = Receiver(self._parameters, self._store, self._written)
+        self._feeder = Feeder(self._parameters, self._store)
         self._levels: dict[str, bool] = {}
         """Of the inputs."""
         self._outgoing = Outgoing(self._parameters)
@@ -177,6 +179,10 @@ class Control:
         return not (working or self._hand.move is not None or asked or self._receiver.busy)
 
     @property
+    def clear_to_send(self) -> bool:
+        return self._feeder.clear_to_send
+
+    @property
     def keys(self) -> Mapping[str, Key]:
         return keys.KEYS
 
@@ -203,6 +209,11 @@ class Control:
     def receive(self, t_ns: int, data: bytes) -> None:
         self.advance(t_ns)
         for error in self._receiver.take(data):
+            if lost := self._feeder.failed:
+                self._say(message(error.number, program=lost, detail=error.detail))
+                self._channel.abort(t_ns)
+                self._feeder.end()
+                continue
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
@@ -273,6 +284,8 @@ class Control:
         self._axes.follow((self._hand.move or self._channel).run)
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
+        if told := self._feeder.say():
+            self._outgoing.add(Reply(told))
         self._status()
 
     def _status(self) -> None:
@@ -282,6 +295,8 @@ class Control:
         if p.get(8_685) != state:
             p.write(8_685, state)
             p.write(8_687, 1.0 if channel.active else 0.0)
+        if p.get(8_561) != self._feeder.level:
+            p.write(8_561, float(self._feeder.level))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))
@@ -403,6 +418,10 @@ class Control:
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
         self._channel.single = mode is Mode.SINGLE
+        if mode in (Mode.AUTO, Mode.SINGLE):
+            self._feeder.automatic(self._started)
+        else:
+            self._feeder.end()
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -425,14 +444,21 @@ class Control:
             self._starts = True
             self._power.request(self._now_ns)
 
+    @property
+    def _started(self) -> str:
+        """The program that Start starts."""
+        return f"P{int(self._parameters.get(8_800))}"
+
     def _begin_program(self) -> None:
         p = self._parameters
         positioning = self.mode is Mode.POSITIONING
-        name = POSITIONED if positioning else f"P{int(p.get(8_800))}"
+        name = POSITIONED if positioning else self._started
         block = None if positioning else int(p.get(8_801)) or None
         self._outgoing.fault = False
         try:
             again = bool(p.get(8_804) and p.get(8_802))
+            if not positioning:
+                self._feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self._axes.position
             self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
             if again:
@@ -451,14 +477,14 @@ class Control:
         self._channel.start(self._now_ns)
 
     def _block_begun(self, t_ns: int, block: PathBlock) -> None:
-        stored = self._store.get(block.program)
-        text = "" if stored is None else stored.after(block.number)
+        text = self._store.text(block.program, block.number)
         counts = self._axes.counts_at(t_ns)
         plane = (block.plane.first, block.plane.second)
         self._outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
+        self._feeder.end()
         name, block = broken or ("", 0)
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))

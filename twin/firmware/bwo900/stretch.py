@@ -5,7 +5,8 @@
 
 A stretch ends where the axes stand: at an exact stop, a dwell, an M00, functions that are waited for. The override, a
 stop and blocks that come late change what is still to be made, from the next tick on (`replan`). What was held goes on
-in a new run with the rest of the motion (`resume`).
+in a new run with the rest of the motion (`resume`). One that does not end hands over to a new run now and then, which
+knows nothing of what has been made (`MOST_PIECES`): the same set points in bounded memory.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ __all__ = ["PERIOD_NS", "Stretch", "breaks_after", "joining"]
 
 PERIOD_NS: Final = 2 * MILLISECOND_NS
 """From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
+MOST_PIECES: Final = 8192
+"""Pieces of a motion that are known at a time, made or not, but for those that come at once: some 150 bytes each."""
 
 
 @dataclass
@@ -95,7 +98,7 @@ class Stretch:
         run, plan = self.run, self._plan
         if run is None or plan is None or now_ns >= run.end_ns:
             return 0.0
-        return plan.speed(max(run.count(now_ns) - run.first, 0))
+        return plan.speed(run.count(now_ns))
 
     def next_ns(self, now_ns: int, refill: int | None) -> int:
         """When something is due: the end of the set points, the next block that speaks, room for more blocks.
@@ -128,7 +131,7 @@ class Stretch:
             tick = self._plan.passed(pieces - self._made)
         except IndexError:
             return self.run.end_ns
-        return self.run.start_ns + tick * PERIOD_NS
+        return self.run.start_ns + (tick - self.run.first) * PERIOD_NS
 
     # ---- what happens to it -----------------------------------------------------------------------------------------
 
@@ -158,6 +161,7 @@ class Stretch:
         pieces = self._enter(blocks)
         if len(pieces):
             self.replan(now_ns, append=pieces)
+            self._hand_over(now_ns)
 
     def _enter(self, blocks: Sequence[PathBlock]) -> Pieces:
         assert self._path is not None
@@ -173,7 +177,7 @@ class Stretch:
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
-        made = self._made + plan.finished(max(run.count(now_ns) - run.first, 0))
+        made = self._made + plan.finished(run.count(now_ns))
         while len(self._entries) > 1 and self._entries[0].until <= made:
             began_ns = min(self._time_of(self._entries[0].until), now_ns)
             over = self._entries.popleft()
@@ -203,9 +207,19 @@ class Stretch:
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
-        tick = max(0, -((run.start_ns - now_ns) // PERIOD_NS))
+        tick = run.first + max(0, -((run.start_ns - now_ns) // PERIOD_NS))
         self._plan = plan.replanned(tick, **changes)  # type: ignore[arg-type]
         self.run = replace(run, plan=self._plan)
+
+    def _hand_over(self, now_ns: int) -> None:
+        """Forget what has been made, if that is much: but for the last tick, for those who ask for speeds."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None or plan.known_pieces <= MOST_PIECES or now_ns < run.start_ns:
+            return
+        tick = run.count(now_ns)
+        self._plan = plan.forgetting(max(tick - 1, run.first))
+        start_ns = run.start_ns + (tick - run.first) * PERIOD_NS
+        self.run = SetPointRun(self._plan, PERIOD_NS, start_ns, first=tick)
 
 
 def breaks_after(block: PathBlock, halts: bool) -> bool:
