@@ -79,6 +79,7 @@ class Control:
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._memory = memory.Memory(self._parameters, self._store)
         self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
@@ -217,7 +218,7 @@ class Control:
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
-            self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+            self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
@@ -225,7 +226,7 @@ class Control:
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._written(number, wanted, "P", 1)
-        self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+        self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
