@@ -10,6 +10,7 @@ block is executed (real time), bit 3 its writing synchronises. What is not said 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
@@ -123,8 +124,10 @@ class Parameters:
         return value
 
     def write(self, number: int, value: float | None, area: str = "P", channel: int = 1) -> None:
-        """Set a value; None deletes it."""
+        """Set a value; None deletes it. Raises ProgramError M1202 for one that is no number a double holds."""
         q = self.address(area, number, channel)
+        if value is not None and not math.isfinite(value):
+            raise ProgramError(1202, f"{area}{number}")
         if value is None:
             self._values.pop(q, None)
         else:
