@@ -600,7 +600,7 @@ class Control:
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 
     def _cell(self, number: int) -> float | None:
-        return cell(number, self._interpreter, self._channel, self, AXES)
+        return cell(number, self._interpreter, self._channel, self)
 
     def set_mm(self, axis: int) -> float:
         """Set position of an axis, mm."""

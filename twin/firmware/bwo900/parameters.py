@@ -96,7 +96,7 @@ class Parameters:
             raise ProgramError(1305, f"channel {channel}")
         values = self._values
         first, size = int(values.get(base + 2, 0)), int(values.get(base + 3, 0))
-        if not (0 <= first and 0 <= size and first + size + FIXED <= LARGEST_Q + 1):
+        if not (first >= 0 and size >= 0 and first + size + FIXED <= LARGEST_Q + 1):
             first, size = int(FACTORY[102]), int(FACTORY[103])
         if 0 <= number < min(size, 7000):
             return first + number
