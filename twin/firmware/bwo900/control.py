@@ -398,8 +398,7 @@ class Control:
     def _put_out(self, kind: int) -> None:
         """All parameters as a file, 5 with their status."""
         for number in NUMBERS:
-            if (now := self._cell(number)) is not None:
-                self._parameters.write(number, now)
+            self._parameters.write(number, self._cell(number))
         text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
         self._outgoing.add(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
 
@@ -495,7 +494,7 @@ class Control:
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 
     def _cell(self, number: int) -> float | None:
-        return cell(number, self._interpreter, self._channel, self._axes, AXES)
+        return cell(number, self._interpreter, self._channel, self._axes)
 
     def _say(self, said: Message) -> None:
         self._outgoing.say(self._now_ns, said)
