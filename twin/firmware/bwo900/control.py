@@ -33,7 +33,7 @@ from isel_twin.controller import (
 )
 from isel_twin.firmware.bwo900 import keys, memory
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
-from isel_twin.firmware.bwo900.channel import PERIOD_NS, Channel, Phase, Services
+from isel_twin.firmware.bwo900.channel import Channel, Phase
 from isel_twin.firmware.bwo900.homing import Homing
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.jog import Jog
@@ -42,7 +42,9 @@ from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, me
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
 from isel_twin.firmware.bwo900.path import Limits, positive
 from isel_twin.firmware.bwo900.restart import find
+from isel_twin.firmware.bwo900.services import Services
 from isel_twin.firmware.bwo900.status import NUMBERS, cell
+from isel_twin.firmware.bwo900.stretch import PERIOD_NS
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
 from isel_twin.motion import SetPointRun
 from isel_twin.units import MILLISECOND_NS, SECOND_NS
@@ -612,10 +614,9 @@ class Control:
     def speed_mm_s(self, axis: int) -> float:
         """Speed of an axis, mm/s, of its set points."""
         run = self.run
-        if run is None:
+        if run is None or not (tick := run.count(self._now_ns)) or self._now_ns >= run.end_ns + PERIOD_NS:
             return 0.0
-        before = run.displacement(max(self._now_ns - PERIOD_NS, run.start_ns))[axis]
-        way = run.displacement(self._now_ns)[axis] - before
+        way = int(run.plan.deltas(tick - 1, tick)[0, axis])
         return way / self._limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
     def _limits(self) -> Limits:

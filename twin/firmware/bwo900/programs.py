@@ -14,12 +14,12 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import ClassVar, Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 
-__all__ = ["END", "MOST_LINE", "Builder", "Program", "Store", "program_name"]
+__all__ = ["END", "MOST_LINE", "Builder", "Lines", "Program", "Store", "program_name", "without_number"]
 
 END: Final = "#"
 """What stands behind the last block of a file."""
@@ -38,6 +38,10 @@ def _parsed(text: str, line: int) -> Block:
 class Program:
     """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
+    linear: ClassVar = False
+    """Nothing leads back in it, see `feed`."""
+    complete: ClassVar = True
+    """Its last line is known."""
     name: str
     text: bytes
     """Of all blocks, each ended by LF, Latin-1."""
@@ -79,11 +83,9 @@ class Program:
     def after(self, number: int) -> str:
         """What stands behind a block's number; empty if there is no such block."""
         try:
-            block = self.line(self.place(number))
+            return without_number(self.line(self.place(number)))
         except ProgramError:
             return ""
-        found = _NUMBER.match(block)
-        return block[found.end() :].strip() if found else block
 
     def place(self, number: int) -> int:
         """The place of the block with that number. Raises ProgramError M1255 if there is none."""
@@ -98,42 +100,69 @@ class Program:
         return "".join(f"{line}\r\n" for line in (self.name, *self.blocks, END))
 
 
+class Lines:
+    """Makes blocks of lines: leaves out comments and blank ones, joins what is chained, sees that numbers rise."""
+
+    def __init__(self) -> None:
+        self.highest = -1
+        """Number of a block so far, -1 if there is none."""
+        self._chained = ""
+
+    def block(self, number: int, line: str) -> tuple[str, int] | None:
+        """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
+        line. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
+        if len(line) > MOST_LINE:
+            raise ProgramError(1113, f"line {number}")
+        text = line.rstrip()
+        if not text.strip() or text.lstrip().startswith(";"):
+            return None
+        if text.endswith("\\"):
+            self._chained += text[:-1] + " "
+            return None
+        text, self._chained = (self._chained + text).strip(), ""
+        found = _NUMBER.match(text)
+        if found is None:
+            return text, -1
+        if int(found[1]) <= self.highest:
+            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}")
+        self.highest = int(found[1])
+        return text, self.highest
+
+    def end(self) -> None:
+        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
+        if self._chained:
+            raise ProgramError(1111, "the last line is chained to nothing")
+
+
 class Builder:
     """Takes the lines of a program one by one, so that a long one costs its bytes once."""
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self._lines = Lines()
         self._text = bytearray()
         self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
-        self._last = -1
-        self._chained = ""
 
     def add(self, number: int, line: str) -> None:
-        """The next line, number: of the file. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
-        if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}")
-        text = line.rstrip()
-        if not text.strip() or text.lstrip().startswith(";"):
+        """The next line, number: of the file. Raises ProgramError as `Lines.block` does."""
+        if (made := self._lines.block(number, line)) is None:
             return
-        if text.endswith("\\"):
-            self._chained += text[:-1] + " "
-            return
-        text, self._chained = (self._chained + text).strip(), ""
-        found = _NUMBER.match(text)
-        if found is not None:
-            if int(found[1]) <= self._last:
-                raise ProgramError(1290, f"N{found[1]} after N{self._last}, line {number}")
-            self._last = int(found[1])
+        text, own = made
         self._text += text.encode("latin-1", errors="replace") + b"\n"
         self._begins.append(len(self._text))
-        self._numbers.append(-1 if found is None else self._last)
-        self._highest.append(self._last)
+        self._numbers.append(own)
+        self._highest.append(self._lines.highest)
 
     def program(self) -> Program:
         """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
-        if self._chained:
-            raise ProgramError(1111, "the last line is chained to nothing")
+        self._lines.end()
         return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
+
+
+def without_number(block: str) -> str:
+    """What stands behind the number of a block."""
+    found = _NUMBER.match(block)
+    return block[found.end() :].strip() if found else block
 
 
 def program_name(line: str) -> str:
