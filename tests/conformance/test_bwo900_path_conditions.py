@@ -645,6 +645,13 @@ def test_without_lengths_and_radius_correction_for_a_block() -> None:
     assert joined(elements("N5 G1 F100 tr:2|N10 G41 X5 Y5|N20 X20|N30 G66 X30|N40 X50|N50 X60|N60 M30"))
 
 
+@shows("bwo900-4.23-1")
+def test_incremental_dimensions_without_corrections() -> None:
+    """G91 counts from where the axes are, G66 in the machine's coordinates: a way of its length, whatever is on."""
+    done = analysed("N5 G54 G45 P163:90 G0 X5 Y0|N7 G92 X3|N10 G66 G91 X1 Y2|N20 G90 X5 Y0|N30 M30", p20003=10)
+    near(done.points, [(10, 5), (11, 7), (13, 5)])
+
+
 @shows("bwo900-4.25-2")
 def test_incremental_dimensions_count_from_where_the_axes_are() -> None:
     """Also when another zero point has been called since: it moves nothing, and counts for absolute dimensions."""

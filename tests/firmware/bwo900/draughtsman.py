@@ -190,7 +190,7 @@ class Draughtsman:
         self.goes(f"G{3 if sweep > 0.0 else 2} {words}", points, begin=ways[0], end=ways[1])
 
     def corner(self, first: tuple[float, float], second: tuple[float, float], share: float, chamfer: bool) -> None:
-        """G12 between two lines in the plane, by two ways from the start; share: how much of the shorter one it takes."""
+        """G12 between two lines in the plane, by two ways from the start; share: what it takes of the shorter one."""
         start = self.program_place()
         u, v, _ = self.axes
         middle, goal = start.copy(), start.copy()
@@ -241,8 +241,8 @@ ways = st.tuples(st.integers(-300, 300), st.integers(-300, 300)).map(lambda w: (
 feeds = st.sampled_from([600, 1800, 4200, 9000])
 millimetres = st.integers(-300, 300).map(lambda n: n / 10.0)
 KINDS = (
-    *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, "zero", "shift", "correction", "rotation", "added",
-    "mirror", "dimension", "polar", "plane", "feed", "uncorrected", "exact", "length",
+    *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, *("dimension",) * 2, *("uncorrected",) * 2,
+    "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed", "exact", "length",
 )  # fmt: skip
 
 
@@ -253,8 +253,8 @@ def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draught
     drawn.says("G0 G90 F3000")
     drawn.line(np.array([1.0, 2.0, 3.0]), (0, 1, 2), "G0")
     for _ in range(draw(st.integers(2, most))):
-        kind = draw(st.sampled_from(KINDS if frames else KINDS[:13]))
-        u, v, w = drawn.axes
+        kind = draw(st.sampled_from(KINDS if frames else KINDS[:15]))
+        u, v, _ = drawn.axes
         match kind:
             case "line":
                 drawn.line(draw(places), draw(some_axes), draw(st.sampled_from(["G1", "G1", "G1", "G1 G8"])))

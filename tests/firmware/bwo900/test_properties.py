@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from conformance.bwo900_desk import REFERENCE, file, parameters, said, start, value
 from firmware.bwo900.draughtsman import CORNER_EXPONENTS, SAGITTA, ZERO_POINTS, Curve, Draughtsman, programs
 from hypothesis import given, settings
@@ -116,9 +115,12 @@ class Way:
         self.feed = np.array([self._feed(curve, speed.max()) for curve in curves])
         self.able = np.array([steeper * (rapid if curve.feed is None else path) for curve in curves])
         self.ends_at = self.at[ends]
-        self.jump = np.array([
-            self._jump(a, b, min(fa, fb), corner) for (a, fa), (b, fb) in pairwise(zip(curves, self.feed, strict=True))
-        ]).reshape(len(curves) - 1, 3)
+        self.jump = np.array(
+            [
+                self._jump(a, b, min(fa, fb), corner)
+                for (a, fa), (b, fb) in pairwise(zip(curves, self.feed, strict=True))
+            ]
+        ).reshape(len(curves) - 1, 3)
 
     @staticmethod
     def _feed(curve: Curve, rapid: float) -> float:
@@ -154,7 +156,9 @@ class Way:
             found[k] = here
         return found
 
-    def bounds(self, along: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(
+        self, along: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Of each tick: acceleration and sum of jumps up to here, each axis; feed. `along` may lag by SLACK."""
         curve = np.minimum(np.searchsorted(self.ends_at, along - SLACK_MM), len(self.feed) - 1)
         later = np.minimum(np.searchsorted(self.ends_at, along + SLACK_MM), len(self.feed) - 1)
@@ -167,7 +171,9 @@ SLACK_MM = 0.02
 """By which `follow` may be behind: near a joint that turns by a small angle both sides are near enough."""
 
 
-def check(done: Done, drawn: Draughtsman, corner: float, sine: bool, percent: float = 100.0, even: bool = False) -> None:
+def check(
+    done: Done, drawn: Draughtsman, corner: float, sine: bool, percent: float = 100.0, even: bool = False
+) -> None:
     """All that must hold; see the module."""
     assert done.messages == []
     way = Way(drawn, corner, sine, even)
