@@ -7,7 +7,9 @@ way. Its set points, one every 2 ms, are held against the drawn path:
     speed     of an axis over m ticks:      |x(k+m) - x(k)|             <= V m T + 2 E
     ramps     of an axis over 2 m ticks:    |x(k+m) - 2 x(k) + x(k-m)|  <= A (m T)^2 + J m T + 4 E
     corners   J = sum over the corners in those ticks of  v_corner |change of direction|,
-              v_corner = the lower feed x cos(change of direction)^P8851, 0 where it stops
+              v_corner = the lower feed x cos(change of direction)^P8851, 0 where it stops;
+              and m ticks before and behind each it is no further than  v_corner m T + a (m T)^2 / 2,
+              a = min(A / |direction|), along the path
 
 V, A: P12004, P12004 / P12008, or P12009 where that is longer and it is no G00; sin^2 ramps are pi/2 steeper. E is 1 um:
 the ends of pieces are rounded to an increment, and so is a place between them; each is half an increment at most.
@@ -16,7 +18,7 @@ the ends of pieces are rounded to an increment, and so is a place between them; 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -115,12 +117,12 @@ class Way:
         self.feed = np.array([self._feed(curve, speed.max()) for curve in curves])
         self.able = np.array([steeper * (rapid if curve.feed is None else path) for curve in curves])
         self.ends_at = self.at[ends]
-        self.jump = np.array(
-            [
-                self._jump(a, b, min(fa, fb), corner)
-                for (a, fa), (b, fb) in pairwise(zip(curves, self.feed, strict=True))
-            ]
-        ).reshape(len(curves) - 1, 3)
+        pairs = list(pairwise(zip(curves, self.feed, self.able, strict=True)))
+        self.passed = np.array([self._passed(a, b, min(fa, fb), corner) for (a, fa, _), (b, fb, _) in pairs])
+        turns = np.array([np.abs(b.begin - a.end) for (a, _, _), (b, _, _) in pairs]).reshape(len(pairs), 3)
+        self.jump = self.passed[:, None] * turns
+        self.before = np.array([float(np.min(able / np.maximum(np.abs(a.end), 1e-9))) for (a, _, able), _ in pairs])
+        self.behind = np.array([float(np.min(able / np.maximum(np.abs(b.begin), 1e-9))) for _, (b, _, able) in pairs])
 
     @staticmethod
     def _feed(curve: Curve, rapid: float) -> float:
@@ -128,11 +130,10 @@ class Way:
         return float(rapid / np.abs(curve.begin).max()) if curve.feed is None else curve.feed / 60.0
 
     @staticmethod
-    def _jump(a: Curve, b: Curve, feed: float, corner: float) -> NDArray[np.float64]:
-        """How much each axis may change its speed at a joint, mm/s."""
+    def _passed(a: Curve, b: Curve, feed: float, corner: float) -> float:
+        """The highest speed at a joint, mm/s."""
         cosine = min(max(float(a.end @ b.begin), 0.0), 1.0)
-        passed = 0.0 if a.stops else feed * cosine**corner
-        return passed * np.abs(b.begin - a.end)
+        return 0.0 if a.stops else feed * cosine**corner
 
     def follow(self, places: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
         """How far along the path each place is, at least: the first point from the last one on that is near enough.
@@ -164,7 +165,27 @@ class Way:
         later = np.minimum(np.searchsorted(self.ends_at, along + SLACK_MM), len(self.feed) - 1)
         able = np.maximum(self.able[curve], self.able[later])
         feed = np.maximum(self.feed[curve], self.feed[later])
-        return able, feed, along
+        return able, feed
+
+    def check_joints(self, s: NDArray[np.float64]) -> None:
+        """One stretch of time passes each of its joints no faster than allowed. s: how far along, each tick."""
+        around = (*self.joint_at, self.at[-1])
+        for n, joint in enumerate(self.joint_at):
+            if not s[0] - TOLERANCE_MM <= joint <= s[-1] + TOLERANCE_MM:
+                continue
+            later = min(int(np.searchsorted(s, joint + TOLERANCE_MM, side="right")), len(s) - 1)
+            sooner = max(int(np.searchsorted(s, joint, side="left")) - 1, 0)
+            for m in (2, 5, 12):
+                i, k = max(later - m, 0), min(sooner + m, len(s) - 1)
+                if s[i] >= (around[n - 1] if n else 0.0):
+                    assert joint - s[i] <= self._nearest(n, self.before[n], m), f"before joint {n}, {joint:.3f} mm"
+                if s[k] <= around[n + 1]:
+                    assert s[k] - joint <= self._nearest(n, self.behind[n], m), f"behind joint {n}, {joint:.3f} mm"
+
+    def _nearest(self, joint: int, able: float, m: int) -> float:
+        """How far from the joint m ticks lead, mm. The tick nearest to it may be 2 TOLERANCE_MM away, and faster."""
+        speed = math.sqrt(self.passed[joint] ** 2 + 4.0 * able * TOLERANCE_MM)
+        return speed * m * T_S + able * (m * T_S) ** 2 / 2.0 + 3.0 * TOLERANCE_MM
 
 
 SLACK_MM = 0.02
@@ -186,7 +207,8 @@ def check(
     for stretch in done.stretches:
         mine = along[at : at + len(stretch)]
         at += len(stretch)
-        able, feed, _ = way.bounds(mine)
+        way.check_joints(mine)
+        able, feed = way.bounds(mine)
         for m in (1, 3, 12, 40):
             padded = np.vstack([np.repeat(stretch[:1], 2 * m, axis=0), stretch, np.repeat(stretch[-1:], 2 * m, axis=0)])
             s = np.concatenate([np.repeat(mine[:1], 2 * m), mine, np.repeat(mine[-1:], 2 * m)])
@@ -274,3 +296,54 @@ def test_other_overrides_on_the_way(
     desk.send(parameters(p11310=110))
     desk.finish(MOST_S)
     check(made(desk, first), drawn, corner, sine, percent=120.0)
+
+
+# ---- mirrored and turned ---------------------------------------------------------------------------------------------
+
+plain = programs(most=6, frames=False)
+
+
+def with_head(drawn: Draughtsman, words: str) -> Draughtsman:
+    """The same program behind a block of these words; what it draws stays."""
+    return Draughtsman(drawn.shift_first, drawn.rapid_stops, [f"N1 {words}", *drawn.lines], drawn.curves, drawn.place)
+
+
+def carried(drawn: Draughtsman, matrix: NDArray[np.float64]) -> Draughtsman:
+    """The drawn path, carried by a matrix [3, 3]."""
+    curves = [replace(c, points=c.points @ matrix.T, begin=matrix @ c.begin, end=matrix @ c.end) for c in drawn.curves]
+    return Draughtsman(drawn.shift_first, drawn.rapid_stops, drawn.lines, curves, matrix @ drawn.place)
+
+
+@given(plain, st.sampled_from(["G61", "G62", "G61 G62"]), st.booleans())
+@settings(max_examples=10, deadline=None, derandomize=True)
+def test_a_mirrored_program_has_mirrored_set_points(drawn: Draughtsman, mirror: str, sine: bool) -> None:
+    """One for one: rounding is the same to both sides, so that only places on the very middle may differ."""
+    signs = np.array([-1.0 if "61" in mirror else 1.0, -1.0 if "62" in mirror else 1.0, 1.0])
+    as_it_is, mirrored = ran(drawn, sine=sine), ran(with_head(drawn, mirror), sine=sine)
+    assert as_it_is.messages == mirrored.messages == []
+    assert as_it_is.places.shape == mirrored.places.shape
+    assert np.abs(as_it_is.places * signs - mirrored.places).max() <= E_MM + 1e-9
+
+
+@given(plain, st.sampled_from([90.0, 180.0, -90.0, 450.0]), st.booleans())
+@settings(max_examples=10, deadline=None, derandomize=True)
+def test_a_program_turned_by_quarters_has_turned_set_points(drawn: Draughtsman, angle: float, sine: bool) -> None:
+    """One for one, where all axes can do the same."""
+    as_it_is = ran(drawn, sine=sine, even=True)
+    turned = ran(with_head(drawn, f"G45 P160:0 P161:0 P163:{angle}"), sine=sine, even=True)
+    assert as_it_is.places.shape == turned.places.shape
+    assert np.abs(as_it_is.places @ turn(angle).T - turned.places).max() <= E_MM + 1e-9
+
+
+@given(plain, st.integers(-3600, 3600), st.booleans())
+@settings(max_examples=10, deadline=None, derandomize=True)
+def test_a_turned_program_keeps_to_the_turned_path(drawn: Draughtsman, tenths: int, sine: bool) -> None:
+    """And to all limits: the axes share the path otherwise."""
+    done = ran(with_head(drawn, f"G45 P160:0 P161:0 P163:{tenths / 10.0}"), sine=sine)
+    check(done, carried(drawn, turn(tenths / 10.0)), 1.0, sine)
+
+
+def turn(angle: float) -> NDArray[np.float64]:
+    """About Z, degrees."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
