@@ -4,7 +4,8 @@
                     each may keep blocks back until the next one comes, or until there is none: `flush`
 
 It goes on until so many blocks wait, the program ends, an error comes, or the interpreter waits for something itself:
-a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle).
+a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle). Where it
+waits for the next block of a program that is fed, nothing is flushed: what comes then belongs to what was.
 An error is kept until the blocks before it have been carried out.
 """
 
@@ -88,6 +89,8 @@ class Ahead:
             stops = self._pass_notes() or stops
             if block is None:
                 self._last()
+                break
+            if block is Waiting.FEED:
                 break
             if isinstance(block, Waiting):
                 if block in (Waiting.CONDITION, Waiting.PASS, Waiting.BEGINNING):

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from isel_twin.firmware.bwo900.lines import Lines, without_number
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs import Lines, without_number
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 
 __all__ = ["HIGH", "LOW", "ROOM", "Feed"]
@@ -43,6 +43,10 @@ class Feed:
         """Bytes that have come and not been analysed (P8561)."""
         self.waits = False
         """The host has been asked to wait."""
+        self.begun = False
+        """Its file has begun to come."""
+        self.given_up = False
+        """Nobody will ask for more."""
         self._lines = Lines()
         self._known: deque[tuple[str, int]] = deque()
         """Text and number of blocks, those that are forgotten left out."""
@@ -54,7 +58,7 @@ class Feed:
 
     def add(self, number: int, line: str) -> None:
         """The next line, number: of the file. Raises ProgramError: M1113, M1268, M1290."""
-        if (made := self._lines.block(number, line)) is None:
+        if self.given_up or (made := self._lines.block(number, line)) is None:
             return
         text, own = made
         if self.level + len(text) > ROOM:
@@ -69,6 +73,12 @@ class Feed:
         """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
         self.complete, self.waits = True, False
         self._lines.end()
+
+    def give_up(self) -> None:
+        """Nobody will ask for more: what comes still is thrown away."""
+        self.given_up, self.waits, self.level = True, False, 0
+        self._known.clear()
+        self._texts.clear()
 
     def __len__(self) -> int:
         return self._dropped + len(self._known)

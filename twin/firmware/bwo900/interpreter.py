@@ -57,6 +57,7 @@ class Waiting(Enum):
     CONDITION = "the parameters that waituntil asks for"
     ACKNOWLEDGEMENT = "the M function with a jump"
     BEGINNING = "the path of the last block, to begin (sc:2)"
+    FEED = "the next block of a program that is fed"
     PASS = "the next pass: a block of supervision (sc:1) has been analysed"
 
 
@@ -224,7 +225,7 @@ class Interpreter:
             return None
         level = self._stack.top
         if level.over:
-            return self._returned(level)
+            return self._returned(level) if level.program.complete else Waiting.FEED
         block = level.take()
         if block.skip and self._skips:
             return self._empty(block)

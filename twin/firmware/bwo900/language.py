@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.groups import BEYOND
+from isel_twin.firmware.bwo900.lines import END
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs import END, program_name
+from isel_twin.firmware.bwo900.programs import program_name
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Pieces, encoded, readable
 
@@ -146,8 +147,8 @@ class Bwo900Language:
         steps.append(("reference", self.reference()))
         if feeds:
             data = first.after(_file(["D", "K1:P8811: 1", *start]))
-            return [*steps, (f"start {number}, fed: {first.count} blocks", data)]
-        return [*steps, (f"start {number}", [_file(["D", "K1:P8811: 0", *start])])]
+            return [*steps, (f"start {first.name}, fed: {first.count} blocks", data)]
+        return [*steps, (f"start {first.name}", [_file(["D", "K1:P8811: 0", *start])])]
 
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
         """See RunsPrograms."""

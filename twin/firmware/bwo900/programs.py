@@ -14,24 +14,52 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Final
+from typing import ClassVar, Protocol
 
+from isel_twin.firmware.bwo900.feed import Feed
+from isel_twin.firmware.bwo900.lines import END, Lines, without_number
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 
-__all__ = ["END", "MOST_LINE", "Builder", "Lines", "Program", "Store", "program_name", "without_number"]
+__all__ = ["Blocks", "Builder", "Program", "Store", "program_name"]
 
-END: Final = "#"
-"""What stands behind the last block of a file."""
-MOST_LINE: Final = 400
-"""Characters of a line of a file (M1113)."""
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
-_NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str, line: int) -> Block:
     return parse_block(text, line)
+
+
+class Blocks(Protocol):
+    """What an interpreter asks of a program, be it kept (`Program`) or fed (`feed.Feed`)."""
+
+    @property
+    def name(self) -> str:
+        """P or Z, and its number."""
+
+    @property
+    def linear(self) -> bool:
+        """Nothing leads back in it, and no block is looked for."""
+
+    @property
+    def complete(self) -> bool:
+        """Its last block is known."""
+
+    def __len__(self) -> int:
+        """Number of blocks that are known."""
+
+    def block(self, place: int) -> Block:
+        """See Program.block."""
+
+    def number(self, place: int) -> int:
+        """See Program.number."""
+
+    def after(self, number: int) -> str:
+        """See Program.after."""
+
+    def place(self, number: int) -> int:
+        """See Program.place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,40 +128,6 @@ class Program:
         return "".join(f"{line}\r\n" for line in (self.name, *self.blocks, END))
 
 
-class Lines:
-    """Makes blocks of lines: leaves out comments and blank ones, joins what is chained, sees that numbers rise."""
-
-    def __init__(self) -> None:
-        self.highest = -1
-        """Number of a block so far, -1 if there is none."""
-        self._chained = ""
-
-    def block(self, number: int, line: str) -> tuple[str, int] | None:
-        """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
-        line. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
-        if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}")
-        text = line.rstrip()
-        if not text.strip() or text.lstrip().startswith(";"):
-            return None
-        if text.endswith("\\"):
-            self._chained += text[:-1] + " "
-            return None
-        text, self._chained = (self._chained + text).strip(), ""
-        found = _NUMBER.match(text)
-        if found is None:
-            return text, -1
-        if int(found[1]) <= self.highest:
-            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}")
-        self.highest = int(found[1])
-        return text, self.highest
-
-    def end(self) -> None:
-        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
-        if self._chained:
-            raise ProgramError(1111, "the last line is chained to nothing")
-
-
 class Builder:
     """Takes the lines of a program one by one, so that a long one costs its bytes once."""
 
@@ -159,12 +153,6 @@ class Builder:
         return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
-def without_number(block: str) -> str:
-    """What stands behind the number of a block."""
-    found = _NUMBER.match(block)
-    return block[found.end() :].strip() if found else block
-
-
 def program_name(line: str) -> str:
     """The name that a line of a file begins a program with, empty if it is none."""
     match = _NAME.match(line)
@@ -172,11 +160,22 @@ def program_name(line: str) -> str:
 
 
 class Store(dict[str, Program]):
-    """The memory for programs, by name."""
+    """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
 
-    def find(self, name: str) -> Program:
+    feed: Feed | None = None
+
+    def find(self, name: str) -> Blocks:
         """The program. Raises ProgramError M1252 if there is none."""
+        if self.feed is not None and self.feed.name == name:
+            return self.feed
         program = self.get(name)
         if program is None:
             raise ProgramError(1252, name)
         return program
+
+    def text(self, name: str, number: int) -> str:
+        """What stands behind the number of a block of a program; empty if there is no such block."""
+        try:
+            return self.find(name).after(number)
+        except ProgramError:
+            return ""

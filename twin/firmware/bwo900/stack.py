@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs import Program, Store
+from isel_twin.firmware.bwo900.programs import Blocks, Store
 from isel_twin.firmware.bwo900.syntax import Block
 
 __all__ = ["DEEPEST_CALLS", "DEEPEST_LOOPS", "Goal", "Level", "Stack"]
@@ -31,7 +31,7 @@ Goal: TypeAlias = tuple[str, int]
 class Level:
     """A program that is being executed: the place of the next block, where it ends, and its loops."""
 
-    program: Program
+    program: Blocks
     place: int = 0
     last: int | None = None
     """Place of the last block to be executed, of a call with an end."""
@@ -44,7 +44,7 @@ class Level:
 
     @property
     def over(self) -> bool:
-        """There is no next block."""
+        """There is no next block, or none that has come yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
 
     def take(self) -> Block:
@@ -58,14 +58,20 @@ class Level:
         self.place, self.last = len(self.program), None
 
     def repeat(self) -> None:
-        """From its first block on, without open loops."""
+        """From its first block on, without open loops. Raises ProgramError M1269."""
+        self._leads_back("M29")
         self.place, self.loops = 0, []
 
     def open_loop(self, passes: int) -> None:
-        """M24. Raises ProgramError M1218."""
+        """M24. Raises ProgramError M1218, M1269."""
+        self._leads_back("M24")
         if len(self.loops) >= DEEPEST_LOOPS:
             raise ProgramError(1218, f"more than {DEEPEST_LOOPS} loops inside each other")
         self.loops.append((self.place, passes, passes))
+
+    def _leads_back(self, what: str) -> None:
+        if self.program.linear:
+            raise ProgramError(1269, f"{what} in {self.program.name}, a program that is fed")
 
     def close_loop(self) -> None:
         """M25: back to behind M24, or on after the last pass."""
@@ -118,7 +124,7 @@ class Stack:
         """Whether this level is on top, and not the main program's."""
         return len(self._levels) > 1 and self._levels[-1] is level
 
-    def begin(self, program: Program, place: int) -> None:
+    def begin(self, program: Blocks, place: int) -> None:
         """A main program, from a place on."""
         self._levels = [Level(program, place)]
 
@@ -131,9 +137,11 @@ class Stack:
         self._levels.pop()
 
     def go(self, goal: Goal) -> None:
-        """Continue at a block of a program. Raises ProgramError: M1252 no such program, M1255 no such block."""
+        """Continue at a block of a program. Raises ProgramError: M1252 no such program, M1255 no such block, M1269."""
         name, number = goal
         level = self._levels[-1]
+        if level.program.linear:
+            raise ProgramError(1269, f"a jump to N{number} of {name} in {level.program.name}, a program that is fed")
         if name != level.program.name:
             program = self._store.find(name)
             self._levels[-1] = level = Level(program, cycle=level.cycle, change=level.change)
@@ -142,11 +150,13 @@ class Stack:
     def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
         """Begin a subprogram, from block to block if they are given. change: it changes the tool.
 
-        Raises ProgramError: M1220 too deep, M1252 no such program, M1255 no such block.
+        Raises ProgramError: M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed.
         """
         if len(self._levels) > DEEPEST_CALLS:
             raise ProgramError(1220, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
         program = self._store.find(name)
+        if program.linear:
+            raise ProgramError(1269, f"{name} is fed, and called by itself")
         place = 0 if start is None else program.place(start)
         end = None if last is None else program.place(last)
         self._levels.append(Level(program, place, end, cycle=name[0] == "Z", change=change and name == "Z6"))
