@@ -79,6 +79,8 @@ class Offset:
         self._last: _Last | None = None
         self._place: Point | None = None
         """Where the corrected path has got to, after the correction was switched off in a block without a path."""
+        self._plane: Plane | None = None
+        """The plane of `_place`."""
         self._empty = 0
 
     def push(self, block: PathBlock) -> list[PathBlock]:
@@ -89,12 +91,16 @@ class Offset:
             return [block]
         entry = _Open(block, len(block.elements))
         self._open.append(entry)
-        if not flat:
+        turned = not corrected and bool(block.elements) and block.plane != self._last_plane
+        if not flat and not turned:
             self._pathless(entry)
             return self._done()
         self._empty = 0
         for element in block.elements:
-            if flat_length(element, block.plane) <= NEAR_MM:
+            if self._last is None and self._place is None and not corrected:
+                entry.done.append(element)
+                entry.left -= 1
+            elif not turned and flat_length(element, block.plane) <= NEAR_MM:
                 self._across(entry, element)
             elif corrected:
                 self._corrected(entry, element)
@@ -102,12 +108,17 @@ class Offset:
                 self._off(entry, element)
         return self._done()
 
+    @property
+    def _last_plane(self) -> Plane | None:
+        """Of the path that is corrected, or was until the correction was switched off; None: there is none."""
+        return self._plane if self._last is None else self._last.open.block.plane
+
     def flush(self) -> list[PathBlock]:
         """Nothing comes that the last element could meet: it ends at right angles to its end."""
         if self._last is not None and not self._last.approach:
             self._finish(self._last, None)
             last, self._last = self._last, None
-            self._place = last.open.done[-1].end
+            self._place, self._plane = last.open.done[-1].end, last.open.block.plane
         elif self._last is not None:
             last, self._last = self._last, None
             line = Line(last.begin, last.element.end)
@@ -277,8 +288,9 @@ class Offset:
         self._waiting.clear()
 
     def _off(self, entry: _Open, element: Element) -> None:
-        """The line that switches the correction off, or an element behind it."""
-        last = self._last
+        """The line that switches the correction off. It begins where the tool is, in another plane, too."""
+        last, plane = self._last, self._last_plane
+        assert plane is not None
         if last is not None:
             if last.approach:
                 last.open.done.append(Line(last.begin, last.element.end))
@@ -295,7 +307,7 @@ class Offset:
         self._place = None
         if isinstance(element, Arc):
             raise ProgramError(1153, "the correction is switched off with a line")
-        entry.done.append(Line(entry.block.plane.into(element.start, *entry.block.plane.of(begin)), element.end))
+        entry.done.append(Line(plane.into(element.start, *plane.of(begin)), element.end))
         entry.left -= 1
 
 
