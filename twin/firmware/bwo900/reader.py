@@ -16,7 +16,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.blocks import Machine, Stop
 from isel_twin.firmware.bwo900.coordinates import Coordinates
 from isel_twin.firmware.bwo900.expressions import whole
-from isel_twin.firmware.bwo900.functions import definition
+from isel_twin.firmware.bwo900.functions import Functions
 from isel_twin.firmware.bwo900.groups import BEYOND, BLOCKWISE, GROUPS, SHIFT, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -50,6 +50,7 @@ class Reader:
         """cycles: numbers of the G functions that are cycles."""
         self._parameters, self._store, self._stack, self._values = parameters, store, stack, values
         self._coordinates, self._cycles = coordinates, cycles
+        self.functions = Functions(parameters)
         self.clear()
 
     def clear(self) -> None:
@@ -189,7 +190,10 @@ class Reader:
                     raise ProgramError(1217, column=m.column)
                 said.loops_back = True
             case 26:
-                pass  # accepted, without effect: nothing deletes a path (Z14)
+                self._without_correction(1229, "M26", m.column)
+                if 123 in said.blockwise:
+                    raise ProgramError(1226, "G123 with M26", m.column)
+                said.watches = True
             case 28:
                 said.call = self._called(values, m)
             case 29:
@@ -224,7 +228,7 @@ class Reader:
         if m.number == 6 and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
-        defined = definition(m.number, self._parameters)
+        defined = self.functions.of(m.number)
         if defined.cycle:
             if values:
                 raise ProgramError(1228, f"M{m.number} is a cycle: nothing may stand behind it", m.column)

@@ -139,9 +139,7 @@ class Targets:
     def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element, ...]:
         """The elements to a target. Moves the position there. Raises ProgramError: M1230 no feed, those of circles."""
         coordinates = self._coordinates
-        bare = 66 in said.blockwise
-        frame = coordinates.frame.bare if bare else coordinates.frame
-        start = frame.program(coordinates.position) if bare else coordinates.program_position
+        frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
         if 123 in said.blockwise and coordinates.modal.motion == 0:
             coordinates.g(1)
@@ -157,18 +155,26 @@ class Targets:
         coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return () if element is None else (element,)
 
-    def arc(self, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
+    def arc(self, said: Said, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
         """The arc of a cycle about a centre; turn: +1 counter-clockwise in the program. Moves the position to its end.
 
         targets and centre in program coordinates.
         """
         coordinates = self._coordinates
-        frame = coordinates.frame
-        goal = tuple(targets.get(axis, value) for axis, value in enumerate(coordinates.program_position))
+        frame, start, bare = self._frame_of(said)
+        goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
         end = coordinates.machine(frame, goal, targets)
         made = self._about(frame, centre, end, turn)
-        coordinates.arrive(end, goal, targets)
+        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return made
+
+    def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
+        """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
+        coordinates = self._coordinates
+        if 66 in said.blockwise:
+            bare = coordinates.frame.bare
+            return bare, bare.program(coordinates.position), True
+        return coordinates.frame, coordinates.program_position, False
 
     def _about(self, frame: Frame, centre: tuple[float, float], end: Point, turn: int) -> Arc:
         """The arc about a centre of the program; P8843: how much its radii may differ."""
