@@ -313,12 +313,16 @@ def test_corners_that_are_put_in_are_corrected_too(job: Job, data: st.DataObject
     for element in made:
         assert distance(flat(element), whole).max() < radius + NEAR
     at = 0
-    for piece in whole:  # each has its element, in order
-        fits = [n for n in range(at, len(made)) if away(made[n], piece) == pytest.approx((radius, radius), abs=NEAR)]
-        assert fits
-        around = [p for p in whole if p is piece or piece.start in (p.end, p.start) or piece.end == p.start]
-        assert distance(flat(made[fits[0]]), around).min() > radius - NEAR
-        at = fits[0] + 1
+    for number, piece in enumerate(whole):  # each has its element, in order
+        around = whole[max(number - 1, 0) : number + 2]
+        beside = [
+            n
+            for n in range(at, len(made))
+            if away(made[n], piece) == pytest.approx((radius, radius), abs=NEAR)
+            and distance(flat(made[n]), around).min() > radius - NEAR
+        ]
+        assert beside
+        at = beside[0] + 1
 
 
 @pytest.mark.parametrize(("g", "turn", "moved"), [("G41", 1.0, 17.0), ("G42", 1.0, 23.0), ("G42", -1.0, 17.0)])
