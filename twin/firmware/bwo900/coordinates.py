@@ -19,6 +19,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 __all__ = ["Coordinates"]
 
+AXES: Final = 3
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 
@@ -46,7 +47,7 @@ class Coordinates:
 
     def reset(self, position: Point, length_mm: float) -> None:
         """A program begins. position: of the axes, machine coordinates. length_mm: of the tool."""
-        self.names = {name: axis for axis, (name, _) in enumerate(self._parameters.axes)}
+        self.names = _names(self._parameters)
         axes = len(self.names)
         self.modal = START
         self._planes = {number: self._plane(number) for number in (17, 18, 19)}
@@ -144,6 +145,15 @@ class Coordinates:
     def _free_plane(self, number: int) -> Plane:
         """G117 to G119 as P8840 to P8842 define them."""
         return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
+
+
+def _names(parameters: Parameters) -> dict[str, int]:
+    """The axes that there are by their letters; one without a letter of its own has a name that no word has."""
+    names: dict[str, int] = {}
+    for axis in range(AXES):
+        letter = parameters.axis_name(axis)
+        names[letter if letter and letter not in names else f"axis {axis + 1}"] = axis
+    return names
 
 
 def _plane_of(value: float, default: Plane) -> Plane:

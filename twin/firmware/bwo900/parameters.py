@@ -10,7 +10,7 @@ block is executed (real time), bit 3 its writing synchronises. What is not said 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -149,14 +149,11 @@ class Parameters:
         """The value of P12000 + 200 axis + offset, axis from 0; `default` if it is deleted."""
         return self.get(12_000 + AXIS_SIZE * axis + offset, default)
 
-    @property
-    def axes(self) -> Iterator[tuple[str, int]]:
-        """Name and physical number of each axis of the channel, in order."""
-        for logical in range(AXES):
-            value = self._values.get(110 + logical, 0.0)
-            if byte(value, 1):
-                index = byte(value, 2)
-                yield chr(byte(value, 1)) + (str(index) if index else ""), byte(value, 3)
+    def axis_name(self, axis: int) -> str:
+        """Letter and index of an axis of the channel, from 0 (q110 on); empty if there is none."""
+        value = self._values.get(110 + axis, 0.0)
+        letter, index = byte(value, 1), byte(value, 2)
+        return f"{chr(letter)}{index or ''}" if letter else ""
 
     def zero_point(self, number: int, axis: int, workspace: int = 1) -> float:
         """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0.
