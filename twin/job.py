@@ -37,7 +37,7 @@ from isel_twin.expect import (
     parse_condition,
     parse_expected,
 )
-from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, readable
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 from isel_twin.result import Part, Result
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
@@ -45,7 +45,7 @@ from isel_twin.units import SECOND_NS
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["JobError", "Line", "Result", "check_conditions", "decode_job", "parse_job", "play"]
+__all__ = ["JobError", "Line", "Result", "check_conditions", "check_controller", "decode_job", "parse_job", "play"]
 
 LONGEST_PAUSE_S = 1e9
 """Longest pause in virtual seconds, as for the times of a scenario."""
@@ -115,7 +115,11 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
     Only text that has to be framed needs the language.
     """
-    if isinstance(language, RunsPrograms) and (steps := language.job(text)) is not None:
+    try:
+        steps = language.job(text) if isinstance(language, RunsPrograms) else None
+    except LanguageError as error:
+        raise JobError(str(error)) from None
+    if steps is not None:
         return [Line(number, step, (data,), source=text, program=True) for number, (step, data) in enumerate(steps, 1)]
     lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
@@ -137,6 +141,17 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
         except ExpectError as error:
             raise expect_error(error, number, raw) from None
     return lines
+
+
+def check_controller(text: str, language: Language | None, controller: str) -> None:
+    """Raise JobError for a text that can only be a program of another controller than the one that is named."""
+    if isinstance(language, RunsPrograms):
+        return
+    if others := programs_for(text):
+        raise JobError(
+            f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
+            "and a machine for it. A job begins with a command or a remark (# ...)"
+        )
 
 
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:

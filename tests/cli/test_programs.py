@@ -166,3 +166,61 @@ def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys
     begin, end = int(named[1] or named[3]), int(named[2] or named[3])
     assert begin <= 80 <= end
     assert end - begin <= 10
+
+
+PART = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 M30\n#\n"
+NAMED = r"part.nc: is a program for bwo900, which imc-s8 cannot run; name the controller, bwo900, and a machine for it"
+
+
+@pytest.mark.parametrize("text", [PART, f"; my part\n{PART}", "%\nN10 G0 X10\n/N20 M30\n", "Z1\nN10 X5\nN20 M02\n#\n"])
+def test_a_program_given_to_a_controller_that_runs_none_is_one_line(program, capsys, text, tmp_path: Path) -> None:
+    """It is not sent line by line to be refused line by line, nor written down as a golden run."""
+    file = program(text)
+    plan = tmp_path / "plan.toml"
+    plan.write_text('[sweep]\njob = "part.nc"\nplant = "kinematic"\n[machine]\n"payload.mass" = [0.0, 1.0]\n')
+    calls = [("run", file), ("check", file), ("golden", "record", file), ("tune", file), ("sweep", plan)]
+    for words in calls:
+        assert call(*words) == 2, words
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert re.search(NAMED, told.err), words
+        assert len(told.err.splitlines()) == 1, words
+    assert not file.with_suffix(".golden").exists()
+
+
+def test_a_remark_at_its_beginning_makes_any_file_a_job(program, capsys) -> None:
+    assert call("run", program(f"# for an iMC\n{PART}"), "--plant", "kinematic") == 1
+    assert "commands, 4 refused" in capsys.readouterr().out
+
+
+def test_decode_suggests_the_controller_of_a_program(program, capsys) -> None:
+    assert call("decode", program(PART)) == 0
+    told = capsys.readouterr()
+    assert re.search(NAMED, told.err)
+    assert "P1<10>" in told.out
+
+
+@pytest.mark.parametrize("head", ["; my part\n", "%\n", "\n; one\n\n; two\n", "%\n; tape\n"])
+def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, head) -> None:
+    assert call("run", program(head + PART), *CONTROL, "--json") == 0
+    loaded, *_, started, _ = ran(capsys)
+    assert loaded["command"] == "P1, 3 blocks"
+    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+
+
+def test_blocks_without_numbers_are_run_too(program, capsys) -> None:
+    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 0
+    *_, started, _ = ran(capsys)
+    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+
+
+def test_cycles_alone_cannot_be_started(program, capsys) -> None:
+    assert call("run", program("Z1\nN10 G0 X10\nN20 M02\n#\n"), *CONTROL) == 2
+    assert capsys.readouterr().err == (
+        f"isel-twin: {program('Z1')}: there is no program in it to be started, a line P and its number, but Z1\n"
+    )
+
+
+def test_one_block_is_one_block(program, capsys) -> None:
+    assert call("run", program("; mine\nP2\n; a remark\nN10 G1 F1200 \\\nX40\n#\n"), *CONTROL, "--json") == 0
+    assert ran(capsys)[0]["command"] == "P2, 1 block"

@@ -51,6 +51,11 @@ KEYS: Final[Mapping[int, str]] = {
     8_683: "mode", 8_684: "start (1) or stop (0)", 8_705: "abort", 8_800: "program", 8_801: "start block",
     8_810: "skip blocks with /", 11_310: "feed override, %", 8_508: "acknowledge messages",
 }  # fmt: skip
+SURE: Final = 100
+"""Lines by which a program is known."""
+_BLOCK = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
+_JOB = re.compile(r"\s*(?:D\+?\s*$|[<#!])")
+"""How a job begins: parameters, bytes, a remark."""
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 
 
@@ -108,14 +113,23 @@ class Bwo900Language:
         """Abort."""
         return _file(["D", "K1:P8705: 1"])
 
+    def claims(self, text: str) -> bool:
+        """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
+        lines = _significant(text)
+        known = all(program_name(line) or line.strip() == END or _BLOCK.match(line) for line in lines[:SURE])
+        return known and any(_BLOCK.match(line) for line in lines[:SURE])
+
     def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
-        """See RunsPrograms: a text that begins with a program or a block."""
-        lines = [line for line in text.splitlines() if line.strip()]
-        if not lines or not (program_name(lines[0]) or re.match(r"\s*(%|/?\s*N\s*\d)", lines[0])):
+        """See RunsPrograms: a text that does not begin as a job does."""
+        lines = _significant(text)
+        if not lines or _JOB.match(lines[0]):
             return None
         files = list(_programs(lines))
-        first = next(name for name, _ in files if name[0] == "P") if any(n[0] == "P" for n, _ in files) else files[0][0]
-        steps = [(f"{name}, {len(blocks)} blocks", _file([name, *blocks])) for name, blocks in files]
+        first = next((name for name, _ in files if name[0] == "P"), None)
+        if first is None:
+            others = ", ".join(name for name, _ in files) or "nothing"
+            raise LanguageError(f"there is no program in it to be started, a line P and its number, but {others}")
+        steps = [(f"{name}, {_counted(blocks)}", _file([name, *blocks])) for name, blocks in files]
         start = _file(["D", f"K1:P8800: {first[1:]}", "K1:P8683: 2", "K1:P8684: 1"])
         return [*steps, ("reference", self.reference()[0]), (f"start {first}", start)]
 
@@ -139,6 +153,19 @@ class Bwo900Language:
         return ("", 0) if found is None else (found[1], int(found[2] or 1))
 
 
+def _significant(text: str) -> list[str]:
+    """Lines without blank ones, remarks before the first program, and the beginning and end of a tape."""
+    lines = [line for line in text.splitlines() if line.strip(" \t\x04") and not line.lstrip().startswith("%")]
+    first = next((at for at, line in enumerate(lines) if not line.lstrip().startswith(";")), len(lines))
+    return lines[first:]
+
+
+def _counted(blocks: Sequence[str]) -> str:
+    """How many blocks, in words; chained lines are one."""
+    number = sum(not line.lstrip().startswith(";") and not line.rstrip().endswith("\\") for line in blocks)
+    return "1 block" if number == 1 else f"{number} blocks"
+
+
 def _programs(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """The programs of a file, each with its blocks."""
     name, blocks = "", list[str]()
@@ -151,7 +178,7 @@ def _programs(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
         elif word == END:
             yield name or f"P{NUMBER}", blocks
             name, blocks = "", []
-        elif not word.startswith("%") and word != "\x04":
+        else:
             blocks.append(line.rstrip())
     if blocks:
         yield name or f"P{NUMBER}", blocks
