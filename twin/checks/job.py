@@ -334,7 +334,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
         if is_halfway
     ]
-    if verdict.controller_fault and not verdict.fault_known:
+    told = any(result.why and not result.ok and result.parts for result in results)
+    if verdict.controller_fault and not verdict.fault_known and not told:
         found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
     if verdict.flash_fault:
         found.append(Finding("fault", "the flash memory could not be read"))
