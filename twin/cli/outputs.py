@@ -28,6 +28,9 @@ MANY_SAMPLES = 10_000_000
 
 LONG_COMMAND = 56
 """Characters of a command beyond which it makes its row longer than the others."""
+LONG_BLOCK = 100
+NAME = 4
+"""The same of a block of a program, and what stands before it: the program's name."""
 SHOWN_TRIALS = 5
 """Repetitions of a job that are shown one by one if they ended otherwise."""
 
@@ -143,6 +146,9 @@ class TableOutput:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
         self._command = min(max((len(line.command) for line in lines), default=0), LONG_COMMAND)
+        self._command = max(self._command, len(self.heads[2]))
+        blocks = (len(" ".join(block.split())) for line in lines if line.program for block in line.source.splitlines())
+        self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
         self._number = len(str(lines[-1].number)) if lines else 0
         out, messages = Console(), Console(stderr=True)
         self._terminal = out if out.is_terminal else None
@@ -159,7 +165,8 @@ class TableOutput:
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
-        self._row(*self.heads, *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        *beside, command, reply = self.heads
+        self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -177,8 +184,7 @@ class TableOutput:
         self._row(
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
-            result.command,
-            repr(result.shown_reply)[1:-1] or "none",
+            self._words(result.command, repr(result.shown_reply)[1:-1] or "none"),
             *(f"{position:.3f}" for position in result.position_mm),
             _percent(result.margin),
             style="" if result.ok else "bold red",
@@ -186,8 +192,8 @@ class TableOutput:
         for part in result.parts:
             places = [f"{position:.3f}" for position in part.position_mm]
             said = "" if places else "bold red"
-            text = part.text if places else f"  {part.text}"
-            self._row("", f"{part.time_ns / SECOND_NS:.3f}", text, "", *places, style=said)
+            text = " ".join(part.text.split())
+            self._row("", f"{part.time_ns / SECOND_NS:.3f}", text if places else f"  {text}", *places, style=said)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""
@@ -252,10 +258,14 @@ class TableOutput:
             self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
         return not other
 
-    def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
+    def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
+        """words: of the columns of text together."""
         places = "".join(f"{position:>11}" for position in positions)
-        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
-        self._print(f"{row}{reply:<{LONG_REPLY}}{places}", style)
+        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  "
+        self._print(f"{row}{words:<{self._wide}}{places}".rstrip(), style)
+
+    def _words(self, command: str, reply: str) -> str:
+        return f"{command:<{self._command}}  {reply}"
 
     def _print(self, text: str, style: str = "") -> None:
         if self._terminal is None:
