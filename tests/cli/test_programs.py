@@ -248,7 +248,7 @@ def test_a_message_is_told_once(program, capsys) -> None:
 
 
 def test_the_example_of_the_page_does_what_it_says(program, capsys) -> None:
-    """The first program of docs/bwo900.md as it stands there: three rounds, the tool's centre 3 mm beside the contour."""
+    """The first program of docs/bwo900.md: three rounds, the tool's centre 3 mm beside the contour."""
     page = (Path(__file__).parents[2] / "docs" / "bwo900.md").read_text()
     example = re.search(r"(?:^    .*\n)+", page[page.index("Samples are in") :], re.MULTILINE)
     assert example

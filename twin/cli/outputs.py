@@ -262,7 +262,7 @@ class TableOutput:
         """words: of the columns of text together."""
         places = "".join(f"{position:>11}" for position in positions)
         row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  "
-        self._print(f"{row}{words:<{self._wide}}{places}".rstrip(), style)
+        self._print(f"{row}{words:<{self._wide}}{places}", style)
 
     def _words(self, command: str, reply: str) -> str:
         return f"{command:<{self._command}}  {reply}"
