@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.call import CallError, call_errors
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
+    from pathlib import Path
 
     from rich.console import Console
 
@@ -52,6 +55,24 @@ def console() -> Console:
 def say(text: str) -> None:
     """One line for the user beside the results, on standard error."""
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def put_off(failures: list[CallError], path: Path | None) -> Iterator[None]:
+    """What cannot be written, for a full disk or whatever, waits until everything else has been: see `tell`."""
+    try:
+        with call_errors(path):
+            yield
+    except CallError as failure:
+        failures.append(failure)
+
+
+def tell(failures: Sequence[CallError]) -> None:
+    """Say what could not be written, one line each, and raise the last one."""
+    for failure in failures[:-1]:
+        say(str(failure))
+    if failures:
+        raise failures[-1]
 
 
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
