@@ -244,4 +244,4 @@ def test_what_has_nothing_to_tell_says_none() -> None:
     """A drive that has not switched itself off has no reason for it."""
     from isel_twin.trace.report import _facts
 
-    assert "<td>none, none</td>" in _facts({"switched_off": ["", ""]})
+    assert ">none, none</td>" in _facts({"switched_off": ["", ""]})
