@@ -258,3 +258,11 @@ def test_the_example_of_the_page_does_what_it_says(program, capsys) -> None:
     rounds = [part["position_mm"] for part in started["parts"] if part["text"].startswith("P1 N50")]
     assert len(rounds) == 3
     assert all(place[:2] == pytest.approx([87.0, 60.0], abs=0.01) for place in rounds)
+
+
+def test_a_job_of_another_controller_is_no_program(program, capsys) -> None:
+    file = program("@07\n@0R7\n")
+    assert call("run", file, *CONTROL) == 2
+    assert capsys.readouterr().err == (
+        f"isel-twin: {file}: '@07' begins neither a program (P1), a block (N10 ...), nor a file of parameters (D)\n"
+    )

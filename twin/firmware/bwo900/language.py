@@ -53,6 +53,8 @@ KEYS: Final[Mapping[int, str]] = {
 }  # fmt: skip
 SURE: Final = 100
 """Lines by which a program is known."""
+SHOWN: Final = 40
+"""Characters of a line that is told."""
 _BLOCK = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
 _JOB = re.compile(r"\s*(?:D\+?\s*$|[<#!])")
 """How a job begins: parameters, bytes, a remark."""
@@ -124,6 +126,12 @@ class Bwo900Language:
         lines = _significant(text)
         if not lines or _JOB.match(lines[0]):
             return None
+        if not (program_name(lines[0]) or _BLOCK.match(lines[0])):
+            try:
+                parse_block(lines[0])
+            except ProgramError:
+                begins = f"{lines[0].strip()[:SHOWN]!r} begins neither a program (P1), a block (N10 ...)"
+                raise LanguageError(f"{begins}, nor a file of parameters (D)") from None
         files = list(_programs(lines))
         first = next((name for name, _ in files if name[0] == "P"), None)
         if first is None:
