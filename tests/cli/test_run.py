@@ -364,3 +364,13 @@ def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_f
     assert "all well: 2 commands" in out
     assert (tmp_path / "job.vcd").stat().st_size > 1000
     assert "</html>" in (tmp_path / "job.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("job", "told"), [("@07\n", "1 command, 0 ref"), ("@07 => 0\n", "1 command, 0 refused, 1 exp")]
+)
+def test_one_of_a_thing_is_told_as_one(call: Any, job: str, told: str) -> None:
+    _, out, _ = call(job)
+    assert told in out
+    assert "1 commands" not in out
+    assert "1 expectations" not in out

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from isel_twin.call import CallError, call_errors
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
-from isel_twin.cli.outputs import put_off, tell
+from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
     from isel_twin.checks import Report
@@ -81,8 +81,7 @@ def check(
             print(line)
     failed = sum(not made.ok for made in reports)
     if not json:
-        number = len(reports)
-        print(f"{number} job{'' if number == 1 else 's'}, {f'{failed} not as it should be' if failed else 'all well'}")
+        print(f"{many(len(reports), 'job')}, {f'{failed} not as it should be' if failed else 'all well'}")
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
@@ -209,7 +208,7 @@ def _in_words(report: Report) -> str:
     from isel_twin.checks.formats import where
 
     verdict = report.verdict
-    commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
+    commands = many(verdict.commands, "command")
     margin = "" if report.margin is None else f", margin {100.0 * report.margin:.0f} %"
     head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {report.cycle_s:.3f} s{margin})"
     return "\n".join(

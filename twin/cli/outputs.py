@@ -52,6 +52,11 @@ def console() -> Console:
     return here if here.is_terminal else Console(width=WIDE)
 
 
+def many(number: int, what: str) -> str:
+    """A number of things, in words: 1 command, 2 commands."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def say(text: str) -> None:
     """One line for the user beside the results, on standard error."""
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)
@@ -249,18 +254,18 @@ class TableOutput:
 
     def counted(self, verdict: Verdict) -> str:
         """How many there were, and how many went wrong."""
-        expected = f", {verdict.expectations} expectations" if verdict.expectations else ""
+        expected = f", {many(verdict.expectations, 'expectation')}" if verdict.expectations else ""
         if verdict.unmet:
             lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
             expected += f" ({len(verdict.unmet)} not met: line {lines})"
-        return f"{verdict.commands} commands, {verdict.refused} refused{expected}"
+        return f"{many(verdict.commands, 'command')}, {verdict.refused} refused{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
         from isel_twin.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
-        runs = f"{len(trials)} repetitions with small perturbations"
+        runs = f"{many(len(trials), 'repetition')} with small perturbations"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
             self._print(f"{'unclear' if stopped else 'robust'}: {runs} ended alike{stopped}", style="bold green")
@@ -304,8 +309,7 @@ class MotionsOutput(TableOutput):
 
     def counted(self, verdict: Verdict) -> str:
         """See TableOutput."""
-        motions = "1 motion" if verdict.commands == 1 else f"{verdict.commands} motions"
-        return f"{motions}, {verdict.refused} struck a switch"
+        return f"{many(verdict.commands, 'motion')}, {verdict.refused} struck a switch"
 
 
 def _percent(margins: Sequence[float | None]) -> str:
@@ -319,11 +323,7 @@ def _in_words(verdict: Verdict) -> str:
         return "not as it should be"
     idle = []
     if verdict.events_without_effect:
-        idle.append(f"{_events(verdict.events_without_effect)} without effect (no physics)")
+        idle.append(f"{many(verdict.events_without_effect, 'event')} without effect (no physics)")
     if verdict.events_after_end:
-        idle.append(f"{_events(verdict.events_after_end)} after the end of the job")
+        idle.append(f"{many(verdict.events_after_end, 'event')} after the end of the job")
     return f"all well, but for the scenario: {', '.join(idle)}" if idle else "all well"
-
-
-def _events(number: int) -> str:
-    return "1 event" if number == 1 else f"{number} events"
