@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin import Twin
 from isel_twin.cli import main
+from isel_twin.language import MoveSettings, needed
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 ARC = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 G2 X60 Y20 I0 J5\nN40 M30\n"
@@ -266,3 +268,41 @@ def test_a_job_of_another_controller_is_no_program(program, capsys) -> None:
     assert capsys.readouterr().err == (
         f"isel-twin: {file}: '@07' begins neither a program (P1), a block (N10 ...), nor a file of parameters (D)\n"
     )
+
+
+def test_moves_of_the_language_take_the_time_that_their_settings_say() -> None:
+    """x / v + v / a, or 2 sqrt(x / a) where v is not reached; each with a block's cycles of 2 ms beside it."""
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    language = needed(twin.language, "bwo900")
+    for data in language.reference():
+        twin.write(data)
+        assert twin.run_until_idle(100)
+    for to_mm, speed_mm_s, a_m_s2 in ((50, 40, 0.4), (0, 40, 0.1), (50, 30, 4.0), (0, 40, 0.01)):
+        *before, start = language.move((1000 * to_mm, 0, 0), MoveSettings(1000 * speed_mm_s, round(1000 * a_m_s2)))
+        for data in before:
+            twin.write(data)
+            assert twin.run_until_idle(1)
+        began_ns = twin.time_ns
+        twin.write(start)
+        assert twin.run_until_idle(100)
+        a_mm_s2 = 1000 * a_m_s2
+        reached = speed_mm_s**2 / a_mm_s2 <= 50
+        time_s = 50 / speed_mm_s + speed_mm_s / a_mm_s2 if reached else 2 * (50 / a_mm_s2) ** 0.5
+        assert (twin.time_ns - began_ns) * 1e-9 == pytest.approx(time_s, abs=0.01)
+        assert tuple(twin.counts) == (1000 * to_mm, 0, 0)
+    assert not twin.remarks
+
+
+def test_a_move_can_follow_one_that_was_broken_off() -> None:
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    language = needed(twin.language, "bwo900")
+    for data in (*language.reference(), *language.move((50_000, 0, 0), MoveSettings(3000))):
+        twin.write(data)
+        twin.run(30.0 if data in language.reference() else 1.0)
+    twin.write(language.break_off())
+    assert twin.run_until_idle(5)
+    assert 1000 < twin.counts[0] < 10_000
+    for data in language.move((0, 5000, 0), MoveSettings(3000)):
+        twin.write(data)
+        assert twin.run_until_idle(20)
+    assert tuple(twin.counts) == (0, 5000, 0)

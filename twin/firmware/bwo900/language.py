@@ -16,7 +16,16 @@ from isel_twin.firmware.bwo900.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs import END, program_name
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
-from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Pieces, encoded, readable
+from isel_twin.language import (
+    SETTINGS_RANGES,
+    LanguageError,
+    Message,
+    MoveSettings,
+    Pieces,
+    encoded,
+    integers,
+    readable,
+)
 
 __all__ = ["Bwo900Language", "create"]
 
@@ -24,8 +33,12 @@ END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")
 PER_MM: Final = 1000.0
+RAPID_HZ: Final = 100_000.0
+"""Of an axis at the speed that P12004 is delivered with, 6000 mm/min."""
 MOVE: Final = 9_999
-"""The program that `move` writes."""
+"""The program that `move` starts."""
+WORDS: Final = (4_990, 4_991, 4_992, 4_993)
+"""Parameters that are its feed in mm/min, X, Y and Z in mm."""
 NUMBER: Final = 1
 """Of a program whose file does not say its number."""
 
@@ -99,17 +112,22 @@ class Bwo900Language:
         return (self._sent if sent else self._received).rest
 
     def reference(self) -> Sequence[bytes]:
-        """Reference runs of all axes."""
-        return [_file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])]
+        """The program that `move` starts, whose words are parameters: a control that gets a program anew each time
+        remarks each time that it replaces one. Then the reference runs of all axes."""
+        words = " ".join(f"{word}:P{number}" for word, number in zip(("F", *AXES), WORDS, strict=True))
+        return [_file([f"P{MOVE}", f"N10 G90 G1 {words}", "N20 M30"]), _REFERENCE]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """A program of one line, and its start. A count is a thousandth of a millimetre, as P12012 is delivered."""
-        if len(target) > len(AXES):
-            raise LanguageError(f"{len(target)} axes; there are {', '.join(AXES)}")
-        words = " ".join(f"{axis}{count / PER_MM:.3f}" for axis, count in zip(AXES, target, strict=False))
-        feed = settings.speed_hz / PER_MM * 60.0
-        program = _file([f"P{MOVE}", f"N10 G90 G1 F{feed:.3f} {words}", "N20 M30"])
-        return [program, _file(["D", f"K1:P8800: {MOVE}", "K1:P8683: 2", "K1:P8684: 1"])]
+        """Ramps, words of the program, and its start, by way of HAND; servo drives know no start-stop frequency.
+
+        A count is 0.001 mm, and an axis reaches 100 mm/s in the time of its ramp, as P12012 and P12004 are delivered.
+        """
+        counts = integers(target, len(AXES))
+        values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
+        words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]
+        ramp_ms = RAPID_HZ / settings.acceleration_hz_per_ms
+        words += [f"K1:P{12_008 + 200 * axis}: {ramp_ms:.3f}" for axis in range(len(AXES))]
+        return [_file(["D", "K1:P8683: 1", *words]), _file(["D", *_started(MOVE)])]
 
     def break_off(self) -> bytes:
         """Abort."""
@@ -138,8 +156,8 @@ class Bwo900Language:
             others = ", ".join(name for name, _ in files) or "nothing"
             raise LanguageError(f"there is no program in it to be started, a line P and its number, but {others}")
         steps = [(f"{name}, {_counted(blocks)}", _file([name, *blocks])) for name, blocks in files]
-        start = _file(["D", f"K1:P8800: {first[1:]}", "K1:P8683: 2", "K1:P8684: 1"])
-        return [*steps, ("reference", self.reference()[0]), (f"start {first}", start)]
+        start = _file(["D", *_started(int(first[1:]))])
+        return [*steps, ("reference", _REFERENCE), (f"start {first}", start)]
 
     def lines(self, text: str) -> Mapping[str, int]:
         """See RunsPrograms."""
@@ -196,6 +214,14 @@ def _file(lines: Sequence[str]) -> bytes:
     """A file as it goes over the line."""
     text = "".join(f"{line}\r\n" for line in ("", *lines, END))
     return encoded(text) + END_OF_FILE + END_OF_LINE
+
+
+def _started(program: int) -> list[str]:
+    """Parameters that start a program."""
+    return [f"K1:P8800: {program}", "K1:P8683: 2", "K1:P8684: 1"]
+
+
+_REFERENCE: Final = _file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])
 
 
 def explain(text: str) -> str:
