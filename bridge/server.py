@@ -68,6 +68,10 @@ class SerialTwin(Clocked, Protocol):
         """Bytes of replies still on the line; from a host that asks faster than it can answer, no more is taken."""
 
     @property
+    def commands_due(self) -> int:
+        """Bytes that were written and have not arrived: if it lets its host wait, no more is taken."""
+
+    @property
     def serial_format(self) -> SerialFormat: ...
     def write(self, data: bytes) -> None: ...
     def read(self) -> bytes: ...
@@ -381,11 +385,12 @@ class Server:
     @property
     def listening(self) -> bool:
         """Whether the line has room for what a host says now."""
-        return self._backlog_s() <= 0 and not self._replies_pile_up() and not self._filled_up()
+        return self._backlog_s() <= 0 and not self._piles_up() and not self._filled_up()
 
-    def _replies_pile_up(self) -> bool:
-        """Whether the line to the host is so far behind that no more questions should be asked."""
-        return self.twin.replies_due > LINE_BYTES
+    def _piles_up(self) -> bool:
+        """Whether the line to the host is so far behind that no more questions should be asked, or the controller lets
+        its host wait."""
+        return self.twin.replies_due > LINE_BYTES or self.twin.commands_due > 2 * LINE_BYTES
 
     def _filled_up(self) -> bool:
         """Whether virtual time stands still, and hosts have said as much meanwhile as a line can hold."""

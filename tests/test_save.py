@@ -74,7 +74,7 @@ def detours(number: int, another: Callable[[], Twin]) -> Callable[[Twin], Twin]:
     return detour
 
 
-@pytest.mark.parametrize("controller", ["c142", "imc-m", "imc-mp", "imc-s8", "ismif"])
+@pytest.mark.parametrize("controller", ["bwo900", "c142", "imc-m", "imc-mp", "imc-s8", "ismif"])
 def test_sessions_with_detours_are_those_on_file(controller: str) -> None:
     """Faults, scenarios, noise, bounces, stored programs, reference runs, other machines: golden sessions."""
     for number in range(3, 30, 9):

@@ -335,6 +335,22 @@ class HasKeys(Protocol):
         """Somebody presses a key at t_ns, or puts it to this value; both have been checked."""
 
 
+@runtime_checkable
+class HoldsHost(Protocol):
+    """What a controller offers beside `Controller` if its line has a handshake (RTS/CTS) by which its host waits.
+
+    Such a controller is handed bytes in pieces of at most BYTES_AT_ONCE, and asked after each.
+    """
+
+    @property
+    def clear_to_send(self) -> bool:
+        """Whether it takes bytes, at the time of the last call. While it does not it gets none: the host keeps them,
+        and goes on with them, in their order, when it does."""
+
+
+BYTES_AT_ONCE = 4096
+"""Bytes that arrive at one instant and are handed over in one piece to a controller that `HoldsHost`."""
+
 ControllerFactory = Callable[..., Controller]
 """factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""
 

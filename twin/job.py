@@ -22,7 +22,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING
@@ -83,13 +83,13 @@ class Line:
     source: str = ""
     """The line as it stands in the file, of a program all of it; and where what is parsed of its condition begins."""
     begin: int = 0
-    program: bool = False
-    """It loads or runs a program: see RunsPrograms."""
+    program: Iterable[bytes] = ()
+    """Of one that loads or runs a program, in place of actions: what is sent, see RunsPrograms."""
 
     @property
     def sent(self) -> bytes:
         """All bytes that are sent."""
-        return b"".join(action for action in self.actions if isinstance(action, bytes))
+        return b"".join((*(action for action in self.actions if isinstance(action, bytes)), *self.program))
 
     @property
     def pauses_ns(self) -> int:
@@ -115,12 +115,13 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
     Only text that has to be framed needs the language.
     """
-    try:
-        steps = language.job(text) if isinstance(language, RunsPrograms) else None
-    except LanguageError as error:
-        raise JobError(str(error)) from None
-    if steps is not None:
-        return [Line(number, step, (data,), source=text, program=True) for number, (step, data) in enumerate(steps, 1)]
+    if isinstance(language, RunsPrograms):
+        try:
+            steps = language.job(text)
+        except LanguageError as error:
+            raise JobError(str(error)) from None
+        if steps is not None:
+            return [Line(number, step, (), source=text, program=data) for number, (step, data) in enumerate(steps, 1)]
     lines: list[Line] = []
     for number, raw in enumerate(_LINE_END.split(text), 1):
         told = _COMMENT.sub("", raw)
@@ -237,7 +238,7 @@ def play(
         text = None if language is None else language.text(reply)
         took_ns = twin.time_ns - time_ns
         why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
-        accepted = language is None or language.accepted(line.sent, reply)
+        accepted = language is None or bool(line.program) or language.accepted(line.sent, reply)
         parts = _parts(twin, line, said) if line.program else ()
         if line.program and twin.fault:
             accepted = False
@@ -268,7 +269,10 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
     scale = twin.step_mm.tolist()
     language = twin.language
-    places: Mapping[str, int] = language.lines(line.source) if isinstance(language, RunsPrograms) else {}
+    new = list(reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks)))))
+    about = [language.place(text) if isinstance(language, RunsPrograms) else ("", 0) for _, text in new]
+    names = {step.name for step in steps} | {name for name, _ in about if name}
+    places = language.lines(line.source, names) if isinstance(language, RunsPrograms) and names else {}
 
     def at(name: str, column: int) -> tuple[int, int] | None:
         return (places[name], column) if name in places else None
@@ -284,12 +288,21 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
         )
         for step, end in zip(steps, ends, strict=False)
     ]
-    new = reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks))))
-    said = [
-        Part(time_ns, text, at=at(*language.place(text)) if isinstance(language, RunsPrograms) else None)
-        for time_ns, text in new
-    ]
+    said = [Part(time_ns, text, at=at(*where)) for (time_ns, text), where in zip(new, about, strict=True)]
     return tuple(sorted(parts + said, key=lambda part: part.time_ns))
+
+
+def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+    """Send pieces, each when the controller has taken the one before; return whether it has taken all."""
+    for piece in pieces:
+        twin.write(piece)
+        if not twin.commands_due:
+            continue
+        until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
+        twin.run_until(until_ns, lambda: not twin.commands_due or (stop is not None and stop()))
+        if twin.commands_due:
+            return False
+    return True
 
 
 def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
@@ -333,6 +346,8 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool]
             twin.run_until(twin.time_ns + action, stop)
             if stop is not None and stop():
                 return False
+    if not _feed(twin, line.program, timeout_s, stop):
+        return False
     if line.expected is not None and line.expected.wait_ns is not None:
         until_ns = start_ns + line.expected.wait_ns
         twin.run_until(until_ns, stop)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -272,14 +272,15 @@ class RunsPrograms(Protocol):
     def claims(self, text: str) -> bool:
         """Whether a text can only be such a program: whoever gives it to another controller has named the wrong one."""
 
-    def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
-        """What is sent to run a text that is a program: what each step is called, and its bytes. None: it is a job.
+    def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
+        """What is sent to run a text that is a program: what each step is called, and its bytes, in one piece or
+        several, each sent when the controller has taken the one before. None: it is a job.
 
-        Raises LanguageError for a program that cannot be started.
+        The pieces can be made as they are asked for, again and again: programs are long. Raises LanguageError.
         """
 
-    def lines(self, text: str) -> Mapping[str, int]:
-        """Line of such a text, from 1, of each step, by the name that the controller gives it (`Step.name`)."""
+    def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
+        """Line of such a text, from 1, of these steps, by the name that the controller gives them (`Step.name`)."""
 
     def place(self, said: str) -> tuple[str, int]:
         """The step that a remark of the controller is about, and the column there, from 1; "" and 0: none."""

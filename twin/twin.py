@@ -33,10 +33,12 @@ from numpy.typing import NDArray
 from isel_twin.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
 from isel_twin.axes import CARRIAGES
 from isel_twin.controller import (
+    BYTES_AT_ONCE,
     Controller,
     CounterSet,
     FlashWrite,
     HasKeys,
+    HoldsHost,
     Key,
     KeyValue,
     Output,
@@ -164,7 +166,6 @@ class Twin(Seen):
         self, origin: Origin, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
     ) -> None:
         self._plans = plans
-        self._controller = controller
         self.controller_name = origin.controller
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
@@ -183,21 +184,21 @@ class Twin(Seen):
         """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
         self.steps_made: deque[Step] = deque(maxlen=_STEPS)
         """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
-        asking = self._controller if isinstance(self._controller, UsesDrives) else None
+        asking = controller if isinstance(controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
-        axes = len(self._controller.counts)
+        axes = len(controller.counts)
         schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
         start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
         watched = thresholds(self.machine, drive_inputs, schedule)
         self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes, model)
-        self._position = Position(self._controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
+        self._position = Position(controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(line_speed, noise)
         self._wiring = Wiring(
-            self.machine, self._plant, self._line, self._controller.terminals(), drive_inputs, trips, bounces, schedule
+            self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
         self._restarts = 0
         self._stream = Stream(axes, keep=keep_motions)
-        self._sources: tuple[Source, ...] = (self._controller, self._line, self._wiring)
+        self._adopt(controller)
         self._observers: Observers[Twin] = Observers()
         self._sampler: Sampler | None = None
         self._sampled = self._plant if isinstance(self._plant, Sampled) else None
@@ -212,12 +213,20 @@ class Twin(Seen):
         """The plant has moved on since the twin last settled."""
         self._settling = False
 
-        self._told = Told(self._controller, flash, rebuilt=plans.new_controller is not None)
+        self._told = Told(controller, flash, rebuilt=plans.new_controller is not None)
         self._told.use_drives(self._position)
         self._levels = self._wiring.levels
         self._told.power_on(0, self._levels)
         self._take_events()
         self._settle()
+
+    def _adopt(self, controller: Controller) -> None:
+        """This is the controller from now on."""
+        self._controller = controller
+        self._handshake = controller if isinstance(controller, HoldsHost) else None
+        self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
+        if self._handshake is None:
+            self._line.clear_to_send(self.time_ns, True)
 
     # The host's side
 
@@ -227,7 +236,8 @@ class Twin(Seen):
             raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
         if data:
             self._note("sent", bytes(data))
-        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns)
+        at_once = None if self._handshake is None else BYTES_AT_ONCE
+        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns, at_once)
         self._settle()
 
     def read(self) -> bytes:
@@ -276,6 +286,12 @@ class Twin(Seen):
         return self._line.replies_due
 
     @property
+    def commands_due(self) -> int:
+        """Bytes that were written and have not arrived at the controller yet: they are on the line, or wait because it
+        lets its host wait (`isel_twin.controller.HoldsHost`)."""
+        return self._line.commands_due
+
+    @property
     def serial_format(self) -> SerialFormat:
         """Speed of the serial line and form of a byte."""
         return self._controller.serial_format
@@ -283,7 +299,7 @@ class Twin(Seen):
     @property
     def idle(self) -> bool:
         """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
-        arrived = self._line.next_ns is None and self._line.quiet_ns <= self.time_ns
+        arrived = not self._line.commands_due and self._line.quiet_ns <= self.time_ns
         return arrived and self._controller.idle
 
     # Time
@@ -482,8 +498,7 @@ class Twin(Seen):
         if self._sampler is not None:
             self._sampler.hand_on()
         self._told.restore(state.life, self._plans.new_controller, self._position)
-        self._controller = self._told.controller
-        self._sources = (self._controller, self._line, self._wiring)
+        self._adopt(self._told.controller)
         for name, value in unpack(state.parts, self._parts, self._known).items():
             setattr(self, name, value)
         self._plant.restore(state.plant)
@@ -597,7 +612,10 @@ class Twin(Seen):
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
-            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
+            if self._hand_over_bytes():
+                rounds = 0  # however many bytes there are, they come to an end, too
+                continue
+            if self._hand_over_levels() or self._hand_over_keys():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 if self._observers:
@@ -622,8 +640,7 @@ class Twin(Seen):
         controller: Controller = Unpowered(self._controller)
         if self._wiring.mains:
             controller = self._plans.new_controller(self.flash)
-        self._controller = controller
-        self._sources = (controller, self._line, self._wiring)
+        self._adopt(controller)
         self._told = Told(controller, self.flash, rebuilt=self._wiring.mains)
         self._told.use_drives(self._position)
         self._position.start_anew(controller)
@@ -635,7 +652,7 @@ class Twin(Seen):
         return True
 
     def _hand_over_bytes(self) -> bool:
-        data = self._line.at_controller(self.time_ns)
+        data = self._line.at_controller(self.time_ns, None if self._handshake is None else BYTES_AT_ONCE)
         if data:
             self._wiring.heard(data, sent=True)
             self._told.receive(self.time_ns, data)
@@ -664,6 +681,8 @@ class Twin(Seen):
     def _take_events(self) -> None:
         """Take over what the controller says after a call, and the motion it shows."""
         events = self._controller.take()
+        if self._handshake is not None:
+            self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
         if self._stream.follow(self._controller.run, self.time_ns):
             self._note("motion", self._controller.run)
             direction = self._controller.direction  # it changes between motions only

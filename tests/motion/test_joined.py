@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -683,6 +684,74 @@ def test_a_long_chain_is_replanned_from_the_middle() -> None:
     passed = [fast.passed(j) for j in range(0, 4001, 50)]
     assert passed == sorted(passed)
     assert np.abs(np.diff(fast.deltas(0, fast.ticks)[:, 0])).max() <= 6.7e6 * PERIOD_S**2 + 2 * ROUNDING
+
+
+def test_what_is_forgotten_takes_no_room_and_changes_nothing_that_comes() -> None:
+    """A path that never stops, 20 pieces at a time, a new beginning every 2000: the same set points, little memory."""
+    some = pieces([SHORT] * 20)
+    plan = whole = joined(chain([some] * 20), 1_000_000)
+    k, most, made = 0, 0, [np.empty((0, 2), dtype=np.int32)]
+    while plan.pieces < 20_000:
+        while plan.finished(k) + 380 < plan.pieces:
+            k += 1
+        plan, whole = plan.replanned(k, append=some), whole.replanned(k, append=some)
+        most = max(most, plan.known_pieces)
+        if plan.known_pieces > 4000:
+            made.append(plan.deltas(plan.forgotten, k))
+            plan = plan.forgetting(k)
+            assert plan.known_pieces < 380 + 20 + 2 * 512
+    made.append(plan.deltas(plan.forgotten, plan.ticks))
+    assert most <= 4020
+    assert len(made) > 5
+    assert np.array_equal(np.vstack(made), whole.deltas(0, whole.ticks))
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(parts_of_jobs, st.booleans(), happenings, st.randoms(use_true_random=False))
+def test_a_plan_that_forgets_goes_on_like_one_that_does_not(
+    parts: list[Part], sine: bool, what: list[tuple[float, tuple[str, object]]], chance: random.Random
+) -> None:
+    monkey = pytest.MonkeyPatch()
+    with monkey.context() as patched:
+        patched.setattr("isel_twin.motion.joined.BLOCK", 2)  # blocks end everywhere
+        motion = plan(parts * 5, sine)
+        short, k = motion, 0
+        for part_of_rest, (name, value) in what:
+            k += round(part_of_rest * max(motion.ticks - k, 30))
+            given_now = pieces(value) if name == "append" else value  # type: ignore[arg-type]
+            if chance.random() < 0.7:
+                short = short.forgetting(k)
+            motion = motion.replanned(k, **{name: given_now})  # type: ignore[arg-type]
+            short = short.replanned(k, **{name: given_now})  # type: ignore[arg-type]
+            assert short.ticks == motion.ticks
+            if k <= motion.ticks:
+                assert np.array_equal(short.deltas(k, motion.ticks), motion.deltas(k, motion.ticks))
+            ticks = sorted({k, *(chance.randint(k, max(k, motion.ticks)) for _ in range(5))})
+            assert [short.finished(n) for n in ticks] == [motion.finished(n) for n in ticks]
+            assert [short.speed(n) for n in ticks] == [motion.speed(n) for n in ticks]
+            assert [short.displacement(n) for n in ticks] == [motion.displacement(n) for n in ticks]
+            later = range(motion.finished(k) + 1, motion.finished(motion.ticks) + 1)
+            assert [short.passed(j) for j in later] == [motion.passed(j) for j in later]
+            stretch, same = short.since(k), motion.since(k)
+            assert stretch is not None
+            assert same is not None
+            assert all(np.array_equal(a, b) for a, b in zip(stretch, same, strict=True))
+        if motion.held:
+            rest, same_rest = short.remainder(1), motion.remainder(1)
+            assert np.array_equal(rest.deltas(0, rest.ticks), same_rest.deltas(0, same_rest.ticks))
+
+
+def test_what_is_forgotten_cannot_be_asked() -> None:
+    plan = joined(pieces([SHORT] * 3000), 1_000_000).forgetting(1500)
+    assert plan.displacement(1500)[0] > 1_000_000
+    for ask in (
+        lambda: plan.displacement(1499),
+        lambda: plan.deltas(1499, 1510),
+        lambda: plan.forgetting(1499),
+        lambda: plan.passed(1),
+    ):
+        with pytest.raises(IndexError):
+            ask()
 
 
 def test_a_day_is_described_and_not_stored() -> None:

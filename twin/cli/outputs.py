@@ -32,8 +32,9 @@ MANY_SAMPLES = 10_000_000
 LONG_COMMAND = 56
 """Characters of a command beyond which it makes its row longer than the others."""
 LONG_BLOCK = 100
+HEAD = 1 << 16
 NAME = 4
-"""The same of a block of a program, and what stands before it: the program's name."""
+"""The same of a block of a program, of those in so much of a text, and what stands before it: the program's name."""
 SHOWN_TRIALS = 5
 """Repetitions of a job that are shown one by one if they ended otherwise."""
 
@@ -173,7 +174,8 @@ class TableOutput:
 
         self._command = min(max((len(line.command) for line in lines), default=0), LONG_COMMAND)
         self._command = max(self._command, len(self.heads[2]))
-        blocks = (len(" ".join(block.split())) for line in lines if line.program for block in line.source.splitlines())
+        head = next((line.source[:HEAD] for line in lines if line.program), "")
+        blocks = (len(" ".join(block.split())) for block in head.splitlines())
         self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
         self._number = len(str(lines[-1].number)) if lines else 0
         out, messages = Console(), Console(stderr=True)

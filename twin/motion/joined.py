@@ -135,6 +135,8 @@ class Joined:
     ticks: int
     """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
     _blocks: tuple[Block, ...]
+    forgotten: int = 0
+    """Ticks at the beginning of which nothing is known any more; see `forgetting`."""
 
     @property
     def held(self) -> bool:
@@ -155,12 +157,12 @@ class Joined:
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         """See `SetPoints.deltas`."""
         check_range(first, last, self.ticks)
+        self._check_known(first)
         return np.diff(self._positions(first, last), axis=0).astype(np.int32)
 
     def displacement(self, k: int) -> Displacement:
         """See `SetPoints.displacement`; costs the logarithm of the number of pieces. Beyond the last tick: the end."""
-        if k < 0:
-            raise IndexError(f"set point {k}")
+        self._check_known(k)
         return tuple(self._positions(k, k)[0].tolist())
 
     def speed(self, k: int) -> float:
@@ -181,12 +183,13 @@ class Joined:
     def passed(self, j: int) -> int:
         """The first tick at which `finished` is j or more, as planned now; j = 1 .. pieces. 0 for j = 0.
 
-        Raises IndexError if it will not get there: for another number, or beyond the place where it is held.
+        Raises IndexError if it will not get there: for another number, or beyond the place where it is held; and for
+        what is forgotten.
         """
-        if j == 0:
+        if j == 0 and not self.forgotten:
             return 0
-        if j < 0 or j > self.pieces:
-            raise IndexError(f"piece {j} of {self.pieces}")
+        if j <= self._blocks[0].first or j > self.pieces:
+            raise IndexError(f"piece {j} of {self._blocks[0].first + 1} .. {self.pieces}")
         block = self._blocks[bisect_right(self._blocks, j - 1, key=lambda block: block.first) - 1]
         at = j - 1 - block.first
         row = int(block.piece.searchsorted(at, side="right")) - 1
@@ -195,9 +198,25 @@ class Joined:
         k = math.ceil(float(block.phases[row, T] + block.phases[row, DT]) / self._period_s - GRID_NOISE)
         while self.finished(k) < j:
             k += 1
-        while k > 0 and self.finished(k - 1) >= j:
+        while k > self.forgotten and self.finished(k - 1) >= j:
             k -= 1
         return k
+
+    @property
+    def known_pieces(self) -> int:
+        """Number of pieces that take memory: all but those that are forgotten."""
+        return self.pieces - self._blocks[0].first
+
+    def forgetting(self, k: int) -> Joined:
+        """The same from tick k on, and nothing of what was before: so that a motion without an end needs no more room
+        than its last pieces do. Numbers of ticks and pieces, and displacements, stay what they were.
+
+        Raises IndexError for a tick that is forgotten already.
+        """
+        self._check_known(k)
+        k = min(k, self.ticks)
+        kept = self._blocks[self._block_at(k * self._period_s) :]
+        return replace(self, _blocks=kept, forgotten=k)
 
     def stopped(self, k: int) -> Joined:
         """The same up to tick k, then down to standstill along the path; what is left is forgotten."""
@@ -267,7 +286,7 @@ class Joined:
             row, piece, law = new._braked(tail, state, sharpness) if new.held else new._laid(tail, state)
             tail = tail.with_phases(row, piece, law)
         if not len(tail.phases) and len(tail.table):  # stands where it is, which may be in the middle of a piece
-            tail = tail.standing(state.piece, state.s, state.t_s if before else 0.0)
+            tail = tail.standing(state.piece, state.s, state.t_s if before or self.forgotten else 0.0)
         return new._with(before, tail, k)
 
     def remainder(self, identity: object = 0, *, scale: float | None = None) -> Joined:
@@ -292,7 +311,7 @@ class Joined:
             curves=tuple((j - first, curve) for j, curve in tail.curves if j >= first),
             settled=0,
         )
-        standing = replace(self, identity=identity, hold=True, dropped=False, ticks=0, _blocks=(rest,))
+        standing = replace(self, identity=identity, hold=True, dropped=False, ticks=0, _blocks=(rest,), forgotten=0)
         return standing.replanned(0, hold=False, scale=scale)
 
     # ---- written down ------------------------------------------------------------------------------------------------
@@ -323,6 +342,10 @@ class Joined:
             corner[low : low + count + 1],
             length[low : low + count],
         )
+
+    def _check_known(self, k: int) -> None:
+        if k < self.forgotten:
+            raise IndexError(f"set point {k}" + f": those before {self.forgotten} are forgotten" * (k >= 0))
 
     # ---- places ----------------------------------------------------------------------------------------------------
 

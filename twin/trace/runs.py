@@ -48,7 +48,7 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
         }
     if isinstance(motion, SetPointRun) and isinstance(motion.plan, Joined):
         known = isinstance(before, SetPointRun) and isinstance(before.plan, Joined)
-        stretch = motion.plan.since(motion.count(time_ns) if known else 0)
+        stretch = motion.plan.since(motion.count(time_ns) if known else motion.first)
         if stretch is not None:
             return {
                 "joined": {

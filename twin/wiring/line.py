@@ -9,6 +9,9 @@ arrive at the instant they are sent (right for tests of logic, where the line is
 What may be wrong with it, both directions alike, each byte by itself: a bit is flipped (`noise`), the byte is lost
 (`dropped`) or comes twice (`doubled`), with a chance each. While the line is cut, bytes that would arrive are lost;
 what is on its way and arrives later is not.
+
+A controller whose line has a handshake may let its host wait: until it is clear to send again, the time of that
+direction stands still, cut or not.
 """
 
 from __future__ import annotations
@@ -28,30 +31,50 @@ class _Direction:
         """The same of what has arrived before the line was cut, and not been taken yet."""
         self.due = 0
         self._free_ns = 0
+        self._held_ns: int | None = None
 
-    def send(self, t_ns: int, data: bytes, byte_ns: int) -> int:
-        """Put bytes on the line; return when the last of them arrives."""
-        arrival = max(t_ns, self._free_ns)
+    @property
+    def held(self) -> bool:
+        """Whoever sends waits."""
+        return self._held_ns is not None
+
+    def hold(self, t_ns: int) -> None:
+        """Let whoever sends wait."""
+        if self._held_ns is None:
+            self._held_ns = t_ns
+
+    def release(self, t_ns: int) -> None:
+        """Let him go on: what was on its way comes as much later."""
+        if self._held_ns is None:
+            return
+        later, self._held_ns = t_ns - self._held_ns, None
+        if later:
+            self.queue = deque((arrival + later, data) for arrival, data in self.queue)
+            self._free_ns += later if self.queue else 0
+
+    def send(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> int:
+        """Put bytes on the line, in pieces of at most at_once; return when the last of them arrives."""
+        arrival = max(t_ns if self._held_ns is None else self._held_ns, self._free_ns)
         if byte_ns:
             for number in range(len(data)):
                 arrival += byte_ns
                 self.queue.append((arrival, data[number : number + 1]))
         elif data:
-            self.queue.append((arrival, data))
+            size = at_once or len(data)
+            self.queue.extend((arrival, data[at : at + size]) for at in range(0, len(data), size))
         self.due += len(data)
         self._free_ns = arrival
         return arrival
 
-    def receive(self, t_ns: int) -> bytes:
-        data = b""
-        if self.landed:
-            data = b"".join(piece for _, piece in self.landed)
-            self.landed.clear()
-        queue = self.queue
-        while queue and queue[0][0] <= t_ns:
-            data += queue.popleft()[1]
-        self.due -= len(data)
-        return data
+    def receive(self, t_ns: int, at_once: int | None = None) -> bytes:
+        """Take what has arrived by t_ns, no more than at_once of it: it was put on the line in such pieces."""
+        pieces, size = [], 0
+        for queue in (self.landed, self.queue):
+            while queue and queue[0][0] <= t_ns and (at_once is None or size + len(queue[0][1]) <= at_once):
+                pieces.append(queue.popleft()[1])
+                size += len(pieces[-1])
+        self.due -= size
+        return b"".join(pieces)
 
     def land(self, t_ns: int) -> None:
         """What has arrived by t_ns is safe, whatever happens to the line."""
@@ -95,9 +118,16 @@ class SerialLine:
         self._to_controller = _Direction()
         self._to_host = _Direction()
 
-    def from_host(self, t_ns: int, data: bytes, byte_ns: int) -> None:
-        """The host sends bytes at t_ns."""
-        self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0)
+    def clear_to_send(self, t_ns: int, clear: bool) -> None:
+        """The controller takes bytes from t_ns on, or lets its host wait."""
+        if clear:
+            self._to_controller.release(t_ns)
+        else:
+            self._to_controller.hold(t_ns)
+
+    def from_host(self, t_ns: int, data: bytes, byte_ns: int, at_once: int | None = None) -> None:
+        """The host sends bytes at t_ns; at_once: of those that arrive together, so many are in one piece."""
+        self._to_controller.send(t_ns, self._disturbed(data), byte_ns if self.timed else 0, at_once)
 
     def from_controller(self, t_ns: int, data: bytes, byte_ns: int) -> None:
         """The controller sends bytes at t_ns."""
@@ -106,11 +136,12 @@ class SerialLine:
         if data and self.on_reply is not None:
             self.on_reply(arrival_ns, data, spacing_ns)
 
-    def at_controller(self, t_ns: int) -> bytes:
-        """Take the bytes that have arrived at the controller by t_ns. To be called at each `next_ns`."""
+    def at_controller(self, t_ns: int, at_once: int | None = None) -> bytes:
+        """Take the bytes that have arrived at the controller by t_ns, at most at_once of them. To be called at each
+        `next_ns`."""
         if self.is_cut:
             self._lose(t_ns)
-        return self._to_controller.receive(t_ns)
+        return b"" if self._to_controller.held else self._to_controller.receive(t_ns, at_once)
 
     def at_host(self, t_ns: int) -> bytes:
         """Take the bytes that have arrived at the host by t_ns."""
@@ -130,10 +161,13 @@ class SerialLine:
     @property
     def next_ns(self) -> int | None:
         """When the next byte arrives at the controller, or would if the line were whole."""
+        held = self._to_controller.held
         if self.is_cut:  # whoever asks for replies is not to find one that has been lost
-            times = [direction.queue[0][0] for direction in (self._to_controller, self._to_host) if direction.queue]
-            return min((*times, *(time for time, _ in self._to_controller.landed)), default=None)
-        return self._to_controller.next_ns
+            directions = (self._to_host,) if held else (self._to_controller, self._to_host)
+            times = [direction.queue[0][0] for direction in directions if direction.queue]
+            landed = () if held else self._to_controller.landed
+            return min((*times, *(time for time, _ in landed)), default=None)
+        return None if held else self._to_controller.next_ns
 
     @property
     def next_reply_ns(self) -> int | None:
@@ -146,12 +180,18 @@ class SerialLine:
         return self._to_host.due
 
     @property
+    def commands_due(self) -> int:
+        """Bytes on their way to the controller, and those with which the host waits."""
+        return self._to_controller.due
+
+    @property
     def quiet_ns(self) -> int:
         """Time at which everything sent so far has arrived at the host."""
         return self._to_host.queue[-1][0] if self._to_host.queue else 0
 
     def _lose(self, t_ns: int) -> None:
-        self._to_controller.lose(t_ns)
+        if not self._to_controller.held:
+            self._to_controller.lose(t_ns)
         for arrival_ns, data in self._to_host.lose(t_ns):
             if self.on_lost is not None:
                 self.on_lost(arrival_ns, data)

@@ -79,7 +79,7 @@ def ride(name: str) -> Ride:
 def begin(twin: Twin, name: str) -> list[bytes]:
     """Send a sample program and make the reference run; its parts, the last one starts it."""
     job = twin.language.job((JOBS / name).read_text())
-    steps = [data for _, data in job]
+    steps = [b"".join(data) for _, data in job]
     for data in steps[:-1]:
         twin.write(data)
         twin.run_until_idle()
@@ -208,7 +208,7 @@ def test_a_stop_ends_when_the_axes_are_there_however_time_is_cut() -> None:
         twin.write(program)
         twin.run_until_idle()
         began = twin.time_ns
-        twin.write(twin.language.job("P1\nN10 M30")[-1][1])
+        twin.write(b"".join(twin.language.job("P1\nN10 M30")[-1][1]))
         if pieces_s is None:
             twin.run_until_idle()
         ended: list[int] = []

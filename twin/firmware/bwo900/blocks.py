@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from isel_twin.firmware.bwo900.elements import XY, Element, Plane, Point
+from isel_twin.firmware.bwo900.elements import XY, Arc, Element, Plane, Point
 from isel_twin.firmware.bwo900.syntax import Text
 
 __all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
@@ -108,3 +108,26 @@ class PathBlock:
     def length_mm(self) -> float:
         """Of its path."""
         return sum(element.length_mm for element in self.elements)
+
+    @property
+    def speaks(self) -> bool:
+        """Whether something happens as it begins."""
+        return bool(self.pre or self.parameters or self.speeds or self.text is not None or self.tool is not None)
+
+    @property
+    def in_real_time(self) -> bool:
+        """Whether it is more than parameters and jumps."""
+        return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
+
+    @property
+    def motion(self) -> float | None:
+        """0 to 3, for G00 to G03; None without a path."""
+        if not self.elements:
+            return None
+        element = self.elements[0]
+        return 0.0 if self.rapid else (2.0 if element.sweep_rad < 0.0 else 3.0) if isinstance(element, Arc) else 1.0

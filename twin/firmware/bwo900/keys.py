@@ -17,13 +17,14 @@ move           P8752            + and - move the axis in hand, off ends a move t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from enum import Enum
 from typing import Final
 
 from isel_twin.controller import Key, KeyValue
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.parameters import Limits
 
-__all__ = ["KEYS", "MODES", "values", "writes"]
+__all__ = ["KEYS", "MODES", "Wish", "values", "wish", "writes"]
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
@@ -71,6 +72,44 @@ def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
         yield {"abort": ABORT, "clear": CLEAR}[name], 1.0
     else:
         yield {"override": OVERRIDE, "skip": SKIP, "program": PROGRAM, "block": BLOCK}[name], float(value)
+
+
+class Wish(Enum):
+    """What a parameter that is a key asks for, and its value."""
+
+    MODE = "a mode, by its number"
+    START = "begin the program, or go on with it"
+    STOP = "brake, and wait for start"
+    ABORT = "brake, and forget the rest"
+    MOVE = "1 +, 2 -: move the axis; 0: the key is released"
+    PUT_OUT = "all parameters as a file; 5: with their status"
+    CLEAR = "the messages that stand"
+    OVERRIDE = "%"
+    REFERENCE = "reference run of an axis, from 0"
+
+
+def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | None:
+    """What it asks for that a parameter P has been written; None: nothing. axes: how many there are."""
+    given = int(value or 0)
+    match number:
+        case 8_683 | 8_703:
+            return Wish.MODE, given
+        case 8_684 | 8_704:
+            return (Wish.START if given else Wish.STOP), given
+        case 8_682 if given:
+            return (Wish.START if given == 2 else Wish.STOP), given
+        case 8_705 if given:
+            return Wish.ABORT, given
+        case 8_752:
+            return Wish.MOVE, given
+        case 11_181:
+            return Wish.PUT_OUT, given
+        case 8_508:
+            return Wish.CLEAR, given
+        case 11_310:
+            return Wish.OVERRIDE, value or 0.0
+    axis, offset = divmod(number - 12_000, AXIS_SIZE)
+    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and 0 <= axis < axes and given else None
 
 
 def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:

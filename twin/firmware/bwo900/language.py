@@ -1,20 +1,24 @@
 """The control's language: what its bytes mean to people and tools. Implements `isel_twin.language.Language`.
 
 What a host sends are lines of files (transfer.py); the control answers nothing. A program file is a job by itself: it
-is transferred, the axes are referenced, the program is started:
+is transferred, the axes are referenced, the program is started; a long one is fed while it is carried out (feed.py):
 
-    P1 ... #  EOT        D  P8683: 1, P12130: 1 ...  #  EOT        D  P8800: 1, P8683: 2, P8684: 1  #  EOT
+    P1 ... #  EOT     D  P8683: 1, P12130: 1 ...  #  EOT     D  P8811: 0, P8800: 1, P8683: 2, P8684: 1  #  EOT
+                      D  P8683: 1, P12130: 1 ...  #  EOT     D  P8811: 1, P8800: 1, P8683: 2, P8684: 1  #  EOT   P1 ...
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 from isel_twin.firmware.bwo900.groups import BEYOND
+from isel_twin.firmware.bwo900.lines import END
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs import END, program_name
+from isel_twin.firmware.bwo900.programs import program_name
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 from isel_twin.language import (
     SETTINGS_RANGES,
@@ -61,14 +65,29 @@ M_WORDS: Final[Mapping[int, str]] = {
     24: "loop", 25: "end of the loop", 28: "call", 29: "end, again", 30: "end",
 }  # fmt: skip
 KEYS: Final[Mapping[int, str]] = {
+    8_811: "dripfeed",
     8_683: "mode", 8_684: "start (1) or stop (0)", 8_705: "abort", 8_800: "program", 8_801: "start block",
     8_810: "skip blocks with /", 11_310: "feed override, %", 8_508: "acknowledge messages",
 }  # fmt: skip
+KEPT: Final = 4 << 20
+"""Bytes of a program that is fed if it is linear; shorter ones, and others, are kept in the memory."""
+PIECE: Final = 1 << 16
+"""Characters of a text that are made ready at a time."""
+MARKS: Final = frozenset("PZ#%\x04")
+"""What a line begins with that is no block, or may be none."""
+_LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
+_ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")
+"""A line that is not blank."""
+_ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
+_BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
+_LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
+"""What a program has that is not linear: M23, M24, M25, M29, jumps by comparison."""
 SURE: Final = 100
 """Lines by which a program is known."""
 SHOWN: Final = 40
 """Characters of a line that is told."""
-_BLOCK = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
+_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
+"""A block, or a remark, and hardly anything else."""
 _JOB = re.compile(r"\s*(?:D\+?\s*$|[<#!])")
 """How a job begins: parameters, bytes, a remark."""
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
@@ -135,43 +154,49 @@ class Bwo900Language:
 
     def claims(self, text: str) -> bool:
         """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
-        lines = _significant(text)
-        known = all(program_name(line) or line.strip() == END or _BLOCK.match(line) for line in lines[:SURE])
-        return known and any(_BLOCK.match(line) for line in lines[:SURE])
+        rows = [row[0] for row in islice(_significant(text), SURE)]
+        known = all(program_name(row) or row.strip() in (END, "\x04") or _KNOWN.match(row) for row in rows)
+        return known and any(_KNOWN.match(row) for row in rows)
 
-    def job(self, text: str) -> Sequence[tuple[str, bytes]] | None:
-        """See RunsPrograms: a text that does not begin as a job does."""
-        lines = _significant(text)
-        if not lines or _JOB.match(lines[0]):
+    def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
+        """See RunsPrograms: a text that does not begin as a job does. The first program is started; if it is too
+        long to be kept, and linear, it is fed (P8811)."""
+        beginning = next(_significant(text), None)
+        if beginning is None or _JOB.match(beginning[0]):
             return None
-        if not (program_name(lines[0]) or _BLOCK.match(lines[0])):
-            try:
-                parse_block(lines[0])
-            except ProgramError:
-                begins = f"{lines[0].strip()[:SHOWN]!r} begins neither a program (P1), a block (N10 ...)"
-                raise LanguageError(f"{begins}, nor a file of parameters (D)") from None
-        files = list(_programs(lines))
-        first = next((name for name, _ in files if name[0] == "P"), None)
+        _check_beginning(beginning[0])
+        if not text.isascii():
+            encoded(text)  # or say now that it cannot be sent
+        files = list(_programs(text))
+        first = next((file for file in files if file.name[0] == "P"), None)
         if first is None:
-            others = ", ".join(name for name, _ in files) or "nothing"
+            others = ", ".join(file.name for file in files) or "nothing"
             raise LanguageError(f"there is no program in it to be started, a line P and its number, but {others}")
-        steps = [(f"{name}, {_counted(blocks)}", _file([name, *blocks])) for name, blocks in files]
-        start = _file(["D", *_started(int(first[1:]))])
-        return [*steps, ("reference", _REFERENCE), (f"start {first}", start)]
+        number = int(first.name[1:])
+        feeds = first.size > KEPT and not any(_LEADS_BACK.search(text, *span) for span in first.spans)
+        steps: list[tuple[str, Iterable[bytes]]] = [
+            (f"{file.name}, {file.blocks}", file) for file in files if not (feeds and file is first)
+        ]
+        steps.append(("reference", [_REFERENCE]))
+        if feeds:
+            data = first.after(_file(["D", *_started(number, fed=1)]))
+            return [*steps, (f"start {first.name}, fed: {first.blocks}", data)]
+        return [*steps, (f"start {first.name}", [_file(["D", *_started(number)])])]
 
-    def lines(self, text: str) -> Mapping[str, int]:
+    def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
         """See RunsPrograms."""
         found: dict[str, int] = {}
+        wanted = {name.partition(" N")[2] for name in names}
         name = ""
-        for number, line in enumerate(text.splitlines(), 1):
-            word = line.strip()
-            if program := program_name(word):
+        for number, row in enumerate(_rows(text), 1):
+            if block := _BLOCK.match(row):
+                if (digits := block[1].lstrip("0") or "0") in wanted:
+                    found.setdefault(f"{name or f'P{NUMBER}'} N{digits}", number)
+            elif program := program_name(word := row.strip()):
                 name = program
             elif word == END:
                 name = ""
-            elif block := re.match(r"/?\s*N\s*(\d+)", word):
-                found.setdefault(f"{name or f'P{NUMBER}'} N{int(block[1])}", number)
-        return found
+        return {name: line for name, line in found.items() if name in names}
 
     def place(self, said: str) -> tuple[str, int]:
         """See RunsPrograms."""
@@ -179,35 +204,93 @@ class Bwo900Language:
         return ("", 0) if found is None else (found[1], int(found[2] or 1))
 
 
-def _significant(text: str) -> list[str]:
-    """Lines without blank ones, remarks before the first program, and the beginning and end of a tape."""
-    lines = [line for line in text.splitlines() if line.strip(" \t\x04") and not line.lstrip().startswith("%")]
-    first = next((at for at, line in enumerate(lines) if not line.lstrip().startswith(";")), len(lines))
-    return lines[first:]
+def _significant(text: str) -> Iterator[re.Match[str]]:
+    """Lines without blank ones, those at the ends of a tape, and remarks before the first program."""
+    began = False
+    for row in _ROW.finditer(text):
+        began = began or row[0].lstrip()[0] not in ";%"
+        if began:
+            yield row
 
 
-def _counted(blocks: Sequence[str]) -> str:
-    """How many blocks, in words; chained lines are one."""
-    number = sum(not line.lstrip().startswith(";") and not line.rstrip().endswith("\\") for line in blocks)
-    return "1 block" if number == 1 else f"{number} blocks"
+def _check_beginning(row: str) -> None:
+    """Raise LanguageError for a line that begins no program."""
+    if not (program_name(row) or _BLOCK.match(row)):
+        try:
+            parse_block(row)
+        except ProgramError:
+            begins = f"{row.strip()[:SHOWN]!r} begins neither a program (P1), a block (N10 ...)"
+            raise LanguageError(f"{begins}, nor a file of parameters (D)") from None
 
 
-def _programs(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """The programs of a file, each with its blocks."""
-    name, blocks = "", list[str]()
-    for line in lines:
-        word = line.strip()
-        if found := program_name(word):
-            if blocks:
-                yield name or f"P{NUMBER}", blocks
-            name, blocks = found, []
-        elif word == END:
-            yield name or f"P{NUMBER}", blocks
-            name, blocks = "", []
-        else:
-            blocks.append(line.rstrip())
-    if blocks:
-        yield name or f"P{NUMBER}", blocks
+@dataclass(frozen=True)
+class _Program:
+    """A program of a text: its file as it goes over the line, made as it is asked for."""
+
+    text: str
+    name: str
+    spans: tuple[tuple[int, int], ...]
+    """Where its blocks stand in the text."""
+    count: int
+    """Of its blocks."""
+    before: bytes = b""
+    """What goes before it."""
+
+    @property
+    def blocks(self) -> str:
+        """How many it has, in words; chained lines are one."""
+        return "1 block" if self.count == 1 else f"{self.count} blocks"
+
+    @property
+    def size(self) -> int:
+        """Bytes of its blocks."""
+        return sum(end - begin for begin, end in self.spans)
+
+    def after(self, data: bytes) -> _Program:
+        """The same behind these bytes."""
+        return replace(self, before=data)
+
+    def __iter__(self) -> Iterator[bytes]:
+        yield self.before + encoded(f"\r\n{self.name}\r\n")
+        for begin, end in self.spans:
+            while begin < end:
+                cut = self.text.rfind("\n", begin, begin + PIECE) + 1 if begin + PIECE < end else end
+                cut = cut or min(begin + PIECE, end)
+                yield encoded(_ENDS.sub("\r\n", self.text[begin:cut]))
+                begin = cut
+        yield encoded(f"{END}\r\n") + END_OF_FILE + END_OF_LINE
+
+
+def _rows(text: str) -> Iterator[str]:
+    """The lines of a text one by one."""
+    return (row[0] for row in _LINE.finditer(text))
+
+
+def _programs(text: str) -> Iterator[_Program]:
+    """The programs of a text."""
+    name, spans, count, begin = "", list[tuple[int, int]](), 0, -1
+    for row in _significant(text):
+        if (mark := row[0].lstrip()[0]) not in MARKS:
+            begin = row.start() if begin < 0 else begin
+            count += mark != ";" and not row[0].rstrip().endswith("\\")
+            continue
+        word = row[0].strip()
+        found = program_name(word)
+        if not (found or word == END or word[0] in "%\x04"):
+            begin = row.start() if begin < 0 else begin
+            count += 1
+            continue
+        if begin >= 0:
+            spans.append((begin, row.start()))
+            begin = -1
+        if (found and spans) or (word == END and (name or spans)):
+            yield _Program(text, name or f"P{NUMBER}", tuple(spans), count)
+            name, spans, count = "", [], 0
+        name = found or name
+    if begin >= 0:
+        spans.append((begin, len(text)))
+    if spans:
+        yield _Program(text, name or f"P{NUMBER}", tuple(spans), count)
 
 
 def _file(lines: Sequence[str]) -> bytes:
@@ -216,9 +299,9 @@ def _file(lines: Sequence[str]) -> bytes:
     return encoded(text) + END_OF_FILE + END_OF_LINE
 
 
-def _started(program: int) -> list[str]:
-    """Parameters that start a program."""
-    return [f"K1:P8800: {program}", "K1:P8683: 2", "K1:P8684: 1"]
+def _started(program: int, fed: int = 0) -> list[str]:
+    """Parameters that start a program; fed: 1 for one that comes while it is carried out."""
+    return [f"K1:P8811: {fed}", f"K1:P8800: {program}", "K1:P8683: 2", "K1:P8684: 1"]
 
 
 _REFERENCE: Final = _file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])

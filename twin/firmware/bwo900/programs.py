@@ -14,19 +14,16 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import ClassVar, Protocol
 
+from isel_twin.firmware.bwo900.feed import Feed
+from isel_twin.firmware.bwo900.lines import END, Lines, without_number
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
 
-__all__ = ["END", "MOST_LINE", "Builder", "Program", "Store", "program_name"]
+__all__ = ["Blocks", "Builder", "Program", "Store", "program_name"]
 
-END: Final = "#"
-"""What stands behind the last block of a file."""
-MOST_LINE: Final = 400
-"""Characters of a line of a file (M1113)."""
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
-_NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
 @lru_cache(maxsize=4096)
@@ -34,10 +31,45 @@ def _parsed(text: str, line: int) -> Block:
     return parse_block(text, line)
 
 
+class Blocks(Protocol):
+    """What an interpreter asks of a program, be it kept (`Program`) or fed (`feed.Feed`)."""
+
+    @property
+    def name(self) -> str:
+        """P or Z, and its number."""
+
+    @property
+    def linear(self) -> bool:
+        """Nothing leads back in it, and no block is looked for."""
+
+    @property
+    def complete(self) -> bool:
+        """Its last block is known."""
+
+    def __len__(self) -> int:
+        """Number of blocks that are known."""
+
+    def block(self, place: int) -> Block:
+        """See Program.block."""
+
+    def number(self, place: int) -> int:
+        """See Program.number."""
+
+    def after(self, number: int) -> str:
+        """See Program.after."""
+
+    def place(self, number: int) -> int:
+        """See Program.place."""
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
+    linear: ClassVar = False
+    """Nothing leads back in it, see `feed`."""
+    complete: ClassVar = True
+    """Its last line is known."""
     name: str
     text: bytes
     """Of all blocks, each ended by LF, Latin-1."""
@@ -79,11 +111,9 @@ class Program:
     def after(self, number: int) -> str:
         """What stands behind a block's number; empty if there is no such block."""
         try:
-            block = self.line(self.place(number))
+            return without_number(self.line(self.place(number)))
         except ProgramError:
             return ""
-        found = _NUMBER.match(block)
-        return block[found.end() :].strip() if found else block
 
     def place(self, number: int) -> int:
         """The place of the block with that number. Raises ProgramError M1255 if there is none."""
@@ -103,36 +133,23 @@ class Builder:
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self._lines = Lines()
         self._text = bytearray()
         self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
-        self._last = -1
-        self._chained = ""
 
     def add(self, number: int, line: str) -> None:
-        """The next line, number: of the file. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
-        if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}")
-        text = line.rstrip()
-        if not text.strip() or text.lstrip().startswith(";"):
+        """The next line, number: of the file. Raises ProgramError as `Lines.block` does."""
+        if (made := self._lines.block(number, line)) is None:
             return
-        if text.endswith("\\"):
-            self._chained += text[:-1] + " "
-            return
-        text, self._chained = (self._chained + text).strip(), ""
-        found = _NUMBER.match(text)
-        if found is not None:
-            if int(found[1]) <= self._last:
-                raise ProgramError(1290, f"N{found[1]} after N{self._last}, line {number}")
-            self._last = int(found[1])
+        text, own = made
         self._text += text.encode("latin-1", errors="replace") + b"\n"
         self._begins.append(len(self._text))
-        self._numbers.append(-1 if found is None else self._last)
-        self._highest.append(self._last)
+        self._numbers.append(own)
+        self._highest.append(self._lines.highest)
 
     def program(self) -> Program:
         """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
-        if self._chained:
-            raise ProgramError(1111, "the last line is chained to nothing")
+        self._lines.end()
         return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
@@ -143,11 +160,22 @@ def program_name(line: str) -> str:
 
 
 class Store(dict[str, Program]):
-    """The memory for programs, by name."""
+    """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
 
-    def find(self, name: str) -> Program:
+    feed: Feed | None = None
+
+    def find(self, name: str) -> Blocks:
         """The program. Raises ProgramError M1252 if there is none."""
+        if self.feed is not None and self.feed.name == name:
+            return self.feed
         program = self.get(name)
         if program is None:
             raise ProgramError(1252, name)
         return program
+
+    def text(self, name: str, number: int) -> str:
+        """What stands behind the number of a block of a program; empty if there is no such block."""
+        try:
+            return self.find(name).after(number)
+        except ProgramError:
+            return ""

@@ -13,14 +13,18 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from isel_twin.firmware.bwo900.feed import Feed
+from isel_twin.firmware.bwo900.lines import END, MOST_LINE
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
-from isel_twin.firmware.bwo900.programs import END, MOST_LINE, Builder, Store, program_name
+from isel_twin.firmware.bwo900.programs import Builder, Store, program_name
 
 __all__ = ["EOT", "Receiver", "parameter_file"]
 
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
+HANDSHAKE: Final = b"\x11\x13"
+"""Xon and Xoff of a host: what is put out does not wait."""
 _END = re.compile(b"[\\x0a\\x0d\\x04]")
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
@@ -43,18 +47,19 @@ class Receiver:
         self._number = 0
         self._kind = ""
         """Of the file that is being read: a program's name, "D", "D+", "?" for one that is skipped."""
-        self._builder: Builder | None = None
+        self._builder: Builder | Feed | None = None
         """Of the program that is being read."""
         self.changed = False
         """Programs or parameters are not what they were since this was set to False."""
 
     @property
     def busy(self) -> bool:
-        """In the middle of a file."""
-        return bool(self._kind)
+        """In the middle of a file, which may be one that nobody wants; a program that is fed is none."""
+        return bool(self._kind) and not isinstance(self._builder, Feed)
 
     def take(self, data: bytes) -> Iterator[ProgramError]:
         """Bytes of the line; what was wrong with them."""
+        data = data.translate(None, HANDSHAKE)
         at = 0
         for end in _END.finditer(data):
             self._more(data[at : end.start()])
@@ -96,11 +101,18 @@ class Receiver:
         if word in ("D", "D+"):
             self._kind = word
         elif name := program_name(word):
-            self._kind, self._builder = name, Builder(name)
+            feed = self._store.feed
+            if feed is not None and not feed.begun and name[0] == "P":
+                feed.begun = True
+                self._kind, self._builder = feed.name, feed
+            else:
+                self._kind, self._builder = name, Builder(name)
         else:
             yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
 
     def _skip(self, number: int, detail: str) -> ProgramError:
+        if isinstance(self._builder, Feed):
+            self._builder.give_up()
         self._kind, self._builder = "?", None
         return ProgramError(number, detail)
 
@@ -108,6 +120,12 @@ class Receiver:
         kind, self._kind = self._kind, ""
         builder, self._builder = self._builder, None
         if builder is None:
+            return
+        if isinstance(builder, Feed):
+            try:
+                builder.end()
+            except ProgramError as error:
+                yield error
             return
         try:
             program = builder.program()

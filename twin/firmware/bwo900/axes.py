@@ -1,0 +1,149 @@
+"""The axes: where they stand, how far they may go, whether they are where they ought to be.
+
+    counts = base + displacement of the run in execution        increments, from the reference point's P12040 on
+    position = counts / increments per mm                        P12012 / P12013
+
+A run that does not continue the one before begins where that one has got to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from isel_twin.controller import Drives
+from isel_twin.firmware.bwo900.blocks import PathBlock
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.firmware.bwo900.path import Limits, positive
+from isel_twin.firmware.bwo900.stretch import PERIOD_NS
+from isel_twin.motion import SetPointRun
+from isel_twin.units import SECOND_NS
+
+__all__ = ["AXES", "Axes"]
+
+AXES: Final = 3
+INCREMENTS_PER_MM: Final = 1_000.0
+"""P12012 over P12013 where nobody has set them."""
+PULSES: Final = 5_000
+"""Increments from zero pulse to zero pulse."""
+
+
+class Axes:
+    """The axes of the machine as the control knows them; a `status.Seen`."""
+
+    def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
+        """levels: of the inputs, limit switches among them, which someone else keeps up to date."""
+        self._parameters, self._levels = parameters, levels
+        self.drives: Drives | None = None
+        """What measures; None: there is nothing, and the axes are where they ought to be."""
+        self.referenced = [False] * AXES
+        self.run: SetPointRun | None = None
+        """The motion in execution."""
+        self._base: tuple[int, ...] = (0,) * AXES
+        self.now_ns = 0
+
+    # Where they are
+
+    def counts_at(self, t_ns: int) -> tuple[int, ...]:
+        """Set positions in increments, at a time within the run in execution."""
+        if self.run is None:
+            return self._base
+        return tuple(b + m for b, m in zip(self._base, self.run.displacement(t_ns), strict=True))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Set positions in increments, now."""
+        return self.counts_at(self.now_ns)
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        """Set positions in mm, now."""
+        per_mm = self.limits().increments_per_mm
+        return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
+
+    def set_mm(self, axis: int) -> float:
+        """Set position of an axis, mm."""
+        return self.position[axis]
+
+    def actual_mm(self, axis: int) -> float:
+        """Measured position of an axis, mm."""
+        drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
+        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+
+    def speed_mm_s(self, axis: int) -> float:
+        """Speed of an axis, mm/s, of its set points."""
+        run = self.run
+        if run is None or not (tick := run.count(self.now_ns)) or self.now_ns >= run.end_ns + PERIOD_NS:
+            return 0.0
+        way = int(run.plan.deltas(tick - 1, tick)[0, axis])
+        return way / self.limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
+
+    # What moves them
+
+    def follow(self, run: SetPointRun | None) -> None:
+        """The motion in execution is this one now."""
+        shown = self.run
+        if run is shown:
+            return
+        if shown is not None and (run is None or not run.continues(shown)):
+            self._base = self.counts
+        self.run = run
+
+    def place(self, axis: int) -> int:
+        """An axis stands at its reference point: its position is P12040; increments."""
+        self.follow(None)
+        value = round(self._parameters.axis(axis, 40, 0.0) * self.limits().increments_per_mm[axis])
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self.referenced[axis] = True
+        self._parameters.write(12_180 + AXIS_SIZE * axis, 1.0)
+        return value
+
+    def to_pulse(self, axis: int) -> int:
+        """Increments to the next zero pulse."""
+        past = 0 if self.drives is None else self.drives.past_zero_pulse[axis] % PULSES
+        return (PULSES - past) % PULSES
+
+    # How far and how well
+
+    def limits(self) -> Limits:
+        """What axes and path can, as the parameters are now."""
+        p = self._parameters
+        per_mm = [
+            positive(p.axis(a, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(a, 13, 0.0), 1.0) for a in range(AXES)
+        ]
+        return Limits.of(p, per_mm)
+
+    def settled(self) -> bool:
+        """Whether all are within the exact-stop window: P12016 mm, or one increment's root."""
+        if self.drives is None:
+            return True
+        for axis, per_mm in enumerate(self.limits().increments_per_mm):
+            window_mm = positive(self._parameters.axis(axis, 16, 0.0), math.sqrt(1.0 / per_mm))
+            if not self.drives.in_position[axis] or abs(self.drives.lag[axis]) / per_mm > window_mm:
+                return False
+        return True
+
+    def struck(self, axis: int, end: int) -> bool:
+        """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""
+        return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
+
+    def allowed(self, block: PathBlock) -> str:
+        """Software limits (P12030, P12031), and struck switches: a message's number and axis, or none."""
+        p = self._parameters
+        for axis in range(AXES):
+            extents = [element.extent(axis) for element in block.elements]
+            if not extents:
+                continue
+            low, high = min(e[0] for e in extents), max(e[1] for e in extents)
+            here = block.elements[0].start[axis]
+            highest, lowest = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+            if p.loaded(highest) and high > p.get(highest):
+                return f"2103 {'XYZ'[axis]}"
+            if p.loaded(lowest) and low < p.get(lowest):
+                return f"2104 {'XYZ'[axis]}"
+            if high > here and self.struck(axis, 2):
+                return f"2101 {'XYZ'[axis]}"
+            if low < here and self.struck(axis, 1):
+                return f"2102 {'XYZ'[axis]}"
+        return ""

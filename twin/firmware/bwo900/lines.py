@@ -1,0 +1,56 @@
+"""Lines of a program's file, and the blocks that they make (manual 3.1, 3.10)."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+
+__all__ = ["END", "MOST_LINE", "Lines", "without_number"]
+
+END: Final = "#"
+"""What stands behind the last block of a file."""
+MOST_LINE: Final = 400
+"""Characters of a line of a file (M1113)."""
+_NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
+
+
+class Lines:
+    """Makes blocks of lines: leaves out comments and blank ones, joins what is chained, sees that numbers rise."""
+
+    def __init__(self) -> None:
+        self.highest = -1
+        """Number of a block so far, -1 if there is none."""
+        self._chained = ""
+
+    def block(self, number: int, line: str) -> tuple[str, int] | None:
+        """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
+        line. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
+        if len(line) > MOST_LINE:
+            raise ProgramError(1113, f"line {number}")
+        text = line.rstrip()
+        if not text.strip() or text.lstrip().startswith(";"):
+            return None
+        if text.endswith("\\"):
+            self._chained += text[:-1] + " "
+            return None
+        text, self._chained = (self._chained + text).strip(), ""
+        found = _NUMBER.match(text)
+        if found is None:
+            return text, -1
+        if int(found[1]) <= self.highest:
+            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}")
+        self.highest = int(found[1])
+        return text, self.highest
+
+    def end(self) -> None:
+        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
+        if self._chained:
+            raise ProgramError(1111, "the last line is chained to nothing")
+
+
+def without_number(block: str) -> str:
+    """What stands behind the number of a block."""
+    found = _NUMBER.match(block)
+    return block[found.end() :].strip() if found else block

@@ -1,0 +1,36 @@
+"""Where the contacts of machine and cabinet lead to, and how bytes come over the line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from isel_twin.controller import SerialFormat
+from isel_twin.firmware.bwo900.axes import AXES
+from isel_twin.firmware.bwo900.parameters import Parameters
+
+__all__ = ["TERMINALS", "serial_format"]
+
+TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
+    "estop": ("estop_1", "estop_2", "overtemperature"),
+    "power": ("power_ok",),
+    "e0.1": ("start",),
+    "e0.2": ("stop",),
+    "e0.3": ("hood_automatic",),
+    "e0.4": ("hood_setup",),
+    "e0.5": ("key",),
+    "e0.6": ("probe",),
+    "e0.7": ("spindle",),
+    **{f"limit_{'xyz'[axis]}{end + 1}": (f"limit_{'xyz'[axis]}{end + 1}",) for axis in range(AXES) for end in (0, 1)},
+}
+"""Where the contacts of machine and cabinet lead to."""
+
+
+def serial_format(p: Parameters) -> SerialFormat:
+    """P11172 on: speed, data bits, parity (none, odd, even), stop bits."""
+    return SerialFormat(
+        int(p.given(11_172, 9600.0)),
+        int(p.given(11_173, 8.0)),
+        ("N", "O", "E")[min(max(int(p.get(11_175)), 0), 2)],  # type: ignore[arg-type]
+        int(p.given(11_174, 2.0)),
+    )
