@@ -243,6 +243,8 @@ def play(
         if line.program and twin.fault:
             accepted = False
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+        elif line.program and not complete and twin.steps_made:
+            why = twin.unfinished
         last = Result(
             number=line.number,
             command=line.command,
@@ -299,7 +301,7 @@ def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[
         if not twin.commands_due:
             continue
         until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
-        twin.run_until(until_ns, lambda: not twin.commands_due or (stop is not None and stop()))
+        twin.run_until(until_ns, lambda: not twin.commands_due or _stands(twin) or (stop is not None and stop()))
         if twin.commands_due:
             return False
     return True
@@ -352,5 +354,19 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool]
         until_ns = start_ns + line.expected.wait_ns
         twin.run_until(until_ns, stop)
         return twin.time_ns >= until_ns
-    twin.run_until(twin.time_ns + round(timeout_s * SECOND_NS), lambda: twin.idle or (stop is not None and stop()))
-    return twin.idle
+    until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
+    if not line.program:
+        twin.run_until(until_ns, lambda: twin.idle or (stop is not None and stop()))
+        return twin.idle
+    twin.run_until(until_ns, lambda: (twin.idle and (_over(twin) or _stands(twin))) or (stop is not None and stop()))
+    return twin.idle and _over(twin)
+
+
+def _over(twin: Twin) -> bool:
+    """Whether a program that this line has begun is not to go on."""
+    return twin.fault or not twin.steps_made or not twin.unfinished
+
+
+def _stands(twin: Twin) -> bool:
+    """Whether it should, and there is nobody who could see to it: a scenario that presses Start, later on."""
+    return not _over(twin) and not twin.events_left

@@ -347,3 +347,51 @@ def test_a_message_in_a_fed_program_names_line_and_column(program, capsys, monke
 def test_a_text_that_no_line_carries_is_refused_before_it_begins(program, capsys) -> None:
     assert call("run", program("P1\nN10 G0 X1 ;\u2192\nN20 M30\n"), *CONTROL) == 2
     assert "'\u2192' is not a character a serial line can carry" in capsys.readouterr().err
+
+
+STOPS = """
+[[event]]
+name = "stop"
+when = "x > 25 mm"
+key = {{ stop = true }}
+
+[[event]]
+when = "2 s after stop"
+{then}
+"""
+
+
+def scenario_file(folder: Path, then: str) -> Path:
+    file = folder / "stops.toml"
+    file.write_text(STOPS.format(then=then) if then else STOPS.partition("\n[[event]]\nwhen")[0].format())
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "then", "said"),
+    [
+        (PART, "", "P1 N20 waits for Start"),
+        (PART, "key = { abort = true }", "P1 N20 is broken off"),
+        (PART.replace("N30 M30", "N25 M00\nN30 M30"), "key = { start = true }", "P1 N25 waits for Start"),
+    ],
+    ids=["stop", "abort", "M00"],
+)
+def test_a_program_that_stands_before_its_end_is_not_well(program, capsys, tmp_path: Path, text, then, said) -> None:
+    """Nobody goes on with it, so the job ends there, at once, and says where it stands."""
+    scenario = scenario_file(tmp_path, then)
+    assert call("run", program(text), *CONTROL, "--scenario", scenario, "--json") == 1
+    told = capsys.readouterr()
+    *_, started, summary = (json.loads(line) for line in told.out.splitlines())
+    assert (started["why"], started["complete"], summary["ok"]) == (said, False, False)
+    assert summary["time_ns"] < 50e9
+    assert told.err.endswith(f"line 3: {said}; the job ends there\n")
+    assert call("check", program(text), *CONTROL, "--scenario", scenario) == 1
+    assert f"start P1: {said}" in capsys.readouterr().out
+
+
+def test_one_that_a_scenario_stops_and_starts_comes_to_its_end(program, capsys, tmp_path: Path) -> None:
+    scenario = scenario_file(tmp_path, "key = { start = true }")
+    assert call("run", program(PART), *CONTROL, "--scenario", scenario, "--json") == 0
+    *_, started, summary = ran(capsys)
+    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+    assert summary["events_after_end"] == 0

@@ -300,7 +300,8 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     if not result.complete:
-        what = f"{result.command}: no complete reply within {bounds.timeout_s:g} s"
+        stands = result.why if result.expected is None else ""
+        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
         return [Finding("unfinished", what, result.number, result.end_ns)]
     if result.ok:
         return []

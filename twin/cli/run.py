@@ -132,9 +132,11 @@ def run(
             where = ""
             if results:
                 where = f"{'after ' if results[-1].complete else ''}line {results[-1].number}: "
-            why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
+            stands = bool(results) and not results[-1].complete and results[-1].expected is None
+            said = results[-1].why if stands else ""
+            why = "interrupted" if interrupted else said or f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
-            remedy = "" if interrupted else "; --timeout waits longer"
+            remedy = "" if interrupted or said else "; --timeout waits longer"
             outputs.say(f"{job_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
         verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
