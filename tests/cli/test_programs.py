@@ -11,7 +11,7 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.cli import main
-from isel_twin.language import MoveSettings, needed
+from isel_twin.language import MoveSettings, create_language, needed
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 ARC = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 G2 X60 Y20 I0 J5\nN40 M30\n"
@@ -395,3 +395,8 @@ def test_one_that_a_scenario_stops_and_starts_comes_to_its_end(program, capsys, 
     *_, started, summary = ran(capsys)
     assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
     assert summary["events_after_end"] == 0
+
+
+def test_a_remark_is_explained_as_one() -> None:
+    (message,) = needed(create_language("bwo900"), "bwo900").messages(b"; outer contour\r\n", True)
+    assert message.explanation == "a remark"

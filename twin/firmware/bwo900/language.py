@@ -316,6 +316,8 @@ def explain(text: str) -> str:
         return "end of a program or of parameters"
     if word in ("D", "D+"):
         return "parameters"
+    if word.startswith(";"):
+        return "a remark"
     if name := program_name(word):
         return f"{'program' if name[0] == 'P' else 'cycle'} {name[1:]}"
     if (match := _PARAMETER.match(word)) is not None and not re.match(r"\s*/?\s*N", word):
