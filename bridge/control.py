@@ -146,7 +146,7 @@ class Operator:
         return self._twin.settable
 
     def happen(self, content: dict[str, Any]) -> Answer:
-        """Let an event of a scenario (without `at`) happen now; what it has set, as it is then: inputs, and all keys."""
+        """Let an event of a scenario (without `at`) happen now; what it has set, as it is then: inputs, or all keys."""
         place = Place("request", ControlError)
         event = event_now(content, place, self.settable, self._twin.keys)
         self._check_physics(event, content, place)
