@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from isel_twin.firmware.bwo900.elements import XY, Arc, Element, Plane, Point
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.syntax import Text
 
 __all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
@@ -100,6 +101,10 @@ class PathBlock:
     """M26: a signal deletes its path and its dwell."""
     main: bool = True
     """A block of a program; False: an intermediate one, of a cycle."""
+    target: Point = (0.0, 0.0, 0.0)
+    """Where it ends, in the program's coordinates, mm."""
+    in_force: InForce = AT_REST
+    """What else holds meanwhile."""
 
     @property
     def finish(self) -> Point:

@@ -19,6 +19,8 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.ahead import BLOCK_NS, REFILL, Ahead, Filter
 from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.elements import Point
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.services import Services
@@ -67,6 +69,8 @@ class Channel:
         """Program and block in execution."""
         self.column = 0
         """Where to look for its path in its text."""
+        self._entered: PathBlock | None = None
+        """The block in execution; None: no program."""
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
         self._due_ns: int | None = None
@@ -106,7 +110,7 @@ class Channel:
         if self.phase is not Phase.PATH:
             return self._due_ns
         next_ns = self._stretch.next_ns(self._now_ns, None if self._ahead.ended else REFILL)
-        if self._ahead.poll_ns is not None and not self._stretch.held:
+        if self._ahead.poll_ns is not None and not self._stretch.held:  # analysis waits while the axes do
             next_ns = min(next_ns, self._ahead.poll_ns)
         return max(next_ns, self._now_ns)
 
@@ -116,14 +120,28 @@ class Channel:
         return self._current if self._current is not None else self._stretch.first
 
     @property
-    def feed_mm_min(self) -> float | None:
-        """Programmed feed of the block in execution."""
-        return None if self._shown is None else self._shown.feed_mm_min
+    def in_force(self) -> InForce:
+        """What holds for the block in execution; without a program, what one begins with."""
+        return AT_REST if self._entered is None else self._entered.in_force
 
     @property
-    def motion(self) -> float | None:
-        """0 to 3, for G00 to G03, of the block in execution."""
-        return None if self._shown is None else self._shown.motion
+    def feed_mm_min(self) -> tuple[float, float]:
+        """Programmed feed of the block in execution, and the one at its end; 0: none."""
+        block = self._entered
+        if block is None:
+            return 0.0, 0.0
+        return block.feed_mm_min or block.in_force.feed_mm_min, block.end_feed_mm_min or 0.0
+
+    @property
+    def target(self) -> Point | None:
+        """Where the block in execution ends, in the program's coordinates; None: no program."""
+        return None if self._entered is None else self._entered.target
+
+    @property
+    def motion(self) -> float:
+        """0 to 3, for G00 to G03, of the block in execution, or as they are in force."""
+        motion = None if self._entered is None else self._entered.motion
+        return float(self.in_force.modal.motion) if motion is None else motion
 
     @property
     def speed_mm_s(self) -> float:
@@ -131,14 +149,12 @@ class Channel:
         return self._stretch.speed_mm_s(self._now_ns)
 
     @property
-    def dwell_s(self) -> tuple[float | None, float | None]:
-        """Of the block in execution, and what is left of it."""
-        if self._shown is None or self._shown.dwell_s is None:
-            return None, None
+    def dwell_s(self) -> tuple[float, float]:
+        """Of the block in execution, and what is left of it; 0: none."""
         left = 0.0
         if self.phase is Phase.DWELL and self._due_ns is not None:
             left = (self._due_ns - self._now_ns) / SECOND_NS
-        return self._shown.dwell_s, left
+        return (0.0 if self._entered is None else self._entered.dwell_s or 0.0), left
 
     # ---- operating --------------------------------------------------------------------------------------------------
 
@@ -302,7 +318,7 @@ class Channel:
         """A block begins, or has begun at t_ns."""
         if self.block != (block.program, block.number) and block.number:
             self._do.begun(t_ns, block)
-        self.block, self.column = (block.program, block.number), block.column
+        self.block, self.column, self._entered = (block.program, block.number), block.column, block
 
     def _break_off(self, error: ProgramError, block: PathBlock) -> None:
         """The path of a block cannot be made."""
@@ -518,7 +534,7 @@ class Channel:
         """No program any more."""
         self._ahead.end()
         self._stretch.clear()
-        self._current = None
+        self._current = self._entered = None
         self._holds = self._drops = self._sent = False
         self.phase, self._due_ns = Phase.IDLE, None
         self._do.ended(self.block if aborted else None)

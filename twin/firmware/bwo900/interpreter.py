@@ -32,7 +32,8 @@ from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element, Point
 from isel_twin.firmware.bwo900.expressions import whole
 from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import GROUPS, ZERO, Modal
+from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs import Store
@@ -103,7 +104,8 @@ class Interpreter:
         self._watched = False
         """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._block_now: Block | None = None
+        self._told = AT_REST
+        """What the last block has been told of what holds."""
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
@@ -142,29 +144,34 @@ class Interpreter:
         return self._stack.place
 
     @property
-    def modal(self) -> Modal:
-        """What is in force for the next block."""
-        return self._coordinates.modal
+    def opened(self) -> frozenset[str]:
+        """Programs that have been, or are, open since it was begun."""
+        return self._stack.opened
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Those that are open."""
+        return self._stack.open
 
     @property
     def frame(self) -> Frame:
-        """The same, of coordinates."""
+        """Coordinates of the next block, and of the last one without a program."""
         return self._coordinates.frame
 
     @property
-    def depth(self) -> int:
-        """Subprograms that are open."""
-        return self._stack.depth
+    def loop(self) -> tuple[int, int]:
+        """Passes and the present pass of the innermost loop of the program that is analysed; 0, 0: none is open."""
+        return self._stack.loop
 
     @property
-    def loops(self) -> list[tuple[int, int]]:
-        """Passes and passes left of each open loop of the program that is analysed, the innermost last."""
+    def loops(self) -> int:
+        """Loops that are open in the program that is analysed."""
         return self._stack.loops
 
     @property
-    def feed_mm_min(self) -> float | None:
-        """F, None before there is one."""
-        return self._targets.feed_mm_min
+    def in_force(self) -> InForce:
+        """What holds for the next block; without a program, what one begins with."""
+        return self._in_force(None) if self._stack else AT_REST
 
     @property
     def program_position(self) -> Point:
@@ -180,6 +187,7 @@ class Interpreter:
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._stack.clear()
+        self._stack.opened = frozenset()
         self._waiting = None
         self._ready.clear()
         self._cycle_now = None
@@ -228,8 +236,8 @@ class Interpreter:
             self._refresh()
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
-        if self._waiting is Waiting.CONDITION and self._block_now is not None and self._values.holds(self._block_now):
-            self._waiting = None
+        if self._waiting is Waiting.CONDITION:
+            self._waiting = None  # the block is looked at again
         if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self._stack:
@@ -240,11 +248,11 @@ class Interpreter:
         block = level.take()
         if block.skip and self._skips:
             return self._empty(block)
-        self._block_now = block
-        if block.wait is not None and not self._values.holds(block):
-            self._waiting = Waiting.CONDITION
-            return self._waiting
         try:
+            if block.wait is not None and not self._values.holds(block):
+                level.place -= 1
+                self._waiting = Waiting.CONDITION
+                return self._waiting
             self._execute(block)
         except ProgramError as error:
             level.place -= 1
@@ -271,7 +279,19 @@ class Interpreter:
         """A block of a program without a path."""
         here = self._coordinates
         fields: dict[str, object] = {"number": 0, "start": here.position, "plane": here.frame.plane, **others}
+        fields |= {"target": here.program_position, "in_force": self._in_force(None)}
         return PathBlock(name, **fields)  # type: ignore[arg-type]
+
+    def _in_force(self, cycle: int | None) -> InForce:
+        """What holds for a block; cycle: number of the one that it is a move of."""
+        here, stack = self._coordinates, self._stack
+        user, called_by = stack.cycle or ("", None)
+        number = int(user[1:]) if user else cycle
+        feed = self._targets.feed_mm_min or 0.0
+        now = InForce(here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop)
+        if now != self._told:
+            self._told = now
+        return self._told
 
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
@@ -330,7 +350,9 @@ class Interpreter:
     def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
         """A PathBlock of what the block has said, and what analysis waits for behind it."""
         feed = self._targets.feed_mm_min
-        made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters)
+        number = said.cycles[0] if said.cycles else None
+        told = self._in_force(number)
+        made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters, told)
         if changes:
             made = replace(made, **changes)  # type: ignore[arg-type]
         self._ready.append(made)

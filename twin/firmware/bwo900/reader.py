@@ -29,6 +29,7 @@ from isel_twin.firmware.bwo900.values import Values
 __all__ = ["CENTRES", "Reader"]
 
 CENTRES: Final = "IJK"
+LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
@@ -63,13 +64,18 @@ class Reader:
 
     def read(self, said: Said) -> None:
         """G functions, tools and speeds, M functions; what a zero point does to G92."""
-        block = said.block
+        block, before = said.block, self._coordinates.modal
         for g in block.g:
             self._g(g.number, said, g.column)
             if g.number == 4:
                 if g.extension is None:
                     raise ProgramError(1211, "G04 without a time", g.column)
                 said.dwell_s = self._values.of(g.extension)
+                if said.dwell_s > LONGEST_DWELL_S:
+                    raise ProgramError(1211, f"a dwell of {said.dwell_s:g} s", g.column)
+        now = self._coordinates.modal
+        if now.plane != before.plane and 40 not in (before.radius, now.radius):
+            raise ProgramError(1232, f"G{now.plane} with G{before.radius}; G40 comes first")
         for word in block.words:
             self._tool_word(word, said)
         for m in block.m:
@@ -174,7 +180,8 @@ class Reader:
             case 16:
                 said.activates = True
             case 23:
-                said.goal = self._goal(values, m)
+                goal = self._goal(values, m)
+                said.goal = said.goal or goal  # the first one, as of comparisons
             case 24:
                 if len(values) != 1 or values[0] is None or values[0] < 1:
                     raise ProgramError(1218, "M24.passes, at least 1", m.column)
