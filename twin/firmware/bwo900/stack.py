@@ -10,6 +10,7 @@ A level ends behind its program's last block, behind the last block of its call,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -46,6 +47,11 @@ class Level:
     def over(self) -> bool:
         """There is no next block, or none that has come yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
+
+    @property
+    def last_taken(self) -> Goal:
+        """Its name and the number of the block that was taken last."""
+        return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
     def take(self) -> Block:
         """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
@@ -87,6 +93,8 @@ class Stack:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._levels: list[Level] = []
+        self.opened: frozenset[str] = frozenset()
+        """Programs that have been open; whoever carries them out clears it."""
 
     def __len__(self) -> int:
         return len(self._levels)
@@ -106,14 +114,40 @@ class Stack:
         return level.program.name, max(number, 0)
 
     @property
+    def open(self) -> frozenset[str]:
+        """Names of those that are open."""
+        return frozenset(level.program.name for level in self._levels)
+
+    @property
     def depth(self) -> int:
         """Subprograms that are open."""
         return max(len(self._levels) - 1, 0)
 
     @property
-    def loops(self) -> list[tuple[int, int]]:
-        """Passes and passes left of each open loop on top, the innermost last."""
-        return [(passes, left) for _, left, passes in self._levels[-1].loops] if self._levels else []
+    def loops(self) -> int:
+        """Loops that are open on top."""
+        return len(self._levels[-1].loops) if self._levels else 0
+
+    @property
+    def loop(self) -> tuple[int, int]:
+        """Of the innermost open loop on top: its passes, and the present one; 0, 0 without one."""
+        if not self._levels or not self._levels[-1].loops:
+            return 0, 0
+        _, left, passes = self._levels[-1].loops[-1]
+        return passes, passes - left + 1
+
+    @property
+    def caller(self) -> Goal:
+        """Program and block that have called the one on top; empty for a main program."""
+        return self._levels[-2].last_taken if len(self._levels) > 1 else ("", 0)
+
+    @property
+    def cycle(self) -> tuple[str, Goal] | None:
+        """The cycle of the user that is open, and the place in a program that has called it; None: there is none."""
+        for below, level in pairwise(self._levels):
+            if level.cycle:
+                return level.program.name, below.last_taken
+        return None
 
     @property
     def in_cycle(self) -> bool:
@@ -127,6 +161,7 @@ class Stack:
     def begin(self, program: Blocks, place: int) -> None:
         """A main program, from a place on."""
         self._levels = [Level(program, place)]
+        self.opened = self.open
 
     def clear(self) -> None:
         """No program any more."""
@@ -145,6 +180,7 @@ class Stack:
         if name != level.program.name:
             program = self._store.find(name)
             self._levels[-1] = level = Level(program, cycle=level.cycle, change=level.change)
+            self.opened |= {name}
         level.place = level.program.place(number)
 
     def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
@@ -159,4 +195,5 @@ class Stack:
             raise ProgramError(1269, f"{name} is fed, and called by itself")
         place = 0 if start is None else program.place(start)
         end = None if last is None else program.place(last)
+        self.opened |= {name}
         self._levels.append(Level(program, place, end, cycle=name[0] == "Z", change=change and name == "Z6"))
