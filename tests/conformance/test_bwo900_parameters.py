@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import fresh, mm, said, start
+from conformance.bwo900_desk import file, fresh, mm, parameters, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.path import circumradius
@@ -106,3 +106,274 @@ def test_the_circle_through_three_points() -> None:
     assert circumradius((0.0, 0.0), (3.0, 0.0), (5.0, 0.0)) == math.inf
     assert circumradius((0.0, 0.0), (3.0, 0.0), (0.0, 0.0)) == math.inf
     assert circumradius((0.0, 0.0), (0.0, 0.0), (5.0, 0.0)) == math.inf
+
+
+# P11310 on: overrides
+
+
+def speed_of(percent_cells: dict[str, float]) -> float:
+    """Speed of a line of 1000 mm/min, as a share."""
+    _, speeds = feeds(fresh("P1|N10 G1 F1000 X20|N30 M30", **percent_cells))
+    return float(speeds.max()) / 1000.0
+
+
+@shows("bwo900-8.6-4")
+@pytest.mark.parametrize(("raw", "share"), [(255, 1.2), (127.5, 0.6), (51, 0.24)])
+def test_the_potentiometer_acts_continuously_without_a_table(raw: float, share: float) -> None:
+    assert speed_of({"p11311": raw}) == pytest.approx(share, abs=0.031)  # one increment in 2 ms: 0.03
+
+
+@shows("bwo900-8.6-5", "bwo900-8.6-6")
+@pytest.mark.parametrize(
+    ("raw", "percent"), [(0, 0), (9, 0), (10, 1), (19, 2), (29, 5), (38, 10), (208, 95), (218, 100), (255, 120)]
+)
+def test_the_potentiometer_and_its_table(raw: float, percent: float) -> None:
+    """P11314 = q1370: 256 values for 27 entries, 0, 1, 2, 5, 10 and on in fives to 120."""
+    desk = fresh(referenced=False, p11314=1370)
+    desk.send(parameters(p11311=raw))
+    assert value(desk, 11310) == percent
+
+
+@shows("bwo900-8.6-6")
+def test_the_table_as_delivered() -> None:
+    desk = fresh(referenced=False)
+    content = [value(desk, 11370 + n) for n in (0, 1, 2, 3, 4, 5, 6, 7, 27)]
+    assert content == [27, 0, 1, 2, 5, 10, 15, 20, 120]
+    assert [value(desk, 11330 + 5 * n) for n in range(4)] == [0, 10, 50, 100]
+
+
+@shows("bwo900-8.6-7")
+@pytest.mark.parametrize(
+    ("values", "percent"),
+    [
+        ({"p11312": 40, "p11310": 10}, 40),
+        ({"p11313": 80, "p11310": 110}, 80),
+        ({"p11313": 80, "p11311": 255}, 80),
+        ({"p11312": 90, "p11313": 80, "p11310": 85}, 80),
+        ({"p11312": -7, "p11310": -3}, 0),
+        ({"p11313": 1e9, "p11310": 1e9}, 120),
+        ({"p11314": 1e9, "p11311": 255}, 120),
+        ({"p11314": -4, "p11311": 1e9}, 120),
+        ({"p11314": 1370, "p11370": 0, "p11311": 255}, 120),
+        ({"p11314": 1370, "p11370": 1e9, "p11311": 128}, 120),
+    ],
+)
+def test_limits_of_the_override(values: dict[str, float], percent: float) -> None:
+    """P11312, P11313; what makes no sense is 0, 120 %, or no table (Z84)."""
+    assert value(fresh(referenced=False, **values), 11310) == percent
+
+
+@shows("bwo900-8.6-8")
+def test_which_override_an_axis_follows() -> None:
+    """P12125 (Z84): 7 is the fixed one of 50 %; of several axes the lowest counts; another number is the first."""
+    assert speed_of({"p12125": 7}) == pytest.approx(0.5, abs=0.03)
+    assert speed_of({"p12125": 7, "p12325": 6, "p11310": 80}) == pytest.approx(0.1, abs=0.03)
+    assert speed_of({"p12125": 9, "p11310": 80}) == pytest.approx(0.8, abs=0.03)
+
+
+@shows("bwo900-8.6-9")
+@pytest.mark.parametrize("status", ["00000000", "00000004"])
+def test_a_program_sets_the_override(status: str) -> None:
+    """Analysed, it counts at once; as a parameter of real time with its block (N20 on, halfway)."""
+    desk = fresh("P1|N10 G1 F1000 X10|N20 P11310:50 X20|N30 M30", referenced=True)
+    desk.send(file("D+", f"K1:P 11310: 100 S:${status}"))
+    places, speeds = feeds(desk)
+    first, second = speeds[(places[:, 0] > 2) & (places[:, 0] < 8)], speeds[(places[:, 0] > 12) & (places[:, 0] < 18)]
+    assert np.median(second) == pytest.approx(500.0, abs=31.0)
+    assert np.median(first) == pytest.approx(1000.0 if status[-1] == "4" else 500.0, abs=31.0)
+
+
+def test_the_override_outlives_the_mains() -> None:
+    desk = fresh("P1|N10 G1 F1000 X20|N30 M30", p11310=50)
+    desk.power_cycle()
+    assert desk.controller.key_values["override"] == 50.0
+
+
+# P8817
+
+
+@shows("bwo900-8.5-2")
+def test_asynchronous_feed() -> None:
+    """The block under way goes on at 2400 mm/min to its end, the next one at its own; the value alone does nothing."""
+    desk = fresh("P1|N10 G1 F1200 X40|N20 X60|N30 M30", p8817=300)
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8817=2400))
+    desk.finish()
+    places, speeds = moved(desk, first)
+    assert speeds[(places[:, 0] > 2) & (places[:, 0] < 12)].max() == pytest.approx(1200.0, abs=31.0)
+    assert np.median(speeds[(places[:, 0] > 25) & (places[:, 0] < 37)]) == pytest.approx(2400.0, rel=0.01)
+    assert np.median(speeds[(places[:, 0] > 45) & (places[:, 0] < 57)]) == pytest.approx(1200.0, rel=0.03)
+
+
+@shows("bwo900-8.5-2")
+def test_asynchronous_feed_of_a_program_and_while_it_is_held() -> None:
+    desk = fresh("P1|N10 G1 F1200 X40|N20 P8817:600 X60|N30 G0 X80|N40 M30")
+    desk.send(file("D+", "K1:P 8817: 1 S:$00000005"))
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    desk.send(parameters(p8817=900))
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    places, speeds = moved(desk, first)
+    assert np.median(speeds[(places[:, 0] > 25) & (places[:, 0] < 37)]) == pytest.approx(900.0, rel=0.05)
+    assert np.median(speeds[(places[:, 0] > 42) & (places[:, 0] < 57)]) == pytest.approx(600.0, rel=0.05)
+
+
+@pytest.mark.parametrize("wrong", [0, -5, 1e30])
+def test_an_asynchronous_feed_that_makes_no_sense(wrong: float) -> None:
+    """0 and less change nothing; too much is what the axis can."""
+    desk = fresh("P1|N10 G1 F1200 X40|N30 G0 X50|N40 M30", p12004=3000)
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8817=wrong))
+    desk.run(0.5)
+    fastest = moved(desk, first)[1].max()
+    assert fastest == pytest.approx(3000.0 if wrong > 0 else 1200.0, abs=31.0)
+    desk.finish()
+    desk.send(parameters(p8817=wrong))
+    assert (mm(desk)[0], said(desk)) == (50.0, [])
+
+
+# Exact stops and the following error
+
+
+class Lagging:
+    """Drives that lag as they are told: `lag_of`, increments by axis; see isel_twin.controller.Drives."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self.lag: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.in_position = (True, True, True)
+        self.speed = (0.0, 0.0, 0.0)
+        self.on = (True, True, True)
+        self.past_zero_pulse = (0, 0, 0)
+        self.fault = self.overloaded = (False, False, False)
+        desk.controller.use_drives(self)
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
+
+
+@shows("bwo900-8.7-9", "bwo900-8.7-10")
+@pytest.mark.parametrize(
+    ("values", "lag", "waits"),
+    [
+        ({}, 31.0, False),  # sqrt(1 / 1000) mm
+        ({}, 32.0, True),
+        ({"p12216": 0.1}, 99.0, False),
+        ({"p12216": 0.1}, -101.0, True),
+        ({"p12216": -1}, 32.0, True),
+        ({"p12212": 4000}, 63.0, False),  # sqrt(1 / 4000) mm
+        ({"p12212": 4000}, 64.0, True),
+    ],
+)
+def test_the_exact_stop_waits_for_every_axis(values: dict[str, float], lag: float, waits: bool) -> None:
+    desk = fresh("P1|N10 G0 X5|N20 G1 F600 X8|N30 M30", **values)
+    Lagging(desk).lag = (0.0, lag, 0.0)
+    start(desk)
+    desk.run(2.0)
+    assert (mm(desk)[0] == 5.0) is waits
+    desk.finish()
+    assert said(desk) == ([2022, 2022] if waits else [])  # of N10 and of M30
+
+
+@shows("bwo900-8.7-11", "bwo900-9.7-3")
+@pytest.mark.parametrize(
+    ("values", "seconds"),
+    [({}, 3.0), ({"p12218": 500}, 0.5), ({"p12018": 500}, 3.0), ({"p12218": -5}, 3.0), ({"p12218": 0.5}, 0.002)],
+)
+def test_an_axis_that_does_not_get_into_position(values: dict[str, float], seconds: float) -> None:
+    """P12018 of that axis: M2022 with its name, and the program goes on."""
+    desk = fresh("P1|N10 G0 X5|N20 G1 F600 X8|N30 M30", **values)
+    Lagging(desk).lag = (0.0, 200.0, 0.0)
+    start(desk)
+    for _ in range(1000):
+        desk.run(0.002)
+        if mm(desk)[0] == 5.0:
+            break
+    stands_ns = desk.time_ns
+    desk.finish()
+    when_ns, text = next((t, text) for t, text in desk.remarks if "M2022" in text)
+    assert (when_ns - stands_ns) / 1e9 == pytest.approx(seconds, abs=0.003)
+    assert text.endswith("(Y)")
+    assert (mm(desk)[0], value(desk, 8503), value(desk, 8504), value(desk, 12397)) == (8.0, 2022, 2, 2022)
+
+
+def lagging(desk: Desk, gain: float, seconds: float) -> None:
+    """Let time pass with an X axis that follows by its gain: dy/dt = gain (x - y)."""
+    drives = Lagging(desk)
+    y = float(desk.counts[0])
+    for _ in range(round(seconds / 0.01)):
+        desk.run(0.01)
+        y += (desk.counts[0] - y) * (1.0 - math.exp(-gain * 0.01))
+        drives.lag = (desk.counts[0] - y, 0.0, 0.0)
+        if desk.controller.idle:
+            return
+
+
+@shows("bwo900-8.7-8", "bwo900-8.7-12", "bwo900-9.7-4")
+@pytest.mark.parametrize(
+    ("values", "gain", "lost"),
+    [
+        ({}, 16.0, False),  # as it ought to be
+        ({}, 14.0, False),  # 14 % more
+        ({}, 8.0, True),  # 100 % more
+        ({"p12024": 150}, 8.0, False),
+        ({"p12024": 10}, 12.0, True),  # 33 % more
+        ({"p12020": 8}, 8.0, False),
+        ({"p12025": -1}, 2.0, False),
+        ({"p12025": 900}, 8.0, True),
+        ({"p12025": 5000}, 8.0, False),
+        ({"p12024": -20, "p12025": -20}, 8.0, True),  # defaults
+        ({"p12224": 500}, 8.0, True),  # of another axis
+    ],
+)
+def test_the_following_error_is_watched(values: dict[str, float], gain: float, lost: bool) -> None:
+    """v / KV at 3000 mm/min and 16 / s is 3.1 mm; 50 % more for 50 ms are allowed: M2001, drives off."""
+    desk = fresh("P1|N10 G1 F3000 X100 G8|N20 M30", **values)
+    start(desk)
+    lagging(desk, gain, 3.0)
+    assert said(desk) == ([2001] if lost else [])
+    assert (desk.outputs["stages"], mm(desk)[0] == 100.0) == (0 if lost else 1, not lost)
+    assert value(desk, 8500) == (2001 if lost else 0)
+    if lost:
+        assert (value(desk, 8504), value(desk, 12197)) == (1, 2001)
+
+
+@shows("bwo900-8.7-12")
+def test_a_short_lag_is_forgiven() -> None:
+    """40 ms beyond the limit are less than P12025."""
+    desk = fresh("P1|N10 G1 F3000 X100|N20 M30")
+    drives = Lagging(desk)
+    start(desk)
+    desk.run(1.0)
+    for _ in range(3):
+        drives.lag = (9000.0, 0.0, 0.0)
+        desk.run(0.04)
+        drives.lag = (3000.0, 0.0, 0.0)
+        desk.run(0.04)
+    assert said(desk) == []
+    drives.lag = (-9000.0, 0.0, 0.0)
+    desk.run(0.07)
+    assert said(desk) == [2001]
+
+
+def test_the_watch_does_not_depend_on_how_time_is_cut() -> None:
+    ends = []
+    for cut in (0.0007, 0.013, 1.5):
+        desk = fresh("P1|N10 G1 F3000 X100|N20 M30")
+        drives = Lagging(desk)
+        start(desk)
+        desk.run(0.5)
+        drives.lag = (9000.0, 0.0, 0.0)
+        for _ in range(round(1.5 / cut)):
+            desk.run(cut)
+        ends.append([(t, text) for t, text in desk.remarks] + [desk.counts])
+    assert ends[0] == ends[1] == ends[2]

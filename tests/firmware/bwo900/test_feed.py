@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import file, fresh, mm, parameters, said, start, value
+from conformance.bwo900_desk import file, fresh, mm, parameters, said, value
 
 from isel_twin import Twin
 from isel_twin.firmware.bwo900 import feed as feed_module

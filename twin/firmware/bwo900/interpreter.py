@@ -20,7 +20,7 @@ Everything that it knows is in its attributes, so that a control is copied with 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import Final
@@ -73,6 +73,8 @@ class Interpreter:
             cycles = CYCLES
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
+        self.on_write: Callable[[int, float | None], None] | None = None
+        """Told of parameters P that programs write."""
         self._stack = Stack(store)
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
@@ -304,6 +306,8 @@ class Interpreter:
             self._tools.change()
         elif number == 8_047 and value == 1.0:
             self._tools.put_back()
+        elif self.on_write is not None:
+            self.on_write(number, value)
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
