@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import file, fresh, mm, parameters, said, start, value
+from conformance.bwo900_desk import file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.path import circumradius
@@ -377,3 +377,249 @@ def test_the_watch_does_not_depend_on_how_time_is_cut() -> None:
             desk.run(cut)
         ends.append([(t, text) for t, text in desk.remarks] + [desk.counts])
     assert ends[0] == ends[1] == ends[2]
+
+
+# Status cells: in motion, at rest, held, after abort, after reset
+
+
+def cells(desk: Desk, *numbers: int) -> list[float | None]:
+    """Parameters as they are put out, all of one moment; None: deleted."""
+    content = put_out(desk)
+    return [content.get(q_of(number)) for number in numbers]
+
+
+def q_of(number: int) -> int:
+    bases = ((0, 5_000, 10_000), (7_000, 10_000, 15_000), (11_000, 12_000, 1_000), (12_000, 18_400, 2_000))
+    return next(base + number - first for first, end, base in bases if first <= number < end)
+
+
+PLACE = (8_685, 8_687, 8_900, 8_901, 8_906, 8_907, 8_802, 8_803)
+
+
+@shows("bwo900-8.5-50", "bwo900-8.5-51", "bwo900-8.5-52")
+def test_what_the_program_is_at() -> None:
+    desk = fresh("P7|N10 G1 F1200 X20|N20 X40|N30 M30")
+    assert cells(desk, *PLACE[:4]) == [0, 0, 0, 0]
+    start(desk, 7)
+    desk.run(0.5)
+    assert cells(desk, *PLACE[:4]) == [2, 1, 7, 10]
+    desk.finish()
+    start(desk, 7)
+    desk.run(0.5)
+    assert cells(desk, *PLACE) == [2, 1, 7, 10, 0, 0, 0, 0]
+    desk.run(1.0)
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    assert cells(desk, *PLACE) == [1, 1, 7, 20, 0, 0, 0, 0]
+    desk.send(parameters(p8705=1))
+    desk.run(1.0)
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 20, 7, 20]
+    start(desk, 7)
+    desk.finish()
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 0, 0, 0, 0]
+    start(desk, 7)
+    desk.run(0.5)
+    desk.set("estop", "pressed")
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 10, 7, 10]
+    desk.power_cycle()
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 10, 7, 10]
+
+
+@shows("bwo900-8.5-53", "bwo900-8.5-54", "bwo900-8.5-55")
+def test_feed_motion_and_dwell() -> None:
+    """P8936 programmed, P8937 at the end, P8938 now, P8940 motion, P8941 and P8942 dwell."""
+    numbers = (8_936, 8_937, 8_938, 8_940, 8_941, 8_942)
+    desk = fresh("P1|N10 G1 F1200 f600 X20|N20 G0 X30|N30 G3 X40 Y10 R10|N40 G1 X45 G4.2.5|N50 M30")
+    assert cells(desk, *numbers) == [0, 0, 0, 1, 0, 0]
+    start(desk)
+    desk.run(0.5)
+    assert cells(desk, *numbers) == [1200, 600, pytest.approx(1200, rel=1e-3), 1, 0, 0]
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    assert cells(desk, *numbers) == [1200, 600, 0, 1, 0, 0]
+    desk.send(parameters(p8684=1))
+    seen = []
+    for _ in range(1000):
+        desk.run(0.05)
+        now = cells(desk, 8_901, *numbers)
+        seen += [now] if not seen or now[0] != seen[-1][0] else []
+        if now[5]:
+            break
+    assert [now[4] for now in seen if now[0] in (20, 30, 40)] == [0, 3, 1]
+    assert next(now[1] for now in seen if now[0] == 20) == 1200  # F outlives rapid
+    desk.run(1.0)
+    first, (programmed, rest) = now[6], cells(desk, 8_941, 8_942)
+    desk.run(0.5)
+    while cells(desk, 8_942)[0] == 0:  # the way to N40's end
+        desk.run(0.05)
+    programmed, rest = cells(desk, 8_941, 8_942)
+    desk.run(0.5)
+    assert programmed == 2.5
+    assert rest is not None
+    assert cells(desk, 8_942)[0] == pytest.approx(rest - 0.5, abs=0.01)
+    desk.finish()
+    assert (cells(desk, *numbers), first) == ([0, 0, 0, 1, 0, 0], first)
+
+
+@shows("bwo900-8.5-56", "bwo900-8.5-57")
+def test_g_functions_of_the_block_that_is_carried_out() -> None:
+    """Analysis is in N40 already: P9364 and so on are its, P8964 and so on those of N10, then of N20 and N30."""
+    real = (8_950, 8_951, 8_952, 8_953, 8_958, 8_964, 8_969, 8_978, 8_979, 8_972, 8_970)
+    first = "N10 G1 F1200 X20|N20 G55 G92 X-20|N30 G91 G42 G63 tr:1 X20"
+    desk = fresh(f"P1|{first}|N40 G18 G90 G40 G28 X60 G61|N50 M01|N60 M30")
+    rest = [17, 1, 2, 3, 29, 40, 53, 90, 0, 64, 60]
+    assert cells(desk, *real) == rest
+    start(desk)
+    desk.run(0.5)
+    assert cells(desk, *real) == rest
+    ahead = [number + 400 for number in real]
+    assert cells(desk, *ahead) == [18, 3, 1, 2, 28, 40, 55, 90, 92, 63, 61]
+    assert cells(desk, 9_301)[0] >= 40
+    desk.run(1.0)
+    assert cells(desk, 8_901, *real) == [30, 17, 1, 2, 3, 29, 42, 55, 91, 92, 63, 60]
+    assert cells(desk, 9_100, 9_101) == [-20, 0]
+    desk.send(parameters(p8705=1))
+    desk.finish()
+    assert cells(desk, *real) == rest
+    assert cells(desk, *ahead) == rest
+    assert cells(desk, 9_100, 9_500) == [0, 0]
+
+
+@shows("bwo900-8.5-58", "bwo900-8.5-59")
+def test_subprograms_and_cycles() -> None:
+    """P8912 to P8914: level and place of the call; P8904, P8905: cycle and its block, deleted without one."""
+    numbers = (8_900, 8_901, 8_904, 8_905, 8_912, 8_913, 8_914)
+    desk = fresh(
+        "P1|N10 M28.5|N20 G1001|N30 M3 S500 G81 Z5 P32:300 P33:0 P34:2|N40 M30",
+        "P5|N10 G1 F600 X5|N20 M02",
+        "Z1001|N70 G1 F600 X10|N80 M02",
+    )
+    none = [0, 0, None, None, 0, 0, 0]
+    assert cells(desk, *numbers) == none
+    start(desk)
+    seen = []
+    for _ in range(200):
+        desk.run(0.05)
+        now = cells(desk, *numbers)
+        seen += [now] if now not in seen else []
+        if desk.controller.idle:
+            break
+    assert [5, 10, None, None, 1, 1, 10] in seen
+    assert [1, 20, 1001, 70, 1, 1, 20] in seen
+    assert [1, 30, 81, 0, 0, 0, 0] in seen
+    assert seen[-1] == none
+
+
+@shows("bwo900-8.5-60")
+def test_an_m_function_that_is_waited_for() -> None:
+    """P8559: M06 takes the PLC two seconds."""
+    desk = fresh("P1|N10 G0 X5|N20 M6|N30 M30")
+    start(desk)
+    desk.run(2.0)
+    assert cells(desk, 8_559) == [1]
+    desk.finish()
+    assert cells(desk, 8_559) == [0]
+
+
+@shows("bwo900-8.7-13", "bwo900-8.7-14", "bwo900-8.7-15")
+def test_axes_in_motion_held_and_at_rest() -> None:
+    """P12150 to P12160, P12168, P12170, P12188; the lag is 1.5 mm behind a line at 1200 mm/min."""
+    numbers = (12_151, 12_152, 12_160, 12_168, 12_170, 12_188)
+    desk = fresh("P1|N10 G54 G1 F1200 X40|N30 M30", p20003=2)
+    drives = Lagging(desk)
+    assert cells(desk, *numbers) == [0, 0, 0, 0, 0, 0]
+    start(desk)
+    desk.run(1.0)
+    drives.lag, drives.speed = (1500.0, 0.0, 0.0), (20_000.0, 0.0, 0.0)
+    place = desk.counts[0] / 1000.0
+    now = cells(desk, *numbers)
+    assert now == [place, pytest.approx(place - 1.5), pytest.approx(1.5), 1200, pytest.approx(1200, rel=0.03), 1]
+    assert cells(desk, 12_154, 12_155, 12_156, 12_157) == [
+        pytest.approx(place - 2),
+        40,
+        pytest.approx(40 - place + 2),
+        2,
+    ]
+    assert cells(desk, 12_370, 12_388) == [0, 0]  # Y stands
+    desk.send(parameters(p8684=0))
+    drives.lag, drives.speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    desk.run(1.0)
+    place = desk.counts[0] / 1000.0
+    assert cells(desk, *numbers) == [place, place, 0, 0, 0, 0]
+    drives.lag = (100.0, 0.0, 0.0)
+    assert cells(desk, 12_188) == [1]  # not within its window
+    drives.lag = (0.0, 0.0, 0.0)
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert cells(desk, *numbers, 12_156) == [42, 42, 0, 0, 0, 0, 0]
+
+
+@shows("bwo900-8.7-16", "bwo900-8.7-17")
+def test_references_limits_and_switches() -> None:
+    """P12180: byte 1 referenced, byte 2 switch; P12135: byte 1 limit +, byte 2 -; P12185: the same of software."""
+    desk = fresh("P1|N10 G0 X30|N20 M30", referenced=False, p12030=30, p12031=0)
+    assert cells(desk, 12_180, 12_135, 8_579, 8_709) == [0, 0, 0, 0]
+    desk.send(parameters(p8683=1, p12130=1))
+    desk.finish()
+    assert cells(desk, 12_180, 12_380, 8_579, 8_709) == [1, 0, 0, 0]
+    assert cells(desk, 12_185, 12_385) == [256, 0]
+    desk.send(parameters(p12330=1, p12530=1))
+    desk.finish()
+    assert cells(desk, 12_380, 12_580, 8_579, 8_709) == [1, 1, 1, 1]
+    start(desk)
+    desk.finish()
+    assert cells(desk, 12_185) == [1]
+    desk.set("limit_y1", False)
+    desk.run(0.01)
+    assert cells(desk, 12_335, 12_380) == [256, 257]
+    desk.set("limit_y1", "free")
+    desk.set("limit_x2", False)
+    desk.run(0.01)
+    assert cells(desk, 12_135, 12_180) == [1, 1]
+    desk.power_cycle()
+    assert cells(desk, 12_180, 8_579, 8_709) == [0, 0, 0]
+
+
+@shows("bwo900-8.5-61", "bwo900-8.5-62")
+@pytest.mark.parametrize(
+    ("text", "cell", "number"),
+    [
+        ("N10 Q5|N20 M30", 8_501, 1216),
+        ("N10 F600 G2 X10 Y0 R2|N20 M30", 8_502, 1234),
+        ("N10 G0 X5|N20 M30", 8_503, 2022),
+    ],
+)
+def test_messages_by_their_effect(text: str, cell: int, number: int) -> None:
+    desk = fresh(f"P1|{text}")
+    Lagging(desk).lag = (100.0, 0.0, 0.0) if number == 2022 else (0.0, 0.0, 0.0)
+    start(desk)
+    desk.run(5.0)
+    wanted = [number if c == cell else 0 for c in range(8_500, 8_504)]
+    assert cells(desk, *range(8_500, 8_504)) == wanted
+    desk.send(parameters(p8508=1))
+    assert cells(desk, *range(8_500, 8_505), 12_197, 8_508) == [0] * 7
+    desk.power_cycle()
+    assert cells(desk, *range(8_500, 8_505)) == [0] * 5
+
+
+@shows("bwo900-8.5-61")
+def test_emergency_stop_breaks_the_system_off() -> None:
+    desk = fresh("P1|N10 G1 F600 X50|N20 M30")
+    start(desk)
+    desk.run(0.5)
+    desk.set("estop", "pressed")
+    assert cells(desk, 8_500, 8_501) == [3001, 0]
+    desk.set("estop", "released")
+    desk.send(parameters(p8683=1))
+    assert cells(desk, 8_500) == [0]
+
+
+@shows("bwo900-8.5-63")
+def test_what_the_channel_is_made_of() -> None:
+    desk = fresh(referenced=False)
+    assert cells(desk, 8_550, 8_551, 8_552, 12_198, 12_199, 12_398, 12_399) == [1, 3, 3, 1, 1, 1, 2]
+    for number, q in ((500, 10_500), (8_800, 15_000 + 1_800), (11_310, 1_310), (12_204, 2_204)):
+        desk.send(parameters(p8553=number))
+        assert cells(desk, 8_554) == [q]
+    desk.send(parameters(p8553=10_500))
+    assert cells(desk, 8_554) == [None]
