@@ -79,6 +79,8 @@ class Channel:
         """The program is broken off as soon as the axes stand."""
         self._branches = False
         """The M function with a jump was acknowledged in time."""
+        self._deleted = False
+        """A signal has deleted the path of the block with M26."""
         self._now_ns = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
@@ -87,6 +89,11 @@ class Channel:
     def active(self) -> bool:
         """A program is in execution, held or not."""
         return self.phase is not Phase.IDLE
+
+    @property
+    def halted(self) -> bool:
+        """An M function with halt waits for its acknowledgement."""
+        return self.phase is Phase.FUNCTIONS and self._due_ns is None
 
     @property
     def run(self) -> SetPointRun | None:
@@ -99,7 +106,7 @@ class Channel:
         if self.phase is not Phase.PATH:
             return self._due_ns
         next_ns = self._stretch.next_ns(self._now_ns, None if self._ahead.ended else REFILL)
-        if self._ahead.poll_ns is not None:
+        if self._ahead.poll_ns is not None and not self._stretch.held:  # analysis waits while the axes do
             next_ns = min(next_ns, self._ahead.poll_ns)
         return max(next_ns, self._now_ns)
 
@@ -159,7 +166,7 @@ class Channel:
         self._stretch.clear()
         self._stretch.stand(self._do.limits(), self._position())
         self.block, self._current = ("", 0), None
-        self._holds = self._drops = self._branches = False
+        self._holds = self._drops = self._branches = self._deleted = False
         self.phase, self._due_ns = Phase.READY, now_ns
         self.advance(now_ns)
 
@@ -224,6 +231,14 @@ class Channel:
         self._branches = True
         if self.phase is Phase.PATH:
             self._stretch.replan(now_ns, hold=True, drop=True)
+            self._do.watch.keep()
+
+    def _delete(self) -> None:
+        """A signal deletes the path of the block with M26."""
+        self._deleted = True
+        self._do.watch.deleted()
+        if self.phase is Phase.PATH:
+            self._stretch.replan(self._now_ns, hold=True, drop=True)
 
     # ---- going on ---------------------------------------------------------------------------------------------------
 
@@ -250,7 +265,11 @@ class Channel:
                 if self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._look_settled(self._due_ns)
             case Phase.DWELL:
-                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                block = self._current
+                if block is not None and block.watched and self._do.watch.deletes(block):
+                    self._do.watch.deleted()
+                    self._post()
+                elif self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._post()
             case Phase.FUNCTIONS:
                 if self._do.acknowledged():
@@ -352,6 +371,12 @@ class Channel:
 
     def _begin_path(self) -> None:
         """A stretch begins with the first of the waiting blocks."""
+        block = self._ahead.blocks[0]
+        if block.watched and self._do.watch.deletes(block):
+            self._current = self._ahead.blocks.popleft()
+            self._delete()
+            self._settle()
+            return
         limits = self._do.limits()
         chosen = joining(self._ahead.blocks, None, self._halts, self._do)
         try:
@@ -376,6 +401,10 @@ class Channel:
         if free and self._jumps and self._do.acknowledged():
             self.branch(self._now_ns)
             return
+        first = stretch.first
+        if first is not None and first.watched and not self._deleted and self._do.watch.deletes(first):
+            self._delete()
+            return
         for over, block, began_ns in stretch.passed(self._now_ns):
             for function in over.post:
                 self._do.send(function)
@@ -399,7 +428,7 @@ class Channel:
         if self._drops:
             self._end(aborted=True)
             return
-        last = self._stretch.finish(gives_up=self._branches)
+        last = self._stretch.finish(gives_up=self._branches or self._deleted)
         if last is None:
             self.phase, self._due_ns = Phase.HELD, None
             return
@@ -471,13 +500,14 @@ class Channel:
         """A block has been carried out whole."""
         block, self._current = self._current, None
         assert block is not None
+        if self._deleted:
+            self._deleted = False
+            self._begin_anew()
         if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
             self._interpreter.executed()
         if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._ahead.blocks:
             if self._branches:
-                self._interpreter.stand(self._position())
-                self._stretch.stand(self._do.limits(), self._position())
-                self._ahead.renew_filters()
+                self._begin_anew()
             elif not self._do.acknowledged():
                 self._do.withdraw()
             self._interpreter.acknowledged(self._branches)
@@ -493,6 +523,12 @@ class Channel:
             self.phase, self._due_ns = Phase.READY, self._now_ns
         else:
             self.phase, self._due_ns = Phase.EMPTY, self._now_ns + BLOCK_NS
+
+    def _begin_anew(self) -> None:
+        """A path has been deleted: the next one begins where the axes stand, without corrections of the one before."""
+        self._interpreter.stand(self._position())
+        self._stretch.stand(self._do.limits(), self._position())
+        self._ahead.renew_filters()
 
     def _end(self, *, aborted: bool) -> None:
         """No program any more."""

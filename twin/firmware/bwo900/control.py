@@ -7,7 +7,7 @@
     run       set points of the channel, or of a move in hand
 
     power.py      drives on and off        axes.py   where the axes stand     hand.py   moves without a program
-    outgoing.py   events and messages      channel.py   the program
+    outgoing.py   events and messages      channel.py   the program           feeder.py   programs that are fed
 
 Modes: HAND 1, AUTO 2, single block 4, positioning 8. A program starts in AUTO or single block, with all axes referenced
 and the drives on.
@@ -36,17 +36,20 @@ from isel_twin.firmware.bwo900 import keys, memory, overrides
 from isel_twin.firmware.bwo900.axes import AXES, Axes
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import Channel, Phase
+from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
+from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
-from isel_twin.firmware.bwo900.status import NUMBERS, at_power_on, cell
-from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
+from isel_twin.firmware.bwo900.status import NUMBERS, at_power_on, cell, in_force, shown
+from isel_twin.firmware.bwo900.transfer import Receiver, end_of_file, parameter_file
+from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
 __all__ = ["Control", "Mode"]
@@ -67,7 +70,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys, EndsPrograms and HoldsHost."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -75,21 +78,26 @@ class Control:
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._memory = memory.Memory(self._parameters, self._store)
         self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
-        self._receiver = Receiver(self._parameters, self._store, self._written)
+        self._receiver = Receiver(self._parameters, self._store, self._written, self._locked)
+        self._feeder = Feeder(self._parameters, self._store)
         self._levels: dict[str, bool] = {}
         """Of the inputs."""
         self._outgoing = Outgoing(self._parameters)
         self._axes = Axes(self._parameters, self._levels)
         self._power = Power(self._levels, AXES, self._outgoing)
         self._hand = Hand(self._parameters, self._axes, self._outgoing)
+        self._watch = Watch(self._parameters, self._levels, self._places, self._executed)
         self._channel = Channel(self._interpreter, self._services(), partial(memory.filters, self._parameters))
         self._now_ns = 0
         self.mode = Mode.HAND
         self._began_at: tuple[float, ...] = (0.0,) * AXES
         """Where the axes stood as the last program was started."""
+        self._broken = ""
+        """Where the last program was broken off."""
         self._starts = False
         """Start waits for power."""
         self._asked: list[tuple[int, float | None]] = []
@@ -114,8 +122,16 @@ class Control:
             begun=self._block_begun,
             ended=self._program_ended,
             option=self._option,
+            watch=self._watch,
             allowed=self._axes.allowed,
         )
+
+    def _locked(self, name: str) -> bool:
+        """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
+        if not self._channel.active:
+            return False
+        only_open = byte(self._parameters.get(8_806), 2) & 1
+        return name in (self._interpreter.open if only_open else self._interpreter.opened)
 
     def _acknowledged(self) -> bool:
         return self._plc.idle
@@ -126,13 +142,22 @@ class Control:
     def _counts(self) -> tuple[int, ...]:
         return self._axes.counts
 
-    def _option(self, number: int) -> int:
-        return int(self._parameters.get(number))
+    def _places(self) -> list[tuple[float, float]]:
+        """Of each axis, mm: where it is, in the machine and on the display."""
+        frame = in_force(self._interpreter, self._channel)
+        return [(mm, mm - shown(axis, frame)) for axis, mm in enumerate(map(self._axes.actual_mm, range(AXES)))]
+
+    def _executed(self) -> tuple[str, int]:
+        return self._channel.block
 
     def _write(self, number: int, value: float | None) -> None:
-        """A block in execution writes a parameter."""
+        """A parameter that a block writes as it is executed."""
         self._parameters.write(number, value)
+        self._watch.written(number, value)
         self._ask(number, value)
+
+    def _option(self, number: int) -> int:
+        return int(self._parameters.get(number))
 
     def _ask(self, number: int, value: float | None) -> None:
         """The program has written a parameter: what that asks for is done as soon as the channel has got to rest."""
@@ -188,6 +213,17 @@ class Control:
         return not (working or self._hand.move is not None or asked or self._receiver.busy)
 
     @property
+    def unfinished(self) -> str:
+        if self._channel.phase is Phase.HELD:
+            program, number = self._channel.block
+            return f"{program} N{number} waits for Start"
+        return self._broken
+
+    @property
+    def clear_to_send(self) -> bool:
+        return self._feeder.clear_to_send
+
+    @property
     def keys(self) -> Mapping[str, Key]:
         return keys.KEYS
 
@@ -216,19 +252,27 @@ class Control:
     def receive(self, t_ns: int, data: bytes) -> None:
         self.advance(t_ns)
         for error in self._receiver.take(data):
+            if lost := self._feeder.failed:
+                self._say(message(error.number, program=lost, detail=error.detail))
+                self._channel.abort(t_ns)
+                self._feeder.end()
+                continue
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
-            self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+            self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self.advance(t_ns)
+        if name == keys.OUTPUT:
+            self._put_out_programs(int(value))
+            return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._written(number, wanted, "P", 1)
-        self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+        self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -245,10 +289,12 @@ class Control:
                 self._lose(2001)
         elif terminal.startswith("limit") and before and not level:
             self._limit("xyz".index(terminal[6]), int(terminal[7]))
+        elif terminal == PROBE:
+            self._watch.touched()
         elif terminal == "e0.1" and level and not before:
             self._start()
         elif terminal == "e0.2" and not level and before:
-            self._channel.stop(t_ns)
+            self._stop()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -282,6 +328,7 @@ class Control:
             self._powered()
         self._plc.advance(self._now_ns)
         self._hand.advance(self._now_ns)
+        self._start_at_rest()
         self._channel.advance(self._now_ns)
         while self._asked:
             self._written(*self._asked.pop(0), "P", 1)
@@ -290,6 +337,8 @@ class Control:
             self._lose(2001, "XYZ"[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
+        if told := self._feeder.say():
+            self._outgoing.add(Reply(told))
         self._status()
 
     def _status(self) -> None:
@@ -299,6 +348,10 @@ class Control:
         if p.get(8_685) != state:
             p.write(8_685, state)
             p.write(8_687, 1.0 if channel.active else 0.0)
+        if p.get(8_561) != self._feeder.level:
+            p.write(8_561, float(self._feeder.level))
+        if p.get(8_559) != channel.halted:
+            p.write(8_559, float(channel.halted))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))
@@ -314,16 +367,14 @@ class Control:
         """The drives are there, or have not come: what has waited for them begins."""
         power, hand = self._power, self._hand
         power.until_ns = None
-        starts, self._starts = self._starts, False
         wants, hand.wants = hand.wants, []
         if not power.ready:
+            self._starts = False
             self._say(message(power.missing))
             return
         power.switch(on=True)
         if wants:
             hand.begin_homing(wants, self._now_ns)
-        elif starts:
-            self._begin_program()
         elif hand.direction:
             hand.begin_jog(self._now_ns)
 
@@ -331,6 +382,7 @@ class Control:
         """Drives off, everything ends."""
         moving = self._channel.active or self._hand.move is not None
         said = self._channel.message(number, detail)
+        self._starts = False
         self._hand.cut()
         self._channel.cut(self._now_ns)
         self._axes.follow(None)
@@ -353,6 +405,8 @@ class Control:
 
     def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
         """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
+        if area == "P" and channel == 1:
+            self._watch.written(number, value)
         known = self._parameters.of_channel(number) if area == "q" else number if channel == 1 else None
         wanted = None if known is None else keys.wish(known, value, AXES)
         if wanted is None or (area == "q" and wanted[0] is not keys.Wish.OVERRIDE):
@@ -364,8 +418,10 @@ class Control:
             case keys.Wish.START:
                 self._start()
             case keys.Wish.STOP:
-                self._channel.stop(self._now_ns)
+                self._stop()
             case keys.Wish.ABORT:
+                self._starts = False
+                self._hand.brake(self._now_ns)
                 self._channel.abort(self._now_ns)
                 self._parameters.write(number, 0.0)
             case keys.Wish.MOVE:
@@ -415,8 +471,20 @@ class Control:
         """All parameters as a file, 5 with their status."""
         for number in NUMBERS:
             self._parameters.write(number, self._cell(number))
-        text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
-        self._outgoing.add(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
+        self._reply(parameter_file(self._parameters, status=kind == 5))
+
+    def _put_out_programs(self, number: int) -> None:
+        """A program P as a file, 0: all programs and cycles in one."""
+        names = [f"P{number}"] if number else sorted(self._store)
+        if number and names[0] not in self._store:
+            self._say(message(1252, detail=names[0], effect=Effect.SHOWN))
+            return
+        self._reply("".join(self._store[name].file for name in names))
+
+    def _reply(self, text: str) -> None:
+        """A file goes out."""
+        sign = bytes([end_of_file(self._parameters)])
+        self._outgoing.add(Reply(b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"))
 
     def _set_mode(self, given: int) -> None:
         try:
@@ -428,11 +496,18 @@ class Control:
             self._say(message(1009))
             return
         if mode is Mode.HAND:
+            self._starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+        elif self.mode is Mode.HAND:
+            self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
         self._channel.single = mode is Mode.SINGLE
+        if mode in (Mode.AUTO, Mode.SINGLE):
+            self._feeder.automatic(self._started)
+        else:
+            self._feeder.end()
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -448,21 +523,39 @@ class Control:
             missing = "".join(name for name, known in zip("XYZ", self._axes.referenced, strict=True) if not known)
             self._say(message(1008, detail=missing))
             return
-        if self._power.there:
+        self._starts = True
+        if not self._power.there:
+            self._power.request(self._now_ns)
+        else:
+            self._start_at_rest()
+
+    def _start_at_rest(self) -> None:
+        """The program that is to start begins when nothing moves any more that HAND has begun."""
+        if self._starts and self._hand.move is None and self._power.until_ns is None:
             self._starts = False
             self._begin_program()
-        else:
-            self._starts = True
-            self._power.request(self._now_ns)
+
+    def _stop(self) -> None:
+        """Stop: of a program, or of what moves in HAND."""
+        self._starts = False
+        self._hand.brake(self._now_ns)
+        self._channel.stop(self._now_ns)
+
+    @property
+    def _started(self) -> str:
+        """The program that Start starts."""
+        return f"P{int(self._parameters.get(8_800))}"
 
     def _begin_program(self) -> None:
         p = self._parameters
         positioning = self.mode is Mode.POSITIONING
-        name = POSITIONED if positioning else f"P{int(p.get(8_800))}"
+        name = POSITIONED if positioning else self._started
         block = None if positioning else int(p.get(8_801)) or None
         self._outgoing.fault = False
         try:
             again = bool(p.get(8_804) and p.get(8_802))
+            if not positioning:
+                self._feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self._axes.position
             self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
             if again:
@@ -473,23 +566,28 @@ class Control:
                     self._axes.position,
                     self._parameters.write,
                 )
-                p.write(8_804, 0.0)
         except ProgramError as error:
             self._say(message(error.number, program=name, detail=error.detail))
             return
         self._channel.single = self.mode is Mode.SINGLE
+        self._broken = ""
         self._channel.start(self._now_ns)
 
     def _block_begun(self, t_ns: int, block: PathBlock) -> None:
-        stored = self._store.get(block.program)
-        text = "" if stored is None else stored.after(block.number)
+        text = self._store.text(block.program, block.number)
         counts = self._axes.counts_at(t_ns)
         plane = (block.plane.first, block.plane.second)
         self._outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
+        self._feeder.end()
+        if broken is not None:
+            self._plc.forget()
+        if self._parameters.get(8_686):
+            self._parameters.write(8_686, 0.0)
         name, block = broken or ("", 0)
+        self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
 

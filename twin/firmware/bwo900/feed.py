@@ -45,7 +45,8 @@ class Feed:
         """The host has been asked to wait."""
         self.begun = False
         """Its file has begun to come."""
-        self._given_up = False
+        self.given_up = False
+        """Nobody will ask for more."""
         self._lines = Lines()
         self._known: deque[tuple[str, int]] = deque()
         """Text and number of blocks, those that are forgotten left out."""
@@ -57,7 +58,7 @@ class Feed:
 
     def add(self, number: int, line: str) -> None:
         """The next line, number: of the file. Raises ProgramError: M1113, M1268, M1290."""
-        if self._given_up or (made := self._lines.block(number, line)) is None:
+        if self.given_up or (made := self._lines.block(number, line)) is None:
             return
         text, own = made
         if self.level + len(text) > ROOM:
@@ -75,7 +76,7 @@ class Feed:
 
     def give_up(self) -> None:
         """Nobody will ask for more: what comes still is thrown away."""
-        self._given_up, self.waits, self.level = True, False, 0
+        self.given_up, self.waits, self.level = True, False, 0
         self._known.clear()
         self._texts.clear()
 

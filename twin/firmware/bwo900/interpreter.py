@@ -44,6 +44,7 @@ from isel_twin.firmware.bwo900.syntax import Block
 from isel_twin.firmware.bwo900.targets import Targets
 from isel_twin.firmware.bwo900.tools import Tools
 from isel_twin.firmware.bwo900.values import Values
+from isel_twin.firmware.bwo900.watch import DELETE, DELETED
 
 __all__ = ["Interpreter", "Waiting"]
 
@@ -100,8 +101,11 @@ class Interpreter:
         """The block has said sc:0 or sc:100."""
         self._tool: int | None = None
         self._jump_to: Goal | None = None
+        self._otherwise: Goal | None = None
+        """Where the block leads to if its M function with a jump is not acknowledged."""
+        self._watched = False
+        """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._block_now: Block | None = None
         self._told = AT_REST
         """What the last block has been told of what holds."""
 
@@ -142,6 +146,16 @@ class Interpreter:
         return self._stack.place
 
     @property
+    def opened(self) -> frozenset[str]:
+        """Programs that have been, or are, open since it was begun."""
+        return self._stack.opened
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Those that are open."""
+        return self._stack.open
+
+    @property
     def frame(self) -> Frame:
         """Coordinates of the next block, and of the last one without a program."""
         return self._coordinates.frame
@@ -175,6 +189,7 @@ class Interpreter:
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._stack.clear()
+        self._stack.opened = frozenset()
         self._waiting = None
         self._ready.clear()
         self._cycle_now = None
@@ -182,6 +197,7 @@ class Interpreter:
 
     def executed(self) -> None:
         """The block that analysis waits for has been executed; tool data may have changed."""
+        self._watched = False
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
             self._stale = True
@@ -189,15 +205,20 @@ class Interpreter:
     def begun(self) -> None:
         """The path of the last block has begun."""
         if self._waiting is Waiting.BEGINNING:
-            self._waiting = None
+            self._waiting = Waiting.EXECUTION if self._watched else None
+
+    def take_over_functions(self) -> None:
+        """The definitions of M functions are from now on as the table says now."""
+        self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
         """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
-            if jumps and self._jump_to is not None:
-                self._stack.go(self._jump_to)
-            self._jump_to = None
+            goal = self._jump_to if jumps else self._otherwise
+            if goal is not None:
+                self._stack.go(goal)
+            self._jump_to = self._otherwise = None
 
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
@@ -217,9 +238,9 @@ class Interpreter:
             self._refresh()
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
-        if self._waiting is Waiting.CONDITION and self._block_now is not None and self._values.holds(self._block_now):
-            self._waiting = None
-        if self._waiting is not None:
+        if self._waiting is Waiting.CONDITION:
+            self._waiting = None  # the block is looked at again
+        if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self._stack:
             return None
@@ -229,16 +250,18 @@ class Interpreter:
         block = level.take()
         if block.skip and self._skips:
             return self._empty(block)
-        self._block_now = block
-        if block.wait is not None and not self._values.holds(block):
-            self._waiting = Waiting.CONDITION
-            return self._waiting
         try:
+            if block.wait is not None and not self._values.holds(block):
+                level.place -= 1
+                self._waiting = Waiting.CONDITION
+                return self._waiting
             self._execute(block)
         except ProgramError as error:
             level.place -= 1
             error.column = error.column or block.column
             raise
+        if self._watched and self._waiting is None:
+            self._waiting = Waiting.EXECUTION
         if self._supervises and not self._lets_go and self._stays():
             return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
@@ -292,7 +315,10 @@ class Interpreter:
         jump = self._values.jump(block)
         said = Said(block, level.program.name, not self._stack.in_cycle, later, self._values.synchronises(block))
         self._reader.read(said)
-        goal = said.goal if jump is None else (level.program.name, jump)
+        goal = said.goal
+        if jump is not None:
+            goal = level.program.name, jump
+            said.goes_elsewhere()
         self._words(said)
         if self._cycle_now is not None:
             self._cycle_now.goal = goal
@@ -306,7 +332,9 @@ class Interpreter:
             self._tools.change()
         elif number == 8_047 and value == 1.0:
             self._tools.put_back()
-        elif self.on_write is not None:
+        elif number == DELETE and not value:
+            self._parameters.write(DELETED, 0.0)
+        if self.on_write is not None:
             self.on_write(number, value)
 
     def _words(self, said: Said) -> None:
@@ -332,7 +360,8 @@ class Interpreter:
         if changes:
             made = replace(made, **changes)  # type: ignore[arg-type]
         self._ready.append(made)
-        if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or said.synchronises:
+        self._watched = self._watched or made.watched
+        if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or said.synchronises or made.watched:
             self._waiting = Waiting.EXECUTION
             self._measured = made.stop is Stop.MEASURING_STOP
             if made.stop is Stop.NONE:
@@ -342,7 +371,9 @@ class Interpreter:
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
         """What a block does last: it leads elsewhere. goal: of a jump; level: that of the block."""
-        if goal is not None and said.jump is None:
+        if said.jump is not None:
+            self._otherwise = goal
+        elif goal is not None:
             self._stack.go(goal)
         elif said.call is not None:
             self._stack.call(*said.call, change=said.changes)
@@ -396,9 +427,10 @@ class Interpreter:
         """The moves of a cycle, each a PathBlock of its own."""
         first, pattern, machining = chosen(said.cycles, self._reader.drilling)
         after, stop = list(said.post), said.stop
-        said.post, said.stop = [], Stop.NONE
+        said.post, said.stop, said.watches = [], Stop.NONE, False
         here = self._coordinates
-        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining)
+        bare = 66 in said.blockwise
+        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
         self._cycle_now = Cycle(said, self._stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
@@ -415,7 +447,9 @@ class Interpreter:
             pre: list[Machine] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
-            elements, changes = step(move, said, self._coordinates, self._targets, self._parameters)
+            elements, changes = step(
+                move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion
+            )
             self._emit(said, elements, **changes)
             said.pre, said.speeds, said.parameters, said.tool = pre, {}, [], None
             return
@@ -454,10 +488,20 @@ class Interpreter:
             if number == 2:
                 self._waiting = Waiting.BEGINNING
 
+    @property
+    def supervises_watched(self) -> bool:
+        """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
+        if not self._watched or self._waiting is not Waiting.EXECUTION or not self._stack or self._stack.top.over:
+            return False
+        block = self._stack.top.program.block(self._stack.top.place)
+        moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
+        return not moves and (self._supervises or bool(block.calls))
+
     def _stays(self) -> bool:
         """Keep what a block of supervision has come to, unless it has functions or ends something."""
         speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
-        if speaks or self._waiting not in (None, Waiting.BEGINNING) or not self._stack:
+        waits = None if self._watched else self._waiting
+        if speaks or waits not in (None, Waiting.BEGINNING) or not self._stack:
             return False
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
         self._ready.clear()

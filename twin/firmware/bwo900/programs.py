@@ -131,9 +131,10 @@ class Program:
 class Builder:
     """Takes the lines of a program one by one, so that a long one costs its bytes once."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, numbered: bool = False) -> None:
+        """numbered: every block must begin with N or /N."""
         self._name = name
-        self._lines = Lines()
+        self._lines = Lines(numbered=numbered)
         self._text = bytearray()
         self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
 
@@ -172,3 +173,10 @@ class Store(dict[str, Program]):
         if program is None:
             raise ProgramError(1252, name)
         return program
+
+    def text(self, name: str, number: int) -> str:
+        """What stands behind the number of a block of a program; empty if there is no such block."""
+        try:
+            return self.find(name).after(number)
+        except ProgramError:
+            return ""

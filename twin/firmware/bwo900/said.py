@@ -65,10 +65,19 @@ class Said:
     """M06."""
     length: bool = False
     """`tl`: another tool length."""
+    watches: bool = False
+    """M26."""
     shifts: bool = False
     """G92."""
     zero_cleared: bool = False
     """A zero point: G92 is gone."""
+
+    def goes_elsewhere(self) -> None:
+        """A jump by comparison is taken: functions that control the program are not carried out beside it."""
+        self.goal = self.passes = None
+        self.loops_back = self.returns = False
+        if self.stop in (Stop.END, Stop.REPEAT):
+            self.stop = Stop.NONE
 
 
 def path_block(
@@ -109,6 +118,7 @@ def path_block(
         parameters=tuple(said.parameters),
         text=said.block.message,
         stop=said.stop,
+        watched=said.watches,
         main=said.main,
         target=coordinates.program_position,
         in_force=in_force,

@@ -16,12 +16,13 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.channel import Channel
+from isel_twin.firmware.bwo900.frames import Frame
 from isel_twin.firmware.bwo900.groups import Modal
 from isel_twin.firmware.bwo900.in_force import InForce
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
 
-__all__ = ["NUMBERS", "cell"]
+__all__ = ["NUMBERS", "cell", "in_force", "shown"]
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     40: lambda m: m.motion,
@@ -172,24 +173,32 @@ def _axis_of_plane(told: InForce, number: int) -> float:
     return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
 
 
+def in_force(interpreter: Interpreter, channel: Channel) -> Frame:
+    """The coordinates of the block that is carried out; without a program those of the last one."""
+    return interpreter.frame if channel.target is None else channel.in_force.frame
+
+
+def shown(axis: int, frame: Frame) -> float:
+    """How much the display is off the machine's coordinates, mm: zero point, G92, tool length."""
+    return frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
+
+
 def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
-    """Without a program the coordinates are those of the last one."""
     goal = channel.target
-    frame = interpreter.frame if goal is None else channel.in_force.frame
     programmed = (interpreter.program_position if goal is None else goal)[axis]
-    shown = frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
+    shift = shown(axis, in_force(interpreter, channel))
     place = seen.set_mm(axis)
     match offset:
         case 152:
             return seen.actual_mm(axis)
         case 154:
-            return place - shown
+            return place - shift
         case 155:
             return programmed
         case 156:
-            return programmed - (place - shown)
+            return programmed - (place - shift)
         case 157:
-            return shown
+            return shift
         case 160:
             return place - seen.actual_mm(axis)
         case 168:
