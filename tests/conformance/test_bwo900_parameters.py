@@ -623,3 +623,78 @@ def test_what_the_channel_is_made_of() -> None:
         assert cells(desk, 8_554) == [q]
     desk.send(parameters(p8553=10_500))
     assert cells(desk, 8_554) == [None]
+
+
+# What the PLC may ask of the channel and of axes
+
+
+@shows("bwo900-8.5-70", "bwo900-8.5-71")
+@pytest.mark.parametrize(("stop", "free"), [({"p8702": 1}, {"p8702": 0}), ({"p8701": 0}, {"p8701": 1})])
+def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: dict[str, float]) -> None:
+    """The axes brake along the path and go on by themselves; Start does not help; in HAND nothing begins (Z86)."""
+    desk = fresh("P1|N10 G63 G1 F1200 X20|N20 Y20|N30 M30")
+    start(desk)
+    desk.run(0.5)
+    before = mm(desk)[0]
+    desk.send(parameters(**stop))
+    desk.run(1.0)
+    place = mm(desk)[0]
+    assert before < place < before + 1.0
+    assert value(desk, 8685) == 1
+    desk.send(parameters(p8684=1))
+    desk.run(1.0)
+    assert mm(desk)[0] == place
+    desk.send(parameters(**free))
+    desk.finish()
+    assert mm(desk)[:2] == (20.0, 20.0)
+    desk.send(parameters(p8683=1, **stop))
+    desk.send(parameters(p8750=2, p8751=1, p8760=1, p8752=1))
+    desk.run(1.0)
+    assert (mm(desk)[0], said(desk)) == (20.0, [1321])
+
+
+@shows("bwo900-8.5-71")
+def test_a_stop_beside_a_safety_stop_waits_for_start() -> None:
+    desk = fresh("P1|N10 G1 F1200 X20|N30 M30")
+    desk.send(parameters(p8702=1))
+    start(desk)
+    desk.run(1.0)
+    desk.send(parameters(p8684=0))
+    desk.send(parameters(p8702=0))
+    desk.run(1.0)
+    assert mm(desk)[0] == 0.0
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert mm(desk)[0] == 20.0
+
+
+@shows("bwo900-8.7-18", "bwo900-8.7-19", "bwo900-8.7-20")
+@pytest.mark.parametrize(
+    ("values", "speed"),
+    [
+        ({"p12136": 1}, 600),  # 10 % of P12004
+        ({"p12136": 256}, 1200),  # 20 %
+        ({"p12136": 257}, 600),
+        ({"p12136": 1, "p12005": 450}, 450),
+        ({"p12136": 256, "p12006": 900}, 900),
+        ({"p12136": 0, "p12005": 450}, 3000),
+        ({"p12136": 1, "p12005": -4}, 600),
+        ({"p12336": 1}, 3000),
+        ({"p12120": 1500}, 1500),
+        ({"p12120": 0}, 3000),
+        ({"p12120": -5}, 3000),
+    ],
+)
+@pytest.mark.parametrize("g", ["G1", "G0"])
+def test_slope_and_interpolation_speed(values: dict[str, float], speed: float, g: str) -> None:
+    """P12004 is 6000; F3000, and P8816 is 3000: nothing but the speed is another one."""
+    _, speeds = feeds(fresh(f"P1|N10 {g} F3000 X30|N30 M30", p8816=3000, **values))
+    assert speeds.max() == pytest.approx(speed, abs=31.0)
+
+
+@shows("bwo900-8.7-18")
+def test_slope_in_hand() -> None:
+    desk = fresh(p8750=1, p8751=1, p8755=3000, p12136=1, p12120=100)
+    desk.send(parameters(p8752=1))
+    desk.run(1.0)
+    assert value(desk, 8756) == 600.0

@@ -62,6 +62,8 @@ class Channel:
         self.single = False
         """Stop after every block."""
         self.override = 1.0
+        self.locked = False
+        """The axes may not move."""
         self.block = ("", 0)
         """Program and block in execution."""
         self.column = 0
@@ -209,11 +211,20 @@ class Channel:
 
     def set_override(self, factor: float, now_ns: int) -> None:
         """Another override, 0 to 1.2."""
-        self._now_ns = now_ns
         self.override = factor
+        self._rescale(now_ns)
+
+    def lock(self, locked: bool, now_ns: int) -> None:
+        """P8701, P8702: the axes brake along the path, and wait until they may move again."""
+        self.locked = locked
+        self._rescale(now_ns)
+
+    def _rescale(self, now_ns: int) -> None:
+        """Another speed for the path under way; what stood for nothing else goes on."""
+        self._now_ns = now_ns
         if self.phase is Phase.PATH:
             self._stretch.replan(now_ns, scale=self._scale())
-        elif self.phase is Phase.HELD and not self._holds and self._stretch.begun and factor > 0.0:
+        elif self.phase is Phase.HELD and not self._holds and self._stretch.begun and self._scale() > 0.0:
             self._resume()
 
     def set_feed(self, mm_min: float, now_ns: int) -> None:
@@ -452,7 +463,7 @@ class Channel:
         return self._scale_of(self._stretch.first or (waiting[0] if waiting else None))
 
     def _scale_of(self, block: PathBlock | None) -> float:
-        return 1.0 if block is not None and not block.override else self.override
+        return 0.0 if self.locked else 1.0 if block is not None and not block.override else self.override
 
     # The end of a block
 

@@ -435,6 +435,12 @@ class Control:
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
                 self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+            case keys.Wish.LOCK:
+                p = self._parameters
+                locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
+                if locked:
+                    self._hand.release(self._now_ns, everything=True)
+                self._channel.lock(locked, self._now_ns)
             case keys.Wish.FEED:
                 self._channel.set_feed(given, self._now_ns)
             case keys.Wish.MAP:
@@ -453,7 +459,7 @@ class Control:
     @property
     def _free(self) -> bool:
         """Whether axes may be moved without a program."""
-        return self.mode is Mode.HAND and not self._channel.active
+        return self.mode is Mode.HAND and not self._channel.active and not self._channel.locked
 
     def _move(self, key: int) -> None:
         if not self._hand.press(key, self._now_ns, free=self._free):

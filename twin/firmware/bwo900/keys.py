@@ -91,6 +91,7 @@ class Wish(Enum):
     PUT_OUT = "all parameters as a file; 5: with their status"
     CLEAR = "the messages that stand"
     OVERRIDE = "a parameter of an override"
+    LOCK = "the channel may not move, or may again"
     FEED = "of the block in execution, mm/min"
     MAP = "say which q a P is"
     REFERENCE = "reference run of an axis, from 0"
@@ -114,6 +115,8 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.PUT_OUT, given
         case 8_508:
             return Wish.CLEAR, given
+        case 8_701 | 8_702:
+            return Wish.LOCK, given
         case 8_817:
             return Wish.FEED, value or 0.0
         case 8_553:
