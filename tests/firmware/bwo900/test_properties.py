@@ -7,7 +7,7 @@ way. Its set points, one every 2 ms, are held against the drawn path:
     speed     of an axis over m ticks:      |x(k+m) - x(k)|             <= V m T + 2 E
     ramps     of an axis over 2 m ticks:    |x(k+m) - 2 x(k) + x(k-m)|  <= A (m T)^2 + J m T + 4 E
     corners   J = sum over the corners in those ticks of  v_corner |change of direction|,
-              v_corner = the lower feed x cos(change of direction)^P8851, 0 where it stops;
+              v_corner = the lower feed (`f`, too) x cos(change of direction)^P8851, 0 where it stops;
               and m ticks before and behind each it is no further than  v_corner m T + a (m T)^2 / 2,
               a = min(A / |direction|), along the path
 
@@ -133,6 +133,7 @@ class Way:
     def _passed(a: Curve, b: Curve, feed: float, corner: float) -> float:
         """The highest speed at a joint, mm/s."""
         cosine = min(max(float(a.end @ b.begin), 0.0), 1.0)
+        feed = feed if a.end_feed is None else min(feed, a.end_feed / 60.0)
         return 0.0 if a.stops else feed * cosine**corner
 
     def follow(self, places: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
