@@ -291,7 +291,8 @@ feeds = st.sampled_from([600, 1800, 4200, 9000])
 millimetres = st.integers(-300, 300).map(lambda n: n / 10.0)
 KINDS = (
     *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, "three", *("dimension",) * 2,
-    *("uncorrected",) * 2, "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed", "exact", "length",
+    *("uncorrected",) * 2, "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed",
+    "exact", "length",
 )  # fmt: skip
 
 
