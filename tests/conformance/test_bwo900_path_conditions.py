@@ -556,6 +556,25 @@ def test_what_is_added_stays_beside_what_is_set(again: str, end: tuple[float, fl
     assert (done.parameters.get(2), done.parameters.get(1)) == (50.0, 30.0)
 
 
+@shows("bwo900-4.16-19")
+def test_the_rotation_is_what_the_parameters_hold() -> None:
+    """Written by a file, or by a program before this one; the block with G45 makes it active."""
+    done = analysed("N10 G0 X10 Y5|N20 G45 X10 Y5|N30 M30", p160=50, p161=10, p163=30)
+    near(done.points, [(10, 5), turned(10, 5, 30, (50, 10))])
+    desk = run("P1|N5 P163:90|N10 G45 G0 X10 Y0|N20 M30", "P2|N10 G45 G0 X20 Y0|N20 M30")
+    desk.send(parameters(p8683=1))
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk)[:2] == (0.0, 20.0)
+
+
+@shows("bwo900-4.12-5")
+def test_the_plane_at_the_start() -> None:
+    """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
+    assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
+    assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
+
+
 @shows("bwo900-4.16-8")
 @pytest.mark.parametrize(("g", "signs"), [("G61", (-1, 1)), ("G62", (1, -1)), ("G61 G62", (-1, -1))])
 def test_mirrors_in_turned_coordinates(g: str, signs: tuple[int, int]) -> None:
