@@ -350,8 +350,10 @@ class Control:
 
     def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
         """A parameter has been written from the line: some are keys."""
-        wanted = keys.wish(number, value, AXES) if area == "P" and channel == 1 else None
-        if wanted is None:
+        if area != "P" or channel != 1:
+            return
+        self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
+        if (wanted := keys.wish(number, value, AXES)) is None:
             return
         wish, given = wanted
         match wish:
