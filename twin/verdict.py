@@ -209,7 +209,7 @@ def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: b
         slip_steps=tuple(twin.slip_steps.tolist()),
         controller_fault=twin.fault,
         faults={name: state for name, state in seen.inputs.items() if state in FAULTS and state != "ok"},
-        ticks=len(twin.steps),
+        ticks=twin.steps.made,
         counts=tuple(seen.counts.tolist()),
         position_mm=tuple(seen.position_mm.tolist()),
         position_error_mm=tuple(seen.position_error_mm.tolist()),

@@ -166,3 +166,44 @@ def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys
     begin, end = int(named[1] or named[3]), int(named[2] or named[3])
     assert begin <= 80 <= end
     assert end - begin <= 10
+
+
+LONG = "P1\n" + "".join(f"N{n} G1 F3000 X{n % 7}\n" for n in range(1, 300)) + "N300 M30\n#\nZ500\nN1 G0 Z2\nN2 M02\n#\n"
+
+
+@pytest.mark.parametrize("text", [LONG, LONG.replace("N9 G1", "N9 G500 G1")], ids=["plain", "calls a cycle"])
+def test_a_program_longer_than_the_memory_is_fed(program, capsys, monkeypatch, text: str) -> None:
+    """And ends where, and after as long as, one that is kept."""
+    file = program(text)
+    assert call("run", file, *CONTROL, "--json") == 0
+    *_, kept, kept_all = ran(capsys)
+    monkeypatch.setattr("isel_twin.firmware.bwo900.language.KEPT", 1000)
+    assert call("run", file, *CONTROL, "--json") == 0
+    *steps, fed, fed_all = ran(capsys)
+    assert [step["command"] for step in steps] == ["Z500, 2 blocks", "reference"]
+    assert (kept["command"], fed["command"]) == ("start P1", "start P1, fed: 300 blocks")
+    assert len(fed["parts"]) == len(kept["parts"]) >= 300
+    assert [part["text"] for part in fed["parts"]] == [part["text"] for part in kept["parts"]]
+    later_ns = fed["end_ns"] - fed["time_ns"] - (kept["end_ns"] - kept["time_ns"])
+    assert 0 <= later_ns <= 1_500_000  # it is started before its first block comes, and looks again after a block cycle
+    assert (fed_all["counts"], fed_all["steps"]) == (kept_all["counts"], kept_all["steps"])
+
+
+@pytest.mark.parametrize("block", ["M24.2", "M23.5", "P500<3.5", "M29"])
+def test_one_that_leads_back_is_kept_however_long_it_is(program, capsys, monkeypatch, block: str) -> None:
+    monkeypatch.setattr("isel_twin.firmware.bwo900.language.KEPT", 1000)
+    call("run", program(LONG.replace("N300 M30", f"N300 {block}")), *CONTROL, "--timeout", "60", "--json")
+    assert next(line["command"] for line in ran(capsys) if "command" in line) == "P1, 300 blocks"
+
+
+def test_a_message_in_a_fed_program_names_line_and_column(program, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("isel_twin.firmware.bwo900.language.KEPT", 1000)
+    assert call("run", program(LONG.replace("N200 G1", "N200 G999")), *CONTROL, "--json") == 1
+    *_, fed, _ = ran(capsys)
+    assert "M1252 P1 N200 column 6" in fed["why"]
+    assert fed["complete"]
+
+
+def test_a_text_that_no_line_carries_is_refused_before_it_begins(program, capsys) -> None:
+    assert call("run", program("P1\nN10 G0 X1 ;\u2192\nN20 M30\n"), *CONTROL) == 2
+    assert "'\u2192' is not a character a serial line can carry" in capsys.readouterr().err

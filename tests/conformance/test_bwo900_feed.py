@@ -12,7 +12,6 @@ from isel_twin.firmware.bwo900 import feed as feed_module
 from isel_twin.firmware.bwo900.feed import HIGH, ROOM, Feed
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.parameters import Place
-from isel_twin.testing import Desk
 from isel_twin.wiring import ScenarioError, event_now
 
 FEED = parameters(p8811=1, p8800=12, p8683=2, p8684=1)

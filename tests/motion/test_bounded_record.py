@@ -36,8 +36,8 @@ def test_what_has_been_made_by_a_time_is_cut_in_a_bounded_record_too() -> None:
     record = Steps(3, (motion(number) for number in range(7)), keep=3)
     now_ns = motion(6).start_ns + 4_000_000
     made = record.until(now_ns)
-    assert (len(made), made.dropped) == (24, 4)
-    assert len(record) == 30
+    assert (len(made), made.dropped, made.made) == (24, 4, 64)
+    assert (len(record), record.made) == (30, 70)
     record.replace_last(motion(6).cut(now_ns))
     assert len(record) == 24
 

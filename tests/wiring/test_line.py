@@ -64,3 +64,46 @@ def test_noise_flips_one_bit_in_its_share_of_bytes(noise: float) -> None:
     flipped = [(a ^ b).bit_count() for a, b in zip(sent, wire.at_controller(0), strict=True)]
     assert set(flipped) <= {0, 1}
     assert abs(sum(flipped) / len(sent) - noise) < 0.02
+
+
+# ---- handshake -------------------------------------------------------------------------------------------------------
+
+
+def test_while_it_is_not_clear_to_send_the_host_waits() -> None:
+    """Ten bytes of 1 ms; held from 3.5 ms to 23.5 ms: the fourth comes 0.5 ms later, the others behind it."""
+    line = SerialLine(True, np.random.default_rng(0))
+    line.from_host(0, b"0123456789", 1_000_000)
+    assert line.at_controller(3_500_000) == b"012"
+    line.clear_to_send(3_500_000, False)
+    assert (line.next_ns, line.commands_due) == (None, 7)
+    line.from_host(10_000_000, b"ab", 1_000_000)
+    assert line.at_controller(20_000_000) == b""
+    line.clear_to_send(23_500_000, True)
+    assert line.next_ns == 24_000_000
+    assert line.at_controller(23_999_999) == b""
+    assert line.at_controller(26_000_000) == b"345"
+    assert line.at_controller(32_000_000) == b"6789ab"
+    assert line.commands_due == 0
+
+
+def test_replies_do_not_wait_for_the_host() -> None:
+    line = SerialLine(True, np.random.default_rng(0))
+    line.clear_to_send(0, False)
+    line.from_controller(0, b"xy", 1_000_000)
+    assert line.at_host(2_000_000) == b"xy"
+
+
+def test_what_waits_at_the_host_is_not_lost_while_the_line_is_cut() -> None:
+    line = SerialLine(True, np.random.default_rng(0))
+    line.from_host(0, b"0123", 1_000_000)
+    line.clear_to_send(500_000, False)
+    line.cut(1_000_000, True)
+    line.cut(9_000_000, False)
+    line.clear_to_send(9_500_000, True)
+    assert line.at_controller(13_000_000) == b"0123"
+
+
+def test_bytes_that_arrive_at_once_come_in_pieces() -> None:
+    line = SerialLine(False, np.random.default_rng(0))
+    line.from_host(5, b"0123456789", 0, at_once=4)
+    assert [line.at_controller(5, 4) for _ in range(4)] == [b"0123", b"4567", b"89", b""]

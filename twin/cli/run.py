@@ -101,7 +101,8 @@ def run(
                 golden = load(file)
     repetitions = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
-        twin = call.build()
+        wants_stream = any(path is not None for path in (steps, vcd, trace, report))
+        twin = call.build(keep_motions=None if wants_stream else 1)
 
         from isel_twin.checks.job import Bounds, Inspection
         from isel_twin.cli import outputs

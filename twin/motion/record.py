@@ -40,7 +40,9 @@ class Steps:
             raise ValueError(f"a record keeps at least one motion, not {keep}")
         self.axes = axes
         self.dropped = 0
-        """Motions at the beginning that are not kept."""
+        """Motions at the beginning that are not kept,"""
+        self.dropped_ticks = 0
+        """and their ticks."""
         self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
             self.append(motion)
@@ -63,7 +65,10 @@ class Steps:
             raise ValueError(
                 f"a motion starts at {motion.start_ns} ns, before the last one ends at {self._motions[-1].end_ns} ns"
             )
-        self.dropped += len(self._motions) == self._motions.maxlen
+        if len(self._motions) == self._motions.maxlen:
+            oldest = self._motions.popleft()
+            self.dropped += 1
+            self.dropped_ticks += oldest.last - oldest.first
         self._motions.append(motion)
 
     def replace_last(self, motion: Motion) -> None:
@@ -73,7 +78,7 @@ class Steps:
     def until(self, t_ns: int) -> Steps:
         """The record of the ticks at or before t_ns."""
         steps = Steps(self.axes)
-        steps.dropped = self.dropped
+        steps.dropped, steps.dropped_ticks = self.dropped, self.dropped_ticks
         steps._motions.extend(self._motions)
         while steps._motions and steps._motions[-1].start_ns > t_ns:
             steps._motions.pop()
@@ -81,8 +86,13 @@ class Steps:
             steps._motions[-1] = steps._motions[-1].cut(t_ns)
         return steps
 
+    @property
+    def made(self) -> int:
+        """Number of ticks, those of motions that are not kept among them."""
+        return self.dropped_ticks + len(self)
+
     def __len__(self) -> int:
-        """Number of ticks."""
+        """Number of ticks that are kept."""
         return sum(motion.last - motion.first for motion in self._motions)
 
     @property

@@ -110,6 +110,8 @@ class Ahead:
             if block.stop is not Stop.NONE:
                 self._flush()
                 if self._interpreter.waiting is not None:
+                    if self._interpreter.supervises_watched:
+                        self.poll_ns = now_ns + BLOCK_NS
                     break
         return stops
 
@@ -145,7 +147,9 @@ class Ahead:
         self.blocks.extend(blocks)
 
     def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
-        """An error about a block, or about the one that is analysed."""
+        """An error about a block, or about the one that is analysed; the first one counts."""
+        if self.error is not None:
+            return
         program, number = (block.program, block.number) if block else self._interpreter.place
         column = error.column or (block.column if block else 0)
         self.error = message(error.number, program=program, block=number, column=column, detail=error.detail)
