@@ -33,6 +33,8 @@ SYNCHRONISING: Final = 0x08
 LARGEST_Q: Final = 59_999
 """60 000 parameters, the largest system."""
 AXIS_SIZE: Final = 200
+FIXED: Final = 3_000
+"""P7000 to P9999, behind the first user block."""
 FIRST_LIVE: Final = 8_900
 """Below it no parameter is worked out when it is asked for."""
 AXES: Final = 32
@@ -85,6 +87,8 @@ class Parameters:
             raise ProgramError(1305, f"channel {channel}")
         values = self._values
         first, size = int(values.get(base + 2, 0)), int(values.get(base + 3, 0))
+        if channel == 1 and not (first >= 0 <= size and first + size + FIXED <= LARGEST_Q):
+            first, size = int(FACTORY[102]), int(FACTORY[103])  # the control's own parameters must be somewhere
         if 0 <= number < min(size, 7000):
             return first + number
         if 7000 <= number <= 9999:
@@ -163,10 +167,8 @@ class Parameters:
         if not 1 <= workspace <= int(self.given(171, 1, "q")):
             raise ProgramError(1240, f"workspace {workspace}")
         groups = int(self.get(172, 0, "q"))
-        numbers = [
-            self.zero_address(number, axis, workspace, group) for group in (range(1, groups + 1) if groups else (0,))
-        ]
-        return sum(self.get(p) for p in numbers)
+        those = range(1, groups + 1) if groups > 0 else (0,)
+        return sum(self.get(self.zero_address(number, axis, workspace, group)) for group in those)
 
     def zero_address(self, number: int, axis: int, workspace: int = 1, group: int = 0) -> int:
         """The P of an entry of the table of zero points (manual, 8.3, q170 to q174); axis from 0."""
