@@ -193,7 +193,7 @@ def test_a_program_longer_than_the_memory_is_fed(program, capsys, monkeypatch, t
 def test_one_that_leads_back_is_kept_however_long_it_is(program, capsys, monkeypatch, block: str) -> None:
     monkeypatch.setattr("isel_twin.firmware.bwo900.language.KEPT", 1000)
     call("run", program(LONG.replace("N300 M30", f"N300 {block}")), *CONTROL, "--timeout", "60", "--json")
-    assert [line["command"] for line in ran(capsys) if "command" in line][0] == "P1, 300 blocks"
+    assert next(line["command"] for line in ran(capsys) if "command" in line) == "P1, 300 blocks"
 
 
 def test_a_message_in_a_fed_program_names_line_and_column(program, capsys, monkeypatch) -> None:

@@ -9,7 +9,8 @@ program's is worked out anew (`renew`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, YZ, ZX, Plane, Point
@@ -47,13 +48,15 @@ class Coordinates:
 
     def reset(self, position: Point, length_mm: float) -> None:
         """A program begins. position: of the axes, machine coordinates. length_mm: of the tool."""
-        self.names = _names(self._parameters)
+        self.names = {name: axis for axis, (name, _) in enumerate(self._parameters.axes)}
         axes = len(self.names)
         self.modal = START
         self._planes = {number: self._plane(number) for number in (17, 18, 19)}
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
         self._length = length_mm
         self.position = tuple(position) + (0.0,) * (axes - len(position))
+        self._unmirrored: dict[int, float] = {}
+        """Program coordinates of axes that have not moved since a mirror was switched, as they were before it."""
         self._known: tuple[object, ...] | None = None
         """What the frame has been worked out from."""
         self.frame = self._frame_now()
@@ -83,10 +86,21 @@ class Coordinates:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self.position = tuple(position) + self.position[len(position) :]
         self.program_position = self.frame.program(self.position)
+        self._unmirrored.clear()
 
-    def arrive(self, position: Point, program_position: Point) -> None:
-        """A path has been laid to there."""
+    def arrive(self, position: Point, program_position: Point, axes: Iterable[int]) -> None:
+        """A path has been laid to there; these axes were programmed."""
         self.position, self.program_position = position, program_position
+        for axis in axes:
+            self._unmirrored.pop(axis, None)
+
+    @property
+    def counted_from(self) -> Point:
+        """What incremental dimensions count from: without a mirror that was switched since an axis has moved.
+
+        The manual, 4.21: with G91 the target is worked out in the system that is not mirrored, and then mirrored.
+        """
+        return tuple(self._unmirrored.get(axis, value) for axis, value in enumerate(self.program_position))
 
     def renew(self) -> None:
         """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
@@ -96,8 +110,21 @@ class Coordinates:
         self._known = known
         frame = self._frame_now()
         if frame != self.frame:
+            self._keep_unmirrored(frame)
             self.frame = frame
             self.program_position = frame.program(self.position)
+
+    def _keep_unmirrored(self, frame: Frame) -> None:
+        """Where the axes of the plane are in the new frame as the mirrors were before, if that makes a difference."""
+        old, plane = self.frame, frame.plane
+        flags = (frame.mirror_first != old.mirror_first, frame.mirror_second != old.mirror_second)
+        if not any(flags):
+            self._unmirrored.clear()
+            return
+        before = replace(frame, mirror_first=old.mirror_first, mirror_second=old.mirror_second).program(self.position)
+        for axis, turned in zip((plane.first, plane.second), flags, strict=True):
+            if turned or frame.rotation is not None:
+                self._unmirrored.setdefault(axis, before[axis])
 
     # What they are used for
 
@@ -123,7 +150,7 @@ class Coordinates:
             shift_first=int(self._parameters.get(8_859)) >= 2,
             mirror_first=modal.mirror_first,
             mirror_second=modal.mirror_second,
-            shift=self.shift,
+            shift=nothing if bound else self.shift,
             zero=zero,
             length=0.0 if bound else self._length,
         )
@@ -145,15 +172,6 @@ class Coordinates:
     def _free_plane(self, number: int) -> Plane:
         """G117 to G119 as P8840 to P8842 define them."""
         return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
-
-
-def _names(parameters: Parameters) -> dict[str, int]:
-    """The axes that there are by their letters; one without a letter of its own has a name that no word has."""
-    names: dict[str, int] = {}
-    for axis in range(AXES):
-        letter = parameters.axis_name(axis)
-        names[letter if letter and letter not in names else f"axis {axis + 1}"] = axis
-    return names
 
 
 def _plane_of(value: float, default: Plane) -> Plane:

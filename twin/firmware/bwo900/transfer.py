@@ -163,12 +163,15 @@ class Receiver:
         text, area = match["value"], match["area"]
         channel, number = int(match["channel"] or 1), int(match["number"])
         value: float | None = None
-        if text[0] == "$":
-            value = float(int(text.strip("$;"), 16))
-        elif text[0] in "+-.0123456789" and text.strip("-"):
-            value = float(text.replace(",", "."))
+        try:
+            if text[0] == "$":
+                value = float(int(text.strip("$;"), 16))
+            elif text[0] in "+-.0123456789" and text.strip("-"):
+                value = float(text.replace(",", "."))
+        except OverflowError:
+            value = math.inf
         if value is not None and not math.isfinite(value):
-            yield ProgramError(1111, f"line {self._number}: {word[:40]!r}")
+            yield ProgramError(1111, f"line {self._number}: {word[:40]!r} is too large a number")
             return
         try:
             self._parameters.write(number, value, area, channel)
