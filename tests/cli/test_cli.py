@@ -316,4 +316,4 @@ def test_a_full_disk_behind_standard_output_is_one_line(tmp_path):
             [sys.executable, "-m", "isel_twin.cli", "run", "-", "--plant", "kinematic"],
             input=JOB, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
         )  # fmt: skip
-    assert (done.returncode, done.stderr) == (1, "isel-twin: No space left on device\n")
+    assert (done.returncode, done.stderr) == (2, "isel-twin: standard output: No space left on device\n")

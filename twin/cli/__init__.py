@@ -122,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         sys.stderr.close()
         code = 1
     except OSError as error:  # standard output cannot be written, for example a full disk
-        code = _say(1, str(error.strerror or error))
+        code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # or the interpreter tries to flush it once more
     sys.exit(code)
 

@@ -28,7 +28,7 @@ def job_name(job: Path) -> str:
 
 def read_job(job: Path, controller: str) -> list[Line]:
     """The lines of a job file, or of standard input, for a controller. Raises CallError."""
-    from isel_twin.job import decode_job, parse_job
+    from isel_twin.job import check_controller, decode_job, parse_job
     from isel_twin.language import create_language
 
     with call_errors(job_name(job)):
@@ -37,7 +37,9 @@ def read_job(job: Path, controller: str) -> list[Line]:
         if len(data) > JOB_BYTES:
             raise CallError(f"{job_name(job)}: is longer than {JOB_BYTES >> 20} MiB; cut it into several jobs")
         with _told(job):
-            lines = parse_job(decode_job(data), language, controller)
+            text = decode_job(data)
+            check_controller(text, language, controller)
+            lines = parse_job(text, language, controller)
     if not lines:
         raise CallError(f"{job_name(job)}: there is no command in it")
     return lines

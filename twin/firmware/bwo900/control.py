@@ -72,7 +72,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys and HoldsHost."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys, EndsPrograms and HoldsHost."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -98,6 +98,8 @@ class Control:
         self.mode = Mode.HAND
         self._began_at: tuple[float, ...] = (0.0,) * AXES
         """Where the axes stood as the last program was started."""
+        self._broken = ""
+        """Where the last program was broken off."""
         self._starts = False
         """Start waits for power."""
 
@@ -200,6 +202,13 @@ class Control:
         working = self._channel.active and not held
         asked = self._power.until_ns is not None or not self._plc.idle
         return not (working or self._hand.move is not None or asked or self._receiver.busy)
+
+    @property
+    def unfinished(self) -> str:
+        if self._channel.phase is Phase.HELD:
+            program, number = self._channel.block
+            return f"{program} N{number} waits for Start"
+        return self._broken
 
     @property
     def clear_to_send(self) -> bool:
@@ -532,6 +541,7 @@ class Control:
             self._say(message(error.number, program=name, detail=error.detail))
             return
         self._channel.single = self.mode is Mode.SINGLE
+        self._broken = ""
         self._channel.start(self._now_ns)
 
     def _block_begun(self, t_ns: int, block: PathBlock) -> None:
@@ -548,6 +558,7 @@ class Control:
         if self._parameters.get(8_686):
             self._parameters.write(8_686, 0.0)
         name, block = broken or ("", 0)
+        self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
 
