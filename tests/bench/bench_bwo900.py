@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import tracemalloc
+from itertools import chain
 from time import process_time
 
 import numpy as np
@@ -16,7 +17,7 @@ from firmware.bwo900.run import programs
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.firmware.bwo900.interpreter import Interpreter
-from isel_twin.firmware.bwo900.memory import filters
+from isel_twin.firmware.bwo900.memory import Memory, filters
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.path import Limits, Path
 from isel_twin.firmware.bwo900.programs import Program, Store
@@ -99,11 +100,10 @@ def test_memory_of_a_long_program(benchmark: BenchmarkFixture) -> None:
     text = (f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}" for n in range(lines))
     size = sum(len(f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}") + 2 for n in range(lines))
     tracemalloc.start()
-    program = benchmark.pedantic(lambda: Program.of("P1", text), rounds=1)
+    program = benchmark.pedantic(lambda: Program.of("P1", chain(["F1000"], text)), rounds=1)
     kept = tracemalloc.get_traced_memory()[0]
     interpreter = Interpreter(Parameters(), Store({"P1": program}))
     interpreter.begin("P1", (0.0, 0.0, 0.0))
-    interpreter._feed = 1000.0
     for _ in range(20_000):
         interpreter.next()
     grown = tracemalloc.get_traced_memory()[0] - kept
@@ -111,3 +111,19 @@ def test_memory_of_a_long_program(benchmark: BenchmarkFixture) -> None:
     benchmark.extra_info["bytes_per_byte"] = kept / size
     assert kept / size < 8.0
     assert grown < 8e6
+
+
+@pytest.mark.benchmark(group="bwo900")
+def test_the_flash_image_after_a_key(benchmark: BenchmarkFixture) -> None:
+    """With programs of 10 MB: what has been compressed stays so."""
+    text = (f"N{n + 1} X{n % 977 / 10:.3f} Y{n % 499 / 10:.3f}" for n in range(500_000))
+    parameters = Parameters()
+    memory = Memory(parameters, Store({"P1": Program.of("P1", text)}))
+    memory.image()
+
+    def press() -> None:
+        parameters.write(8_684, 1.0)
+        memory.image()
+
+    benchmark.pedantic(press, rounds=5)
+    assert benchmark.stats.stats.min < 0.02

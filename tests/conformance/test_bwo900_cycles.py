@@ -76,5 +76,5 @@ def test_an_end_that_is_not_determined() -> None:
     for missing, number in ((120, 8120), (121, 8121), (122, 8122), (123, 8123)):
         text = f"N10 G00 S500 M03\nN20 {whole} P32:800 P33:0 P34:32\nN30 P{missing}:--\nN40 G89 G81\nN50 M30"
         assert refused(text) == number
-    assert refused("N10 G00 S500 M03\nN20 G86 P100:90 P104:80 P106:3\nN50 M30") == 8311
-    assert analysed("N10 G00\nN20 G86 P100:90 P104:90 P106:3\nN50 M30").points[-1] == (90.0, 0.0, 0.0)
+    assert refused("N10 G00 S500 M03\nN20 G86 P100:90 P101:0 P104:80 P106:3\nN50 M30") == 8311
+    assert analysed("N10 G00\nN20 G86 P100:90 P101:0 P104:90 P106:3\nN50 M30").points[-1] == (90.0, 0.0, 0.0)

@@ -418,17 +418,10 @@ def test_elements_of_c_are_not_there() -> None:
     assert said(run("P1|int idx=0;|N20 M30", p8805=1)) == [1216]
 
 
-@shows("bwo900-6.1-21", "bwo900-8.5-2")
-def test_paths_are_not_deleted_and_feeds_not_replaced() -> None:
-    desk = fresh("P1|N10 F1200 X30 M26|N30 M30", p8817=300)
-    _, speeds = feeds(desk)
+@shows("bwo900-8.5-2")
+def test_feeds_are_not_replaced() -> None:
+    _, speeds = feeds(fresh("P1|N10 F1200 X30|N30 M30", p8817=300))
     assert speeds.max() == pytest.approx(1200.0, rel=0.01)
-    desk = fresh("P1|N10 F1200 X30 M26|N30 M30")
-    start(desk)
-    desk.run(0.5)
-    desk.send(parameters(p8715=1))
-    desk.finish()
-    assert mm(desk)[0] == 30.0
 
 
 @shows("bwo900-8.7-5")

@@ -317,6 +317,28 @@ def test_override_zero_stands_and_goes_on() -> None:
 # ---- counting pieces -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("sine", [False, True])
+def test_another_wanted_speed_to_the_end_of_a_piece(sine: bool) -> None:
+    """The piece under way at 6000/s from now on, its joint at the entry speed, the next one at its own 10 000/s."""
+    parts = [ALONG, ALONG]
+    motion = plan(parts, sine)
+    slower = motion.replanned(150, wanted=(1, 6000.0))
+    assert motion.speed(150) == pytest.approx(10_000.0)
+    assert np.array_equal(places(motion)[:151], places(slower)[:151])
+    joint = slower.passed(1)
+    assert slower.speed(joint - 20) == pytest.approx(6000.0)
+    assert max(slower.speed(k) for k in range(joint, slower.ticks)) == pytest.approx(10_000.0)
+    assert slower.displacement(slower.ticks) == motion.displacement(motion.ticks)
+    assert motion.speed(300) == pytest.approx(10_000.0)  # the other plan has kept its own
+    held = motion.replanned(150, hold=True).replanned(160, wanted=(1, 6000.0))
+    resumed = held.replanned(held.ticks + 100, hold=False)
+    assert resumed.speed(resumed.passed(1) - 20) == pytest.approx(6000.0)
+    rest = held.remainder()
+    assert rest.speed(rest.passed(1) - 20) == pytest.approx(6000.0)
+    with pytest.raises(ValueError, match="no plan"):
+        motion.replanned(150, wanted=(1, 0.0))
+
+
 def test_pieces_are_counted_when_their_ends_are_passed() -> None:
     motion = plan([ALONG, ALONG])  # 20 000 passed at 2.1 s, the end at 4.2 s
     assert [motion.passed(j) for j in (0, 1, 2)] == [0, 525, 1050]

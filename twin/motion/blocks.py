@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion.look_ahead import T
+from isel_twin.motion.look_ahead import SPEED, T
 from isel_twin.motion.pieces import Curve, Pieces, table
 
 __all__ = ["Block", "Law", "State"]
@@ -79,6 +79,12 @@ class Block:
             table=np.vstack((self.table, table(pieces))),
             curves=self.curves + tuple((n + j, curve) for j, curve in pieces.curves),
         )
+
+    def with_speed(self, first: int, last: int, speed: float) -> Block:
+        """With another wanted speed on the pieces from `first` to before `last`."""
+        changed = self.table.copy()
+        changed[first : max(last, first), SPEED] = speed
+        return replace(self, table=changed)
 
     def shortened(self, count: int) -> Block:
         """With its first so many pieces; what led along others was standing."""

@@ -232,13 +232,15 @@ class Joined:
         ceiling: float | None = None,
         hold: bool | None = None,
         sharpness: float = 1.0,
+        wanted: tuple[int, float] | None = None,
     ) -> Joined:
         """The same up to tick k, then otherwise; what is not said stays. k may lie beyond the last tick: it stood.
 
         drop: forget the pieces that have not begun, but for those it needs to stop; with hold, the rest of all. append:
         pieces at the end, after what was dropped. scale, ceiling: see `joined`; speeds above them fall as the ramps
         allow, joints keep their entry speeds. hold: True brakes along the path and stands, with what is left waiting;
-        False goes on. sharpness: factor of the accelerations of the pieces while it brakes for a hold.
+        False goes on. sharpness: factor of the accelerations of the pieces while it brakes for a hold. wanted: number
+        of pieces, and another wanted speed on what is left of them.
 
         A ramp under way goes on unchanged if the new plan has the same; otherwise a new one begins at the momentary
         speed. A falling sin^2 ramp without which a joint would be passed too fast is finished first.
@@ -252,7 +254,8 @@ class Joined:
             ceiling=self.ceiling if ceiling is None else ceiling,
             hold=self.hold if hold is None else hold,
         )
-        if k < 0 or not 0 <= new.scale < math.inf or not new.ceiling > 0 or not 0 < sharpness < math.inf:
+        sound = 0 <= new.scale < math.inf and new.ceiling > 0 and 0 < sharpness < math.inf
+        if k < 0 or not sound or (wanted is not None and not 0 < wanted[1] < math.inf):
             raise ValueError(f"no plan at tick {k} for scale {new.scale}, ceiling {new.ceiling}, sharpness {sharpness}")
         if append is not None and (append.axes != self.axes or self.dropped):
             raise ValueError(
@@ -261,6 +264,7 @@ class Joined:
         if self.dropped:
             return self
         same = (new.scale, new.ceiling, new.hold) == (self.scale, self.ceiling, self.hold)
+        same = same and wanted is None
         if same and not drop and (append is None or not len(append)):
             return self
         number, state = self._state(k)
@@ -272,6 +276,8 @@ class Joined:
                 law = new._lay(grown, tail.settled, float(at[T]), float(at[S0]), float(at[V0]))
                 return new._with(self._blocks[:-1], grown.with_phases(row, tail.settled, law), k)
         before, tail, state = self._open(number, state)
+        if wanted is not None:
+            tail = tail.with_speed(state.piece, wanted[0] - tail.first, wanted[1])
         if drop:
             needed = state.piece + (state.s > 0)
             if state.v > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -103,7 +104,7 @@ def test_moves_across_the_plane_stand_where_the_tool_is() -> None:
     )
     heights = {block.number: block.elements[0] for block in blocks if block.number in (30, 50)}
     assert heights[30] == Line((-5.0, 0.0, 5.0), (-5.0, 0.0, -1.0))
-    assert heights[50] == Line((-5.0, 30.0, -1.0), (-5.0, 30.0, -2.0))
+    assert heights[50] == Line((0.0, 35.0, -1.0), (0.0, 35.0, -2.0))  # at the end of the arc about the corner
 
 
 def test_the_other_side_is_reached_on_an_arc_about_the_corner() -> None:
@@ -124,7 +125,7 @@ def test_another_radius_makes_the_line_oblique() -> None:
     [
         ("N20 G41 G2 X20 Y0 R10\nN30 M30", 1153),
         ("N20 G41 G1 X20\nN30 X40\nN40 G40 G2 X60 Y0 R20\nN50 M30", 1153),
-        ("N20 G41 G1 X20\nN30 X30\nN40 G3 X34 Y0 R2\nN50 G1 X60\nN60 G40 X80\nN70 M30", 1155),
+        ("N20 G41 G1 X20\nN30 X30\nN40 G3 X34 Y0 R2\nN50 G1 X60\nN60 G40 X80\nN70 M30", 1152),
         ("N20 G41 G1 X20\nN30 X40\n" + "\n".join(f"N{n} P500:{n}" for n in range(31, 45)) + "\nN50 X60\nN60 M30", 1157),
         ("N20 G41 G1 X20\nN30 X30\nN40 Y4\nN50 X20\nN60 Y40\nN70 G40 X0\nN80 M30", 1223),
     ],
@@ -156,3 +157,60 @@ def test_meeting_points_and_shares() -> None:
     assert share_of(circle, XY, (4.0, -3.0)) == pytest.approx(math.atan2(-3, 4) / (math.pi / 2))
     assert share_of(line, XY, (3.0, 4.0)) == pytest.approx(0.3)
     assert meetings(line, Line((0.0, 2.0, 0.0), (10.0, 12.0, 0.0)), XY) == []
+
+
+def test_moves_across_the_plane_are_blocks_without_a_path() -> None:
+    """In 7.2 the manual calls `G40 Z100` in G17 a block with a path of 0: twelve of them, not thirteen."""
+    down = [f"N{31 + n} Z{-n - 1}" for n in range(13)]
+    begin, end = "N5 tr:5\nN10 G0 X0 F100\nN20 G41 G1 X20\nN30 X40\n", "\nN50 X60\nN60 G40 X80\nN70 M30"
+    assert corrected(begin + "\n".join(down[:12]) + end)
+    assert refused(begin + "\n".join(down) + end) == 1157
+
+
+def test_without_correction_blocks_need_no_path() -> None:
+    """G40 in a block without a path ends the corrected path there: what follows waits for nothing."""
+    after = "\n".join(f"N{n} P500:{n}" for n in range(51, 71))
+    blocks = corrected(f"N10 F100 tr:5\nN20 G41 G1 X20\nN30 X40\nN40 G40\n{after}\nN80 X60\nN90 M30")
+    assert ends(blocks) == [(20.0, 5.0, 0.0), (40.0, 5.0, 0.0), (60.0, 0.0, 0.0)]
+    blocks = corrected(f"N10 F100 tr:5\nN20 G41 G1 X20\nN40 G40\n{after}\nN80 X60\nN90 M30")
+    assert ends(blocks) == [(20.0, 0.0, 0.0), (60.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("line", "place"),
+    [("N200 G40 Z100", (45.0, 50.0, 100.0)), ("N200 G40 X40 Y100 Z100", (40.0, 100.0, 100.0))],
+)
+def test_switched_off_before_another_plane(line: str, place: tuple[float, ...]) -> None:
+    """Printed example of 7.2 (N200, N210): the path has no gap, and ends where it is programmed to."""
+    blocks = corrected(f"N10 F100 tr:5\nN20 G41 G1 X50 Y-50\nN30 Y50\n{line}\nN210 G18 X20 Y50\nN220 M30")
+    assert ends(blocks)[-2:] == [place, (20.0, 50.0, 100.0)]
+    assert all(a.end == b.start for a, b in itertools.pairwise(path(blocks)))
+
+
+def test_another_plane_while_it_is_on() -> None:
+    assert refused("N10 F100 tr:5\nN20 G41 G1 X20\nN30 X40\nN40 G18 X60\nN50 M30") == 1232
+
+
+def test_another_radius_makes_a_circle_a_spiral() -> None:
+    """From 8 mm to 6 mm about (20, 10) within a quarter of a turn, between tangential lines."""
+    made = path(
+        corrected(
+            "N10 F100 tr:2\nN20 G41 G1 X10\nN30 X20\nN40 tr:4 G3 X30 Y10 I20 J10\nN50 G1 Y30\nN60 G40 X0\nN70 M30"
+        )
+    )
+    arc = made[2]
+    assert isinstance(arc, Arc)
+    assert (arc.start[:2], arc.end[:2]) == (pytest.approx((20.0, 2.0)), pytest.approx((26.0, 10.0)))
+    assert arc.point(0.5)[:2] == pytest.approx((20.0 + 7.0 * math.sqrt(0.5), 10.0 - 7.0 * math.sqrt(0.5)))
+    assert made[3].end[:2] == pytest.approx((26.0, 30.0))
+
+
+def test_radius_0_is_a_radius_too() -> None:
+    """7.4 with a new radius of 0: back to the contour with the next element, a circle, and no arc at its corners."""
+    made = path(
+        corrected(
+            "N10 F100 tr:2\nN20 G41 G1 X10\nN30 X20\nN40 tr:0 G3 X30 Y10 I20 J10\nN50 G1 X60\nN60 G40 X90\nN70 M30"
+        )
+    )
+    assert made[2].end[:2] == pytest.approx((30.0, 10.0))
+    assert [type(element) for element in made] == [Line, Line, Arc, Line, Line]

@@ -320,9 +320,9 @@ class TestPatterns:
             ("G86", "P104:20 P106:4", 8103),
             ("G86", "P100:90 P101:30", 8107),
             ("G86", "P100:90 P101:30 P104:20 P106:4", 8311),
-            ("G88", "P100:90 P106:4 P113:20 P116:4", 8114),
-            ("G88", "P100:90 P106:4 P110:1 P111:1", 8117),
-            ("G88", "P100:90 P106:4 P110:30 P111:40 P114:51 P116:2", 8321),
+            ("G88", "P100:90 P101:0 P106:4 P113:20 P116:4", 8114),
+            ("G88", "P100:90 P101:0 P106:4 P110:1 P111:1", 8117),
+            ("G88", "P100:90 P101:0 P106:4 P110:30 P111:40 P114:51 P116:2", 8321),
             ("G89", "P121:20 P122:100 P123:18 P124:120 P126:5", 8120),
             ("G89", "P120:70 P122:100 P123:18 P124:120 P126:5", 8121),
             ("G89", "P120:70 P121:20 P123:18 P124:120 P126:5", 8122),
@@ -338,8 +338,8 @@ class TestPatterns:
     def test_places_without_end_are_analysed_as_they_are_made(self) -> None:
         """10^10 holes: nothing is reckoned before it is asked for, and nothing is kept."""
         text = (
-            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P106:100000 P110:20 P116:100000 P32:800 P33:0 P34:32\n"
-            "N40 G88 G81\nN50 M30"
+            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P101:0 P106:100000 P110:20 P111:0 P116:100000\n"
+            "N30 P32:800 P33:0 P34:32\nN40 G88 G81\nN50 M30"
         )
         one = Interpreter(Analysed("N10 M30").parameters, programs(text))
         one.begin("P1", (0.0, 0.0, 0.0))
@@ -354,7 +354,7 @@ class TestPatterns:
 
     def test_a_copy_goes_on_with_the_same_move(self) -> None:
         text = (
-            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P106:4 P110:20 P116:3 P32:800 P33:0 P34:32\n"
+            "N10 G00 X20 Y20 Z100 S500 M03\nN20 P100:90 P101:0 P106:4 P110:20 P111:0 P116:3 P32:800 P33:0 P34:32\n"
             "N40 G88 G81\nN50 M30"
         )
         one = Interpreter(Analysed("N10 M30").parameters, programs(text))

@@ -231,6 +231,7 @@ def test_it_is_saved_and_restored_within_a_cycle() -> None:
             twin.run(3.1)
             if number == saved_at:
                 state = twin.save()
+                assert state.life.pickled, "else it is told its whole life again"
                 twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=START_MM)
                 twin.restore(state)
         twin.run_until_idle()

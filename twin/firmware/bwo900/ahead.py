@@ -106,6 +106,8 @@ class Ahead:
             if block.stop is not Stop.NONE:
                 self._flush()
                 if self._interpreter.waiting is not None:
+                    if self._interpreter.supervises_watched:
+                        self.poll_ns = now_ns + BLOCK_NS
                     break
         return stops
 

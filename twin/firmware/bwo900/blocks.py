@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from isel_twin.firmware.bwo900.elements import XY, Arc, Element, Plane, Point
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.syntax import Text
 
 __all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
@@ -96,8 +97,14 @@ class PathBlock:
     """Parameters that are written when the block is executed: number, value."""
     text: Text | None = None
     stop: Stop = Stop.NONE
+    watched: bool = False
+    """M26: a signal deletes its path and its dwell."""
     main: bool = True
     """A block of a program; False: an intermediate one, of a cycle."""
+    target: Point = (0.0, 0.0, 0.0)
+    """Where it ends, in the program's coordinates, mm."""
+    in_force: InForce = AT_REST
+    """What else holds meanwhile."""
 
     @property
     def finish(self) -> Point:
@@ -112,7 +119,8 @@ class PathBlock:
     @property
     def speaks(self) -> bool:
         """Whether something happens as it begins."""
-        return bool(self.pre or self.parameters or self.speeds or self.text is not None or self.tool is not None)
+        said = self.text is not None or self.tool is not None
+        return bool(self.pre or self.parameters or self.speeds or self.watched or said)
 
     @property
     def in_real_time(self) -> bool:

@@ -19,6 +19,8 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.ahead import BLOCK_NS, REFILL, Ahead, Filter
 from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.elements import Point
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.services import Services
@@ -67,6 +69,8 @@ class Channel:
         """Program and block in execution."""
         self.column = 0
         """Where to look for its path in its text."""
+        self._entered: PathBlock | None = None
+        """The block in execution; None: no program."""
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
         self._due_ns: int | None = None
@@ -77,6 +81,8 @@ class Channel:
         """The program is broken off as soon as the axes stand."""
         self._branches = False
         """The M function with a jump was acknowledged in time."""
+        self._deleted = False
+        """A signal has deleted the path of the block with M26."""
         self._now_ns = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
@@ -85,6 +91,11 @@ class Channel:
     def active(self) -> bool:
         """A program is in execution, held or not."""
         return self.phase is not Phase.IDLE
+
+    @property
+    def halted(self) -> bool:
+        """An M function with halt waits for its acknowledgement."""
+        return self.phase is Phase.FUNCTIONS and self._due_ns is None
 
     @property
     def run(self) -> SetPointRun | None:
@@ -97,7 +108,7 @@ class Channel:
         if self.phase is not Phase.PATH:
             return self._due_ns
         next_ns = self._stretch.next_ns(self._now_ns, None if self._ahead.ended else REFILL)
-        if self._ahead.poll_ns is not None:
+        if self._ahead.poll_ns is not None and not self._stretch.held:
             next_ns = min(next_ns, self._ahead.poll_ns)
         return max(next_ns, self._now_ns)
 
@@ -107,14 +118,28 @@ class Channel:
         return self._current if self._current is not None else self._stretch.first
 
     @property
-    def feed_mm_min(self) -> float | None:
-        """Programmed feed of the block in execution."""
-        return None if self._shown is None else self._shown.feed_mm_min
+    def in_force(self) -> InForce:
+        """What holds for the block in execution; without a program, what one begins with."""
+        return AT_REST if self._entered is None else self._entered.in_force
 
     @property
-    def motion(self) -> float | None:
-        """0 to 3, for G00 to G03, of the block in execution."""
-        return None if self._shown is None else self._shown.motion
+    def feed_mm_min(self) -> tuple[float, float]:
+        """Programmed feed of the block in execution, and the one at its end; 0: none."""
+        block = self._entered
+        if block is None:
+            return 0.0, 0.0
+        return block.feed_mm_min or block.in_force.feed_mm_min, block.end_feed_mm_min or 0.0
+
+    @property
+    def target(self) -> Point | None:
+        """Where the block in execution ends, in the program's coordinates; None: no program."""
+        return None if self._entered is None else self._entered.target
+
+    @property
+    def motion(self) -> float:
+        """0 to 3, for G00 to G03, of the block in execution, or as they are in force."""
+        motion = None if self._entered is None else self._entered.motion
+        return float(self.in_force.modal.motion) if motion is None else motion
 
     @property
     def speed_mm_s(self) -> float:
@@ -122,14 +147,12 @@ class Channel:
         return self._stretch.speed_mm_s(self._now_ns)
 
     @property
-    def dwell_s(self) -> tuple[float | None, float | None]:
-        """Of the block in execution, and what is left of it."""
-        if self._shown is None or self._shown.dwell_s is None:
-            return None, None
+    def dwell_s(self) -> tuple[float, float]:
+        """Of the block in execution, and what is left of it; 0: none."""
         left = 0.0
         if self.phase is Phase.DWELL and self._due_ns is not None:
             left = (self._due_ns - self._now_ns) / SECOND_NS
-        return self._shown.dwell_s, left
+        return (0.0 if self._entered is None else self._entered.dwell_s or 0.0), left
 
     # ---- operating --------------------------------------------------------------------------------------------------
 
@@ -140,7 +163,7 @@ class Channel:
         self._stretch.clear()
         self._stretch.stand(self._do.limits(), self._position())
         self.block, self._current = ("", 0), None
-        self._holds = self._drops = self._branches = False
+        self._holds = self._drops = self._branches = self._deleted = False
         self.phase, self._due_ns = Phase.READY, now_ns
         self.advance(now_ns)
 
@@ -198,6 +221,14 @@ class Channel:
         self._branches = True
         if self.phase is Phase.PATH:
             self._stretch.replan(now_ns, hold=True, drop=True)
+            self._do.watch.keep()
+
+    def _delete(self) -> None:
+        """A signal deletes the path of the block with M26."""
+        self._deleted = True
+        self._do.watch.deleted()
+        if self.phase is Phase.PATH:
+            self._stretch.replan(self._now_ns, hold=True, drop=True)
 
     # ---- going on ---------------------------------------------------------------------------------------------------
 
@@ -224,7 +255,11 @@ class Channel:
                 if self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._look_settled(self._due_ns)
             case Phase.DWELL:
-                if self._due_ns is not None and self._now_ns >= self._due_ns:
+                block = self._current
+                if block is not None and block.watched and self._do.watch.deletes(block):
+                    self._do.watch.deleted()
+                    self._post()
+                elif self._due_ns is not None and self._now_ns >= self._due_ns:
                     self._post()
             case Phase.FUNCTIONS:
                 if self._do.acknowledged():
@@ -281,7 +316,7 @@ class Channel:
         """A block begins, or has begun at t_ns."""
         if self.block != (block.program, block.number) and block.number:
             self._do.begun(t_ns, block)
-        self.block, self.column = (block.program, block.number), block.column
+        self.block, self.column, self._entered = (block.program, block.number), block.column, block
 
     def _break_off(self, error: ProgramError, block: PathBlock) -> None:
         """The path of a block cannot be made."""
@@ -326,6 +361,12 @@ class Channel:
 
     def _begin_path(self) -> None:
         """A stretch begins with the first of the waiting blocks."""
+        block = self._ahead.blocks[0]
+        if block.watched and self._do.watch.deletes(block):
+            self._current = self._ahead.blocks.popleft()
+            self._delete()
+            self._settle()
+            return
         limits = self._do.limits()
         chosen = joining(self._ahead.blocks, None, self._halts, self._do)
         try:
@@ -350,6 +391,10 @@ class Channel:
         if free and self._jumps and self._do.acknowledged():
             self.branch(self._now_ns)
             return
+        first = stretch.first
+        if first is not None and first.watched and not self._deleted and self._do.watch.deletes(first):
+            self._delete()
+            return
         for over, block, began_ns in stretch.passed(self._now_ns):
             for function in over.post:
                 self._do.send(function)
@@ -373,7 +418,7 @@ class Channel:
         if self._drops:
             self._end(aborted=True)
             return
-        last = self._stretch.finish(gives_up=self._branches)
+        last = self._stretch.finish(gives_up=self._branches or self._deleted)
         if last is None:
             self.phase, self._due_ns = Phase.HELD, None
             return
@@ -446,13 +491,14 @@ class Channel:
         """A block has been carried out whole."""
         block, self._current = self._current, None
         assert block is not None
+        if self._deleted:
+            self._deleted = False
+            self._begin_anew()
         if block.stop is Stop.SYNCHRONISE or block.stop is Stop.MEASURING_STOP:
             self._interpreter.executed()
         if self._interpreter.waiting is Waiting.ACKNOWLEDGEMENT and not self._ahead.blocks:
             if self._branches:
-                self._interpreter.stand(self._position())
-                self._stretch.stand(self._do.limits(), self._position())
-                self._ahead.renew_filters()
+                self._begin_anew()
             elif not self._do.acknowledged():
                 self._do.withdraw()
             self._interpreter.acknowledged(self._branches)
@@ -469,11 +515,17 @@ class Channel:
         else:
             self.phase, self._due_ns = Phase.EMPTY, self._now_ns + BLOCK_NS
 
+    def _begin_anew(self) -> None:
+        """A path has been deleted: the next one begins where the axes stand, without corrections of the one before."""
+        self._interpreter.stand(self._position())
+        self._stretch.stand(self._do.limits(), self._position())
+        self._ahead.renew_filters()
+
     def _end(self, *, aborted: bool) -> None:
         """No program any more."""
         self._ahead.end()
         self._stretch.clear()
-        self._current = None
+        self._current = self._entered = None
         self._holds = self._drops = False
         self.phase, self._due_ns = Phase.IDLE, None
         self._do.ended(self.block if aborted else None)

@@ -47,8 +47,9 @@ from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
-from isel_twin.firmware.bwo900.status import NUMBERS, cell
+from isel_twin.firmware.bwo900.status import NUMBERS, cell, in_force, shown
 from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
+from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
 __all__ = ["Control", "Mode"]
@@ -79,6 +80,7 @@ class Control:
     def __init__(self, flash: bytes | None, *, plc: str | None = None) -> None:
         """flash: programs and parameters that were kept. plc: STEP 5 text in place of the default program."""
         self._parameters, self._store, self._flash_fault = memory.read(flash)
+        self._memory = memory.Memory(self._parameters, self._store)
         self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
@@ -90,6 +92,7 @@ class Control:
         self._axes = Axes(self._parameters, self._levels)
         self._power = Power(self._levels, AXES, self._outgoing)
         self._hand = Hand(self._parameters, self._axes, self._outgoing)
+        self._watch = Watch(self._parameters, self._levels, self._places, self._executed)
         self._channel = Channel(self._interpreter, self._services(), partial(memory.filters, self._parameters))
         self._now_ns = 0
         self.mode = Mode.HAND
@@ -108,7 +111,7 @@ class Control:
             withdraw=self._plc.withdraw,
             speed=self._plc.speed,
             tool=self._plc.tool,
-            parameter=self._parameters.write,
+            parameter=self._write,
             say=self._say,
             text=self._show,
             settled=self._axes.settled,
@@ -117,6 +120,7 @@ class Control:
             begun=self._block_begun,
             ended=self._program_ended,
             option=self._option,
+            watch=self._watch,
             allowed=self._axes.allowed,
         )
 
@@ -128,6 +132,19 @@ class Control:
 
     def _counts(self) -> tuple[int, ...]:
         return self._axes.counts
+
+    def _places(self) -> list[tuple[float, float]]:
+        """Of each axis, mm: where it is, in the machine and on the display."""
+        frame = in_force(self._interpreter, self._channel)
+        return [(mm, mm - shown(axis, frame)) for axis, mm in enumerate(map(self._axes.actual_mm, range(AXES)))]
+
+    def _executed(self) -> tuple[str, int]:
+        return self._channel.block
+
+    def _write(self, number: int, value: float | None) -> None:
+        """A parameter that a block writes as it is executed."""
+        self._parameters.write(number, value)
+        self._watch.written(number, value)
 
     def _option(self, number: int) -> int:
         return int(self._parameters.get(number))
@@ -226,7 +243,7 @@ class Control:
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
-            self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+            self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
@@ -234,7 +251,7 @@ class Control:
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._written(number, wanted, "P", 1)
-        self._outgoing.add(FlashWrite(memory.image(self._parameters, self._store)))
+        self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -251,6 +268,8 @@ class Control:
                 self._lose(2001)
         elif terminal.startswith("limit") and before and not level:
             self._limit("xyz".index(terminal[6]), int(terminal[7]))
+        elif terminal == PROBE:
+            self._watch.touched()
         elif terminal == "e0.1" and level and not before:
             self._start()
         elif terminal == "e0.2" and not level and before:
@@ -305,6 +324,8 @@ class Control:
             p.write(8_687, 1.0 if channel.active else 0.0)
         if p.get(8_561) != self._feeder.level:
             p.write(8_561, float(self._feeder.level))
+        if p.get(8_559) != channel.halted:
+            p.write(8_559, float(channel.halted))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))
@@ -359,6 +380,8 @@ class Control:
 
     def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
         """A parameter has been written from the line: some are keys."""
+        if area == "P" and channel == 1:
+            self._watch.written(number, value)
         wanted = keys.wish(number, value, AXES) if area == "P" and channel == 1 else None
         if wanted is None:
             return
@@ -406,8 +429,7 @@ class Control:
     def _put_out(self, kind: int) -> None:
         """All parameters as a file, 5 with their status."""
         for number in NUMBERS:
-            if (now := self._cell(number)) is not None:
-                self._parameters.write(number, now)
+            self._parameters.write(number, self._cell(number))
         text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
         self._outgoing.add(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
 
@@ -423,6 +445,8 @@ class Control:
         if mode is Mode.HAND:
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+        elif self.mode is Mode.HAND:
+            self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
         self._channel.single = mode is Mode.SINGLE
@@ -505,7 +529,7 @@ class Control:
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 
     def _cell(self, number: int) -> float | None:
-        return cell(number, self._interpreter, self._channel, self._axes, AXES)
+        return cell(number, self._interpreter, self._channel, self._axes)
 
     def _say(self, said: Message) -> None:
         self._outgoing.say(self._now_ns, said)

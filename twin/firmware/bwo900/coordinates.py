@@ -9,7 +9,8 @@ program's is worked out anew (`renew`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, YZ, ZX, Plane, Point
@@ -53,6 +54,8 @@ class Coordinates:
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
         self._length = length_mm
         self.position = tuple(position) + (0.0,) * (axes - len(position))
+        self._unmirrored: dict[int, float] = {}
+        """Program coordinates of axes that have not moved since a mirror was switched, as they were before it."""
         self._known: tuple[object, ...] | None = None
         """What the frame has been worked out from."""
         self.frame = self._frame_now()
@@ -82,10 +85,21 @@ class Coordinates:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self.position = tuple(position) + self.position[len(position) :]
         self.program_position = self.frame.program(self.position)
+        self._unmirrored.clear()
 
-    def arrive(self, position: Point, program_position: Point) -> None:
-        """A path has been laid to there."""
+    def arrive(self, position: Point, program_position: Point, axes: Iterable[int]) -> None:
+        """A path has been laid to there; these axes were programmed."""
         self.position, self.program_position = position, program_position
+        for axis in axes:
+            self._unmirrored.pop(axis, None)
+
+    @property
+    def counted_from(self) -> Point:
+        """What incremental dimensions count from: without a mirror that was switched since an axis has moved.
+
+        The manual, 4.21: with G91 the target is worked out in the system that is not mirrored, and then mirrored.
+        """
+        return tuple(self._unmirrored.get(axis, value) for axis, value in enumerate(self.program_position))
 
     def renew(self) -> None:
         """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
@@ -95,8 +109,21 @@ class Coordinates:
         self._known = known
         frame = self._frame_now()
         if frame != self.frame:
+            self._keep_unmirrored(frame)
             self.frame = frame
             self.program_position = frame.program(self.position)
+
+    def _keep_unmirrored(self, frame: Frame) -> None:
+        """Where the axes of the plane are in the new frame as the mirrors were before, if that makes a difference."""
+        old, plane = self.frame, frame.plane
+        flags = (frame.mirror_first != old.mirror_first, frame.mirror_second != old.mirror_second)
+        if not any(flags):
+            self._unmirrored.clear()
+            return
+        before = replace(frame, mirror_first=old.mirror_first, mirror_second=old.mirror_second).program(self.position)
+        for axis, turned in zip((plane.first, plane.second), flags, strict=True):
+            if turned or frame.rotation is not None:
+                self._unmirrored.setdefault(axis, before[axis])
 
     # What they are used for
 
@@ -122,7 +149,7 @@ class Coordinates:
             shift_first=int(self._parameters.get(8_859)) >= 2,
             mirror_first=modal.mirror_first,
             mirror_second=modal.mirror_second,
-            shift=self.shift,
+            shift=nothing if bound else self.shift,
             zero=zero,
             length=0.0 if bound else self._length,
         )

@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.coordinates import Coordinates
 from isel_twin.firmware.bwo900.cycles.call import Call, Kind, Move
 from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element
-from isel_twin.firmware.bwo900.functions import definition
+from isel_twin.firmware.bwo900.functions import Functions
 from isel_twin.firmware.bwo900.groups import Modal
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -84,13 +84,15 @@ def call_of(
     tools: Tools,
     words: Mapping[int, float],
     machining: int | None,
+    *,
+    bare: bool,
 ) -> Call:
-    """What a cycle is told."""
+    """What a cycle is told. bare: G66."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
     fastest = max((parameters.axis(axis, 4, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(
         parameters=loaded,
-        position=coordinates.program_position,
+        position=coordinates.frame.bare.program(coordinates.position) if bare else coordinates.program_position,
         plane=coordinates.frame.plane,
         words=dict(words),
         feed_mm_min=targets.feed_mm_min,
@@ -100,24 +102,24 @@ def call_of(
         motion=coordinates.modal.motion,
         tool_radius_mm=abs(tools.radius_mm),
         inner=machining,
-        strict=True,
+        polar=coordinates.modal.polar == 10,
     )
 
 
 def step(
-    move: Move, said: Said, coordinates: Coordinates, targets: Targets, parameters: Parameters
+    move: Move, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
 ) -> tuple[tuple[Element, ...], dict[str, object]]:
-    """Elements of a move, and what its PathBlock has that its block does not say."""
-    coordinates.g(MOTION[move.kind])
+    """Elements of a move, and what its PathBlock has that its block does not say. programmed: 0 to 3, of G00 to G03."""
+    coordinates.g(MOTION.get(move.kind, programmed))
     said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
     elements: tuple[Element, ...] = ()
     if move.centre is not None:
         turn = 1 if move.kind is Kind.COUNTER_CLOCKWISE else -1
-        elements = (targets.arc(move.target, move.centre, turn),)
+        elements = (targets.arc(said, move.target, move.centre, turn),)
     elif move.target:
         elements = targets.path(said, move.target)
-    functions = tuple(Machine(code, (), definition(code, parameters).halt) for code in move.m)
-    changes: dict[str, object] = {"post": functions, "main": False, "correction": Correction()}
+    post = tuple(Machine(code, (), functions.of(code).halt) for code in move.m)
+    changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP
     if move.kind is Kind.TAP:

@@ -14,7 +14,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["CONTROLLING", "FACTORY_FUNCTIONS", "Definition", "definition"]
+__all__ = ["CONTROLLING", "FACTORY_FUNCTIONS", "Definition", "Functions"]
 
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
@@ -22,6 +22,7 @@ CONTROLLING: Final = frozenset((0, 1, 2, 16, 23, 24, 25, 26, 28, 29, 30))
 """Those that control the program (manual 6.1); M06 does both."""
 IN_SYSTEM: Final = 200
 """M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise."""
+HIGHEST: Final = 999
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,22 +37,39 @@ class Definition:
     synchronises: bool = False
 
 
-def definition(number: int, parameters: Parameters) -> Definition:
-    """The definition of an M function; one that nobody has defined goes before the path, without halt."""
-    place, part = divmod(number, 4)
-    in_system = number < IN_SYSTEM and not parameters.get(158, 0.0, "q")
-    bits = byte(parameters.get((11_050 if in_system else 8_250) + place), part + 1)
-    if not bits:
-        return Definition()
-    jump = bool(bits & JUMP)
-    return Definition(
-        pre=bool(bits & PRE) or jump,
-        post=bool(bits & POST) and not jump,
-        halt=bool(bits & HALT) or jump,
-        jump=jump,
-        cycle=bool(bits & CYCLE) and number > 30,
-        synchronises=bool(bits & SYNCHRONISES),
-    )
+class Functions:
+    """The definitions in force: those of the table as it was when they were taken over, from HAND to AUTO."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self.take_over()
+
+    def take_over(self) -> None:
+        """The table as it is now counts."""
+        p = self._parameters
+        in_channel = bool(p.get(158, 0.0, "q"))
+        self._bits: dict[int, float] = {}
+        """Four of them, by the lowest number; those that nobody has defined are missing."""
+        for place in range(HIGHEST // 4 + 1):
+            in_system = 4 * place < IN_SYSTEM and not in_channel
+            if bits := p.get((11_050 if in_system else 8_250) + place):
+                self._bits[place] = bits
+
+    def of(self, number: int) -> Definition:
+        """The definition of an M function; one that nobody has defined goes before the path, without halt."""
+        place, part = divmod(number, 4)
+        bits = byte(self._bits.get(place, 0.0), part + 1)
+        if not bits:
+            return Definition()
+        jump = bool(bits & JUMP)
+        return Definition(
+            pre=bool(bits & PRE) or jump,
+            post=bool(bits & POST) and not jump,
+            halt=bool(bits & HALT) or jump,
+            jump=jump,
+            cycle=bool(bits & CYCLE) and number > 30,
+            synchronises=bool(bits & SYNCHRONISES),
+        )
 
 
 def _packed(definitions: Mapping[int, int]) -> dict[int, float]:

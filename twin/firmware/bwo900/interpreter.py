@@ -32,7 +32,8 @@ from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element, Point
 from isel_twin.firmware.bwo900.expressions import whole
 from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import GROUPS, ZERO, Modal
+from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
+from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs import Store
@@ -43,6 +44,7 @@ from isel_twin.firmware.bwo900.syntax import Block
 from isel_twin.firmware.bwo900.targets import Targets
 from isel_twin.firmware.bwo900.tools import Tools
 from isel_twin.firmware.bwo900.values import Values
+from isel_twin.firmware.bwo900.watch import DELETE, DELETED
 
 __all__ = ["Interpreter", "Waiting"]
 
@@ -97,8 +99,14 @@ class Interpreter:
         """The block has said sc:0 or sc:100."""
         self._tool: int | None = None
         self._jump_to: Goal | None = None
+        self._otherwise: Goal | None = None
+        """Where the block leads to if its M function with a jump is not acknowledged."""
+        self._watched = False
+        """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
         self._block_now: Block | None = None
+        self._told = AT_REST
+        """What the last block has been told of what holds."""
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
@@ -137,29 +145,24 @@ class Interpreter:
         return self._stack.place
 
     @property
-    def modal(self) -> Modal:
-        """What is in force for the next block."""
-        return self._coordinates.modal
-
-    @property
     def frame(self) -> Frame:
-        """The same, of coordinates."""
+        """Coordinates of the next block, and of the last one without a program."""
         return self._coordinates.frame
 
     @property
-    def depth(self) -> int:
-        """Subprograms that are open."""
-        return self._stack.depth
+    def loop(self) -> tuple[int, int]:
+        """Passes and the present pass of the innermost loop of the program that is analysed; 0, 0: none is open."""
+        return self._stack.loop
 
     @property
-    def loops(self) -> list[tuple[int, int]]:
-        """Passes and passes left of each open loop of the program that is analysed, the innermost last."""
+    def loops(self) -> int:
+        """Loops that are open in the program that is analysed."""
         return self._stack.loops
 
     @property
-    def feed_mm_min(self) -> float | None:
-        """F, None before there is one."""
-        return self._targets.feed_mm_min
+    def in_force(self) -> InForce:
+        """What holds for the next block; without a program, what one begins with."""
+        return self._in_force(None) if self._stack else AT_REST
 
     @property
     def program_position(self) -> Point:
@@ -182,6 +185,7 @@ class Interpreter:
 
     def executed(self) -> None:
         """The block that analysis waits for has been executed; tool data may have changed."""
+        self._watched = False
         if self._waiting is Waiting.EXECUTION:
             self._waiting = None
             self._stale = True
@@ -189,15 +193,20 @@ class Interpreter:
     def begun(self) -> None:
         """The path of the last block has begun."""
         if self._waiting is Waiting.BEGINNING:
-            self._waiting = None
+            self._waiting = Waiting.EXECUTION if self._watched else None
+
+    def take_over_functions(self) -> None:
+        """The definitions of M functions are from now on as the table says now."""
+        self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
         """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
-            if jumps and self._jump_to is not None:
-                self._stack.go(self._jump_to)
-            self._jump_to = None
+            goal = self._jump_to if jumps else self._otherwise
+            if goal is not None:
+                self._stack.go(goal)
+            self._jump_to = self._otherwise = None
 
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
@@ -219,7 +228,7 @@ class Interpreter:
             return self._next_of_cycle(self._cycle_now)
         if self._waiting is Waiting.CONDITION and self._block_now is not None and self._values.holds(self._block_now):
             self._waiting = None
-        if self._waiting is not None:
+        if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self._stack:
             return None
@@ -239,6 +248,8 @@ class Interpreter:
             level.place -= 1
             error.column = error.column or block.column
             raise
+        if self._watched and self._waiting is None:
+            self._waiting = Waiting.EXECUTION
         if self._supervises and not self._lets_go and self._stays():
             return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
@@ -258,7 +269,19 @@ class Interpreter:
         """A block of a program without a path."""
         here = self._coordinates
         fields: dict[str, object] = {"number": 0, "start": here.position, "plane": here.frame.plane, **others}
+        fields |= {"target": here.program_position, "in_force": self._in_force(None)}
         return PathBlock(name, **fields)  # type: ignore[arg-type]
+
+    def _in_force(self, cycle: int | None) -> InForce:
+        """What holds for a block; cycle: number of the one that it is a move of."""
+        here, stack = self._coordinates, self._stack
+        user, called_by = stack.cycle or ("", None)
+        number = int(user[1:]) if user else cycle
+        feed = self._targets.feed_mm_min or 0.0
+        now = InForce(here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop)
+        if now != self._told:
+            self._told = now
+        return self._told
 
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
@@ -280,7 +303,10 @@ class Interpreter:
         jump = self._values.jump(block)
         said = Said(block, level.program.name, not self._stack.in_cycle, later, self._values.synchronises(block))
         self._reader.read(said)
-        goal = said.goal if jump is None else (level.program.name, jump)
+        goal = said.goal
+        if jump is not None:
+            goal = level.program.name, jump
+            said.goes_elsewhere()
         self._words(said)
         if self._cycle_now is not None:
             self._cycle_now.goal = goal
@@ -294,6 +320,8 @@ class Interpreter:
             self._tools.change()
         elif number == 8_047 and value == 1.0:
             self._tools.put_back()
+        elif number == DELETE and not value:
+            self._parameters.write(DELETED, 0.0)
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
@@ -312,11 +340,14 @@ class Interpreter:
     def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
         """A PathBlock of what the block has said, and what analysis waits for behind it."""
         feed = self._targets.feed_mm_min
-        made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters)
+        number = said.cycles[0] if said.cycles else None
+        told = self._in_force(number)
+        made = path_block(said, elements, self._coordinates, feed, self._tools, self._parameters, told)
         if changes:
             made = replace(made, **changes)  # type: ignore[arg-type]
         self._ready.append(made)
-        if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or said.synchronises:
+        self._watched = self._watched or made.watched
+        if made.stop is Stop.SYNCHRONISE or made.stop is Stop.MEASURING_STOP or said.synchronises or made.watched:
             self._waiting = Waiting.EXECUTION
             self._measured = made.stop is Stop.MEASURING_STOP
             if made.stop is Stop.NONE:
@@ -326,7 +357,9 @@ class Interpreter:
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
         """What a block does last: it leads elsewhere. goal: of a jump; level: that of the block."""
-        if goal is not None and said.jump is None:
+        if said.jump is not None:
+            self._otherwise = goal
+        elif goal is not None:
             self._stack.go(goal)
         elif said.call is not None:
             self._stack.call(*said.call, change=said.changes)
@@ -380,9 +413,10 @@ class Interpreter:
         """The moves of a cycle, each a PathBlock of its own."""
         first, pattern, machining = chosen(said.cycles, self._reader.drilling)
         after, stop = list(said.post), said.stop
-        said.post, said.stop = [], Stop.NONE
+        said.post, said.stop, said.watches = [], Stop.NONE, False
         here = self._coordinates
-        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining)
+        bare = 66 in said.blockwise
+        call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
         self._cycle_now = Cycle(said, self._stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
@@ -399,7 +433,9 @@ class Interpreter:
             pre: list[Machine] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []
-            elements, changes = step(move, said, self._coordinates, self._targets, self._parameters)
+            elements, changes = step(
+                move, said, self._coordinates, self._targets, self._reader.functions, cycle.modal.motion
+            )
             self._emit(said, elements, **changes)
             said.pre, said.speeds, said.parameters, said.tool = pre, {}, [], None
             return
@@ -438,10 +474,20 @@ class Interpreter:
             if number == 2:
                 self._waiting = Waiting.BEGINNING
 
+    @property
+    def supervises_watched(self) -> bool:
+        """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
+        if not self._watched or self._waiting is not Waiting.EXECUTION or not self._stack or self._stack.top.over:
+            return False
+        block = self._stack.top.program.block(self._stack.top.place)
+        moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
+        return not moves and (self._supervises or bool(block.calls))
+
     def _stays(self) -> bool:
         """Keep what a block of supervision has come to, unless it has functions or ends something."""
         speaks = any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready)
-        if speaks or self._waiting not in (None, Waiting.BEGINNING) or not self._stack:
+        waits = None if self._watched else self._waiting
+        if speaks or waits not in (None, Waiting.BEGINNING) or not self._stack:
             return False
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
         self._ready.clear()

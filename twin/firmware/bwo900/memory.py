@@ -1,10 +1,17 @@
-"""What the control keeps over a power cut: programs and parameters, as one image with a checksum."""
+"""What the control keeps over a power cut: programs and parameters, as one image with a checksum.
+
+    | BWO2 | checksum | program | program | ... | head | size of the head |
+                        each compressed by itself       parameters, names and sizes, as JSON, compressed
+
+Every key of the operator writes an image. Programs may be 100 MB and change only when a file comes, so what has been
+made of them is kept, the checksum up to the head included; a key costs the head, and one copy of the rest.
+"""
 
 from __future__ import annotations
 
 import json
 import zlib
-from typing import Final
+from typing import Any, Final
 
 from isel_twin.firmware.bwo900.contour import Contour
 from isel_twin.firmware.bwo900.functions import FACTORY_FUNCTIONS
@@ -13,23 +20,53 @@ from isel_twin.firmware.bwo900.offset import Offset
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs import Program, Store
 
-__all__ = ["filters", "image", "read"]
+__all__ = ["Memory", "filters", "read"]
 
-MAGIC: Final = b"BWO1"
+MAGIC: Final = b"BWO2"
+FIRST: Final = 8
+"""Bytes before the programs."""
+SIZE: Final = 4
+"""Bytes of a checksum, and of the size of the head."""
 
 
-def image(parameters: Parameters, store: Store) -> bytes:
-    """The image of both: a head in JSON, and the texts of the programs behind it."""
-    programs = [store[name] for name in sorted(store)]
-    head = {
-        "q": [list(item) for item in parameters.items()],
-        "status": [list(item) for item in parameters.statuses()],
-        "programs": [[program.name, len(program.text)] for program in programs],
-    }
-    packer = zlib.compressobj(1)
-    data = packer.compress(json.dumps(head, separators=(",", ":")).encode() + b"\n")
-    data += b"".join(packer.compress(program.text) for program in programs) + packer.flush()
-    return MAGIC + zlib.crc32(data).to_bytes(4, "little") + data
+class Memory:
+    """Makes images of a control's programs and parameters."""
+
+    def __init__(self, parameters: Parameters, store: Store) -> None:
+        self._parameters, self._store = parameters, store
+        self._forget()
+
+    def _forget(self) -> None:
+        self._packed: dict[Program, bytes] = {}
+        """Programs of the last image, compressed; a program never changes, its place is taken by another one."""
+        self._checksum = zlib.crc32(b"")
+        """Of all of them in their order."""
+
+    def image(self) -> bytes:
+        """The image of what there is now."""
+        programs = [self._store[name] for name in sorted(self._store)]
+        if list(self._packed) != programs:
+            self._packed = {p: self._packed.get(p) or zlib.compress(p.text, 1) for p in programs}
+            self._checksum = zlib.crc32(b"")
+            for part in self._packed.values():
+                self._checksum = zlib.crc32(part, self._checksum)
+        head = {
+            "q": [list(item) for item in self._parameters.items()],
+            "status": [list(item) for item in self._parameters.statuses()],
+            "programs": [[program.name, len(part)] for program, part in self._packed.items()],
+        }
+        packed = zlib.compress(json.dumps(head, separators=(",", ":")).encode(), 1)
+        end = packed + len(packed).to_bytes(SIZE, "little")
+        checksum = zlib.crc32(end, self._checksum).to_bytes(SIZE, "little")
+        return b"".join((MAGIC, checksum, *self._packed.values(), end))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what can be made again."""
+        return {"_parameters": self._parameters, "_store": self._store}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._forget()
 
 
 def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
@@ -46,18 +83,17 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
 
 
 def _unpacked(flash: bytes) -> tuple[Parameters, Store]:
-    data = flash[8:]
-    if flash[:4] != MAGIC or int.from_bytes(flash[4:8], "little") != zlib.crc32(data):
+    view = memoryview(flash)
+    if flash[:4] != MAGIC or int.from_bytes(flash[4:FIRST], "little") != zlib.crc32(view[FIRST:]):
         raise ValueError("checksum")
-    first, _, texts = zlib.decompress(data).partition(b"\n")
-    head = json.loads(first)
+    behind = len(flash) - SIZE
+    head = json.loads(zlib.decompress(view[behind - int.from_bytes(flash[behind:], "little") : behind]))
     parameters = Parameters({int(q): float(value) for q, value in head["q"]})
     for q, status in head["status"]:
         parameters.set_status(int(q), int(status), "q")
-    store, at = Store(), 0
+    store, at = Store(), FIRST
     for name, size in head["programs"]:
-        lines = texts[at : at + size].decode("latin-1").split("\n")[:-1]
-        store[name] = Program.of(name, lines)
+        store[name] = Program.of(name, zlib.decompress(view[at : at + size]).decode("latin-1").split("\n")[:-1])
         at += size
     return parameters, store
 

@@ -13,8 +13,15 @@
     switching off    a line, which begins where the corrected path has ended
     another radius   an element begins at the old distance and ends at the new one
 
-Blocks without a path are carried out at the meeting point, or before the arc. At most 12 of them may follow each other
-(M1157). A contour that the tool cannot follow is a message: M1151 to M1156, M1223.
+Blocks without a path in the plane are carried out at the meeting point, or at the end of the arc. At most 12 of them
+may follow each other (M1157). What a corner becomes depends on both its elements and on nothing else. A contour that
+the tool cannot follow is a message:
+
+    M1152    an inner circle that is not larger than the tool
+    M1153    switched on or off with a circle
+    M1156    two circles, corrected, do not meet
+    M1223    an inner corner takes more of an element than there is, or the line and the circle do not meet
+    M1232    another plane, and the correction is still on
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import Correction, PathBlock
 from isel_twin.firmware.bwo900.elements import Arc, Element, Line, Plane, Point
-from isel_twin.firmware.bwo900.geometry import UV, cut, flat_length, heading, left_of, meetings, offset, share_of, turn
+from isel_twin.firmware.bwo900.geometry import UV, flat_length, heading, meetings, offset, share_of, turn
 from isel_twin.firmware.bwo900.messages import ProgramError
 
 __all__ = ["Offset", "corner_arc"]
@@ -35,6 +42,8 @@ MOST_EMPTY: Final = 12
 """Blocks without a path in a row (M1157)."""
 STRAIGHT_RAD: Final = 1e-6
 NEAR_MM: Final = 1e-7
+NEAR: Final = 1e-9
+"""Of a share."""
 SHARPEST: Final = 120.0
 """P8845 = 0: an arc above this change of direction, degrees."""
 
@@ -55,6 +64,11 @@ class _Open:
     """Elements that are not done."""
     done: list[Element] = field(default_factory=list)
 
+    def add(self, *elements: Element) -> None:
+        """What one of its elements has become."""
+        self.done += elements
+        self.left -= 1
+
 
 @dataclass
 class _Last:
@@ -63,10 +77,20 @@ class _Last:
     element: Element
     moved: Element
     begin: Point
+    share: float
+    """Of the moved element, at which it begins."""
     open: _Open
     correction: Correction
     approach: bool = False
     """It is the line that switches the correction on: its end is not known yet."""
+
+    @property
+    def plane(self) -> Plane:
+        return self.open.block.plane
+
+
+_Place = tuple[Point, float]
+"""A point of a moved element, and the share of its way."""
 
 
 class Offset:
@@ -77,18 +101,24 @@ class Offset:
         self._threshold = threshold
         self._open: deque[_Open] = deque()
         self._last: _Last | None = None
-        self._place: Point | None = None
+        self._place: tuple[Plane, UV] | None = None
         """Where the corrected path has got to, after the correction was switched off in a block without a path."""
+        self._waiting: list[tuple[_Open, Element]] = []
+        """Moves across the plane: they stand where the next element begins, which is not known yet."""
         self._empty = 0
 
     def push(self, block: PathBlock) -> list[PathBlock]:
         """The blocks that are done now. Raises ProgramError."""
-        corrected = bool(block.correction.side) and block.correction.radius_mm > 0.0
+        on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
         flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
-        if self._last is None and self._place is None and not corrected:
+        if self._last is None and self._place is None and not on:
             return [block]
+        if on and self._last is not None and block.plane != self._last.plane:
+            raise ProgramError(1232, "another plane with radius correction")
         entry = _Open(block, len(block.elements))
         self._open.append(entry)
+        if not flat and not on:
+            self._finish_last()
         if not flat:
             self._pathless(entry)
             return self._done()
@@ -96,7 +126,7 @@ class Offset:
         for element in block.elements:
             if flat_length(element, block.plane) <= NEAR_MM:
                 self._across(entry, element)
-            elif corrected:
+            elif on:
                 self._corrected(entry, element)
             else:
                 self._off(entry, element)
@@ -104,18 +134,7 @@ class Offset:
 
     def flush(self) -> list[PathBlock]:
         """Nothing comes that the last element could meet: it ends at right angles to its end."""
-        if self._last is not None and not self._last.approach:
-            self._finish(self._last, None)
-            last, self._last = self._last, None
-            self._place = last.open.done[-1].end
-        elif self._last is not None:
-            last, self._last = self._last, None
-            line = Line(last.begin, last.element.end)
-            last.open.done.append(line)
-            last.open.left -= 1
-            self._place = None
-        for entry in self._open:
-            entry.left = 0
+        self._finish_last()
         return self._done()
 
     # ---- blocks ------------------------------------------------------------------------------------------------------
@@ -132,24 +151,25 @@ class Offset:
 
     def _pathless(self, entry: _Open) -> None:
         """A block without a way in the plane."""
-        self._empty += not entry.block.elements
-        if self._empty > MOST_EMPTY:
-            raise ProgramError(1157, f"more than {MOST_EMPTY} in a row")
+        if self._last is not None and (entry.block.number or entry.block.main):
+            self._empty += 1
+            if self._empty > MOST_EMPTY:
+                raise ProgramError(1157, f"more than {MOST_EMPTY} in a row")
         for element in entry.block.elements:
             self._across(entry, element)
 
     def _across(self, entry: _Open, element: Element) -> None:
         """A move across the plane: where the tool is, not where the contour is. It waits for that to be known."""
-        if self._last is None:
-            place = self._place
-            entry.done.append(element if place is None else _at(element, entry.block.plane, place))
-            entry.left -= 1
-            return
-        self._waiting.append((entry, element))
+        if self._last is not None:
+            self._waiting.append((entry, element))
+        else:
+            entry.add(element if self._place is None else _at(element, *self._place))
 
-    @property
-    def _waiting(self) -> list[tuple[_Open, Element]]:
-        return self.__dict__.setdefault("_across_waiting", [])
+    def _crossed(self, plane: Plane, place: Point) -> None:
+        """Moves across the plane that waited for this place."""
+        for entry, element in self._waiting:
+            entry.add(_at(element, plane, plane.of(place)))
+        self._waiting.clear()
 
     # ---- elements ----------------------------------------------------------------------------------------------------
 
@@ -159,147 +179,127 @@ class Offset:
         if last is None:
             if isinstance(element, Arc):
                 raise ProgramError(1153, "the correction is switched on with a line")
-            begin = element.start if self._place is None else self._place
+            begin = element.start if self._place is None else _moved(element.start, *self._place)
             self._place = None
-            self._last = _Last(element, element, begin, entry, correction, approach=True)
+            self._last = _Last(element, element, begin, 0.0, entry, correction, approach=True)
             return
-        moved = offset(element, plane, correction.side * correction.radius_mm)
-        if moved is None:
-            raise ProgramError(1155, f"a circle of {element.radius_mm:g} mm" if isinstance(element, Arc) else "")
+        moved = _beside(element, plane, correction)
         if last.approach:
-            start = moved.start
-            last.open.done.append(Line(last.begin, plane.into(last.element.end, *plane.of(start))))
-            last.open.left -= 1
-            self._crossed(start)
-            self._last = _Last(element, moved, start, entry, correction)
-            return
-        begin = self._meet(last, moved, element, correction)
-        self._last = _Last(element, moved, begin, entry, correction)
+            begin, share = moved.start, 0.0
+            self._over(last, Line(last.begin, plane.into(last.element.end, *plane.of(begin))))
+        else:
+            begin, share = self._meet(last, element, correction.side)
+        self._last = _Last(element, moved, begin, share, entry, correction)
 
-    def _meet(self, last: _Last, moved: Element, element: Element, correction: Correction) -> Point:
-        """End the last element where the next one begins, with what lies between them; where that is."""
-        plane = last.open.block.plane
-        before, after = heading(last.element, plane, 1.0), heading(element, plane, 0.0)
-        angle = turn(before, after)
-        same = correction.side == last.correction.side
-        if same and correction.radius_mm != last.correction.radius_mm:
-            moved_old = offset(element, plane, last.correction.side * last.correction.radius_mm)
-            if moved_old is None:
-                raise ProgramError(1155)
-            return self._meet(last, moved_old, element, last.correction)
+    def _meet(self, last: _Last, element: Element, side: int) -> _Place:
+        """End the last element where the next one begins, with what lies between them; where that is.
+
+        A radius that is another one for the next element counts from its end on: here it is still the old one.
+        """
+        plane, old = last.plane, last.correction
+        moved = _beside(element, plane, replace(old, side=side))
+        angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
+        same = side == old.side
+        there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane that come between
         if same and abs(angle) < STRAIGHT_RAD:
-            self._finish(last, moved.start)
-            return moved.start
+            self._over(last, _between(last, there, 1.0))
+            return moved.start, 0.0
         back = abs(angle) > math.pi - STRAIGHT_RAD
-        outer = same and (back or correction.side * angle < 0.0)
+        outer = same and (back or side * angle < 0.0)
         if not same or (outer and corner_arc(math.degrees(abs(angle)), self._threshold)):
-            return self._around(last, moved, element, correction)
-        point = self._meeting(last, moved, plane, outer=outer)
-        begin = plane.into(moved.start, *point)
-        self._finish(last, plane.into(last.moved.end, *point))
-        return begin
+            sweep = -side * abs(angle) if same else _over_the_path(old.side, angle)
+            arc = Arc(last.moved.end, there, plane, plane.of(element.start), sweep)
+            corner = [arc] if abs(sweep) > STRAIGHT_RAD and old.radius_mm > 0.0 else []
+            self._over(last, _between(last, last.moved.end if corner else there, 1.0), *corner)
+            return moved.start, 0.0
+        point, end, begin = _meeting(last.moved, moved, plane, outer=outer)
+        self._over(last, _between(last, plane.into(last.moved.end, *point), end))
+        return plane.into(moved.start, *point), begin
 
-    def _around(self, last: _Last, moved: Element, element: Element, correction: Correction) -> Point:
-        """An outer corner, or a change of side: an arc about the corner."""
-        self._finish(last, last.moved.end)
-        plane, corner = last.open.block.plane, last.open.block.plane.of(element.start)
-        start, end = last.moved.end, moved.start
-        before, after = heading(last.element, plane, 1.0), heading(element, plane, 0.0)
-        sweep = -correction.side * abs(turn(before, after))
-        if correction.side != last.correction.side:
-            first, second = left_of(before), left_of(after)
-            sweep = turn(
-                (last.correction.side * first[0], last.correction.side * first[1]),
-                (correction.side * second[0], correction.side * second[1]),
-            )
-        if abs(sweep) > STRAIGHT_RAD:
-            last.open.done.append(Arc(start, end, plane, corner, sweep))
-        return end
+    def _over(self, last: _Last, *elements: Element) -> None:
+        """An element is done, and has become these."""
+        last.open.add(*elements)
+        self._crossed(last.plane, elements[-1].end)
 
-    def _meeting(self, last: _Last, moved: Element, plane: Plane, *, outer: bool) -> UV:
-        """Where two moved elements meet at their corner. Raises ProgramError M1223, M1156."""
-        corner = plane.of(moved.start)
-        points = meetings(last.moved, moved, plane)
-        best: UV | None = None
-        for point in sorted(points, key=lambda p: math.dist(p, corner)):
-            a, b = share_of(last.moved, plane, point), share_of(moved, plane, point)
-            if outer:
-                fits = a >= 1.0 - 1e-9 and b <= 1e-9
-                fits = fits or not (isinstance(last.moved, Line) and isinstance(moved, Line))
-            else:
-                fits = -1e-9 <= a <= 1.0 + 1e-9 and -1e-9 <= b <= 1.0 + 1e-9
-            if fits:
-                best = point
-                break
-        if best is None:
-            circles = isinstance(last.moved, Arc) and isinstance(moved, Arc)
-            raise ProgramError(1156 if circles and not points else 1223, "the tool is too large for an inner corner")
-        return best
-
-    def _finish(self, last: _Last, end: Point | None) -> None:
-        """The last element is done: from where it begins to `end`, None: its own end. Raises ProgramError M1223."""
-        plane = last.open.block.plane
-        begin = plane.of(last.begin)
-        stop = last.moved.end if end is None else end
-        element = self._between(last, plane, begin, plane.of(stop))
-        last.open.done.append(element)
-        last.open.left -= 1
-        self._crossed(element.end)
-
-    def _between(self, last: _Last, plane: Plane, begin: UV, end: UV) -> Element:
-        moved = last.moved
-        if isinstance(moved, Line):
-            start, stop = plane.into(moved.start, *begin), plane.into(moved.end, *end)
-            way = (end[0] - begin[0], end[1] - begin[1])
-            d = heading(moved, plane, 0.0)
-            if way[0] * d[0] + way[1] * d[1] < -NEAR_MM:
-                raise ProgramError(1223, "the path is too short for the tool's radius")
-            return Line(start, stop)
-        first, final = share_of(moved, plane, begin), share_of(moved, plane, end)
-        if abs(moved.radius_mm - math.dist(begin, moved.centre)) > 1e-6:  # another radius: a spiral
-            sweep = moved.sweep_rad
-            return Arc(plane.into(moved.start, *begin), moved.end, plane, moved.centre, sweep)
-        if math.dist(begin, plane.of(moved.start)) < NEAR_MM:
-            first = 0.0
-        if math.dist(end, plane.of(moved.end)) < NEAR_MM:
-            final = 1.0
-        if final < first:
-            raise ProgramError(1223, "the arc is too short for the tool's radius")
-        whole = cut(moved, plane, begin, end)
-        assert isinstance(whole, Arc)
-        return replace(whole, sweep_rad=(final - first) * moved.sweep_rad)
-
-    def _crossed(self, place: Point) -> None:
-        """Moves across the plane that waited for this place."""
-        for entry, element in self._waiting:
-            entry.done.append(_at(element, entry.block.plane, place))
-            entry.left -= 1
-        self._waiting.clear()
+    def _finish_last(self) -> None:
+        """Nothing comes that the last element could meet: it ends at right angles to its end."""
+        last, self._last = self._last, None
+        if last is None:
+            return
+        if last.approach:
+            self._over(last, Line(last.begin, last.element.end))
+            return
+        self._over(last, _between(last, last.moved.end, 1.0))
+        self._place = last.plane, last.plane.of(last.moved.end)
 
     def _off(self, entry: _Open, element: Element) -> None:
         """The line that switches the correction off, or an element behind it."""
-        last = self._last
-        if last is not None:
-            if last.approach:
-                last.open.done.append(Line(last.begin, last.element.end))
-                last.open.left -= 1
-                self._crossed(last.element.end)
-                begin = last.element.end
-            else:
-                self._finish(last, None)
-                begin = last.open.done[-1].end
-            self._last = None
-        else:
-            assert self._place is not None
-            begin = self._place
-        self._place = None
+        self._finish_last()
+        place, self._place = self._place, None
+        if place is None:
+            entry.add(element)
+            return
         if isinstance(element, Arc):
             raise ProgramError(1153, "the correction is switched off with a line")
-        entry.done.append(Line(entry.block.plane.into(element.start, *entry.block.plane.of(begin)), element.end))
-        entry.left -= 1
+        entry.add(Line(_moved(element.start, *place), element.end))
 
 
-def _at(element: Element, plane: Plane, place: Point) -> Element:
+def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
+    """The element moved by the correction. Raises ProgramError M1152."""
+    moved = offset(element, plane, correction.side * correction.radius_mm)
+    if moved is None:
+        size = f"{element.radius_mm:g} mm" if isinstance(element, Arc) else ""
+        raise ProgramError(1152, f"a circle of {size} inside, a tool of {correction.radius_mm:g} mm")
+    return moved
+
+
+def _over_the_path(side: int, angle: float) -> float:
+    """Sweep about a corner of this angle from one side to the other: the shorter one; straight on: forwards."""
+    return -side * math.pi if abs(angle) < STRAIGHT_RAD else angle - math.copysign(math.pi, angle)
+
+
+def _meeting(a: Element, b: Element, plane: Plane, *, outer: bool) -> tuple[UV, float, float]:
+    """Where two moved elements meet at their corner, and the shares of both there. Raises ProgramError M1223, M1156."""
+    corner = plane.of(b.start)
+    points = meetings(a, b, plane)
+    for point in sorted(points, key=lambda p: math.dist(p, corner)):
+        end, begin = share_of(a, plane, point), share_of(b, plane, point)
+        if outer:
+            end, begin = _beyond(a, end, 1.0), -_beyond(b, -begin, 0.0)
+            fits = end >= 1.0 - NEAR and begin <= NEAR
+        else:
+            fits = -NEAR <= end <= 1.0 + NEAR and -NEAR <= begin <= 1.0 + NEAR
+        if fits:
+            return point, end, begin
+    circles = isinstance(a, Arc) and isinstance(b, Arc)
+    raise ProgramError(1156 if circles and not points else 1223, "the tool is too large for an inner corner")
+
+
+def _beyond(element: Element, share: float, least: float) -> float:
+    """The share of a place behind the end of an element that is prolonged: on a circle a turn later."""
+    if isinstance(element, Arc) and share < least - NEAR:
+        return share + 2.0 * math.pi / abs(element.sweep_rad)
+    return share
+
+
+def _between(last: _Last, end: Point, share: float) -> Element:
+    """The moved element from where it begins to `end`. Raises ProgramError M1223."""
+    moved, plane = last.moved, last.plane
+    if isinstance(moved, Line):
+        d = heading(moved, plane, 0.0)
+        (u, v), (begin_u, begin_v) = plane.of(end), plane.of(last.begin)
+        if (u - begin_u) * d[0] + (v - begin_v) * d[1] < -NEAR_MM:
+            raise ProgramError(1223, "the path is too short for the tool's radius")
+        return Line(last.begin, end)
+    if share < last.share - NEAR:
+        raise ProgramError(1223, "the arc is too short for the tool's radius")
+    return replace(moved, start=last.begin, end=end, sweep_rad=(share - last.share) * moved.sweep_rad)
+
+
+def _moved(point: Point, plane: Plane, place: UV) -> Point:
+    return plane.into(point, *place)
+
+
+def _at(element: Element, plane: Plane, place: UV) -> Element:
     """A move across the plane at another place of it."""
-    u, v = plane.of(place)
-    return Line(plane.into(element.start, u, v), plane.into(element.end, u, v))
+    return Line(_moved(element.start, plane, place), _moved(element.end, plane, place))

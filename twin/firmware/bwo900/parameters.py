@@ -10,7 +10,9 @@ block is executed (real time), bit 3 its writing synchronises. What is not said 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from string import ascii_uppercase
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -36,6 +38,9 @@ AXIS_SIZE: Final = 200
 FIRST_LIVE: Final = 8_900
 """Below it no parameter is worked out when it is asked for."""
 AXES: Final = 32
+MACHINE_AXES: Final = 3
+FIXED: Final = 3_000
+"""P7000 to P9999."""
 CHANNEL_SIZE: Final = 100
 """Of a channel's descriptor: q100, q200 ..."""
 
@@ -43,6 +48,12 @@ CHANNEL_SIZE: Final = 100
 def descriptor(letter: str, physical: int, index: int = 0) -> float:
     """The value of q110 .. q141 for an axis: letter, index 1 to 8 or 0, number of the physical axis (manual, 8.3)."""
     return float(ord(letter) | index << 8 | physical << 16 | physical << 24)
+
+
+def _name(value: float) -> str:
+    """Of an axis: its letter, and its index if it has one; empty if there is no letter."""
+    letter, index = chr(byte(value, 1)), byte(value, 2)
+    return (letter + (str(index) if index else "")) if letter in ascii_uppercase else ""
 
 
 def byte(value: float, number: int) -> int:
@@ -85,6 +96,8 @@ class Parameters:
             raise ProgramError(1305, f"channel {channel}")
         values = self._values
         first, size = int(values.get(base + 2, 0)), int(values.get(base + 3, 0))
+        if not (first >= 0 and size >= 0 and first + size + FIXED <= LARGEST_Q + 1):
+            first, size = int(FACTORY[102]), int(FACTORY[103])
         if 0 <= number < min(size, 7000):
             return first + number
         if 7000 <= number <= 9999:
@@ -123,8 +136,10 @@ class Parameters:
         return value
 
     def write(self, number: int, value: float | None, area: str = "P", channel: int = 1) -> None:
-        """Set a value; None deletes it."""
+        """Set a value; None deletes it. Raises ProgramError M1202 for one that is no number a double holds."""
         q = self.address(area, number, channel)
+        if value is not None and not math.isfinite(value):
+            raise ProgramError(1202, f"{area}{number}")
         if value is None:
             self._values.pop(q, None)
         else:
@@ -151,12 +166,18 @@ class Parameters:
 
     @property
     def axes(self) -> Iterator[tuple[str, int]]:
-        """Name and physical number of each axis of the channel, in order."""
-        for logical in range(AXES):
-            value = self._values.get(110 + logical, 0.0)
-            if byte(value, 1):
-                index = byte(value, 2)
-                yield chr(byte(value, 1)) + (str(index) if index else ""), byte(value, 3)
+        """Name and physical number of each axis of the machine, in order.
+
+        A descriptor without a letter, and all of them if two have the same name, are what they are in a new control;
+        further ones belong to axes that the machine has not.
+        """
+        given = [self._values.get(110 + axis, 0.0) for axis in range(MACHINE_AXES)]
+        known = [FACTORY[110 + axis] for axis in range(MACHINE_AXES)]
+        chosen = [value if _name(value) else other for value, other in zip(given, known, strict=True)]
+        if len({_name(value) for value in chosen}) < MACHINE_AXES:
+            chosen = known
+        for value in chosen:
+            yield _name(value), byte(value, 3)
 
     def zero_point(self, number: int, axis: int, workspace: int = 1) -> float:
         """The shift of a zero point, 0 for G53 to 6 for G59 and on to G154 ..., of an axis from 0.

@@ -6,6 +6,10 @@
     on a circle           v^2 / R and the ramp share the acceleration of the plane's axes: each has 1 / sqrt 2 of it
                           P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes
     at a corner           factor of the lower of both speeds: cos(180 deg - angle) ^ P8851, 0 at 90 degrees and sharper
+    P8857                 the same deviation on the circle through the ends of two elements that join, and on arcs
+    feed dynamics         P8850 = 1: the feed is that of the point of contact, F r / R, r of the tool's centre
+                          P8850 > 1: F (1 + p / 100 (P8850 - R) / (P8850 - WR)), WR <= R <= P8850, p P8848 where the
+                          contour is convex, P8849 where it is concave; R its radius, WR the tool's
 
 Lengths in mm, speeds in mm/s, accelerations in mm/s^2; displacements in increments, whole numbers whose sums are those
 of the rounded places, so that no path drifts.
@@ -21,13 +25,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.blocks import BlockEnd, PathBlock
-from isel_twin.firmware.bwo900.elements import Arc, Element, Point
+from isel_twin.firmware.bwo900.blocks import BlockEnd, Correction, PathBlock
+from isel_twin.firmware.bwo900.elements import Arc, Element, Line, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.motion.joined import Pieces
 
-__all__ = ["Limits", "Path", "corner_factor", "positive"]
+__all__ = ["Limits", "Path", "circumradius", "corner_factor", "feed_factor", "positive"]
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0
@@ -40,6 +44,12 @@ FURTHEST: Final = 2.0**31
 """Increments from zero that a counter of 32 bits holds."""
 SHARE: Final = math.sqrt(0.5)
 """Of the acceleration, on circles: across the path and along it."""
+STRAIGHT: Final = 1e-9
+"""Sine of an angle that is none."""
+NO_CONTOUR_MM: Final = 1e-6
+"""Radius of a contour that is a corner."""
+SLOWEST: Final = 0.01
+"""Of the feed is left, whatever P8848 and P8849 take away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +74,14 @@ class Limits:
     """P8815, mm/s: in place of all feeds."""
     feed_share: float = 1.0
     """P8818: of every programmed feed."""
+    contour_mm: float = 0.0
+    """P8857, 0: off."""
+    convex: float = 0.0
+    """P8848, as a share of the feed: -1 to 1."""
+    concave: float = 0.0
+    """P8849"""
+    reference_mm: float = 0.0
+    """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
     sine: bool = False
     """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
 
@@ -89,6 +107,10 @@ class Limits:
             kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
             test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
             feed_share=positive(p.get(8_818), 100.0) / 100.0,
+            contour_mm=max(p.get(8_857), 0.0),
+            convex=_share(p.get(8_848)),
+            concave=_share(p.get(8_849)),
+            reference_mm=max(p.get(8_850), 0.0),
             sine=any(p.axis(a, 10, 0.0) == 1.0 for a in axes),
         )
 
@@ -96,6 +118,41 @@ class Limits:
 def positive(value: float, default: float) -> float:
     """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
     return value if value > 0.0 else default
+
+
+def circumradius(a: Point, b: Point, c: Point) -> float:
+    """Radius in mm of the circle through three points; infinite for points on a line, there or back."""
+    first, second, chord = math.dist(a, b), math.dist(b, c), math.dist(a, c)
+    if first <= 0.0 or second <= 0.0:
+        return math.inf
+    cosine = sum((y - x) * (z - y) for x, y, z in zip(a, b, c, strict=True)) / (first * second)
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    return chord / (2.0 * sine) if sine > STRAIGHT else math.inf
+
+
+def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
+    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
+
+    An arc around an outer corner has no contour of its own: 1.
+    """
+    reference, tool, centre = limits.reference_mm, correction.radius_mm, arc.radius_mm
+    if not correction.side or tool <= 0.0 or reference < 1.0:
+        return 1.0
+    concave = correction.side * arc.sweep_rad > 0.0
+    contour = centre + tool if concave else centre - tool
+    if contour <= NO_CONTOUR_MM:
+        return 1.0
+    if reference == 1.0:
+        return centre / contour
+    if reference <= tool or contour >= reference:
+        return 1.0
+    part = min((reference - contour) / (reference - tool), 1.0)
+    return max(1.0 + (limits.concave if concave else limits.convex) * part, SLOWEST)
+
+
+def _share(percent: float) -> float:
+    """-100 to 100 %, as a share."""
+    return min(max(percent, -100.0), 100.0) / 100.0
 
 
 def corner_factor(cosine: float, exponent: float) -> float:
@@ -118,6 +175,8 @@ class Path:
         self._place = self._increments(position)
         self._end: tuple[Point, float] | None = None
         """Direction and speed at the end of the last piece; None: it ends at 0."""
+        self._line: tuple[Point, Point] | None = None
+        """The last piece, if it is a line with a feed that the next one joins."""
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and how many each has. Raises ProgramError: M1230 no feed, M1237."""
@@ -135,6 +194,8 @@ class Path:
                 if length <= 0.0 or (not any(way) and not isinstance(element, Arc)):
                     continue
                 wanted, limit, acceleration = self._law(element, block)
+                if not block.rapid:
+                    limit = min(limit, self._contour(element))
                 entry = self._entry(element, min(wanted, limit))
                 if isinstance(element, Arc):
                     curves.append((len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
@@ -142,8 +203,10 @@ class Path:
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
                 self._end = element.tangent(1.0), min(wanted, limit)
+                line = isinstance(element, Line) and not block.rapid
+                self._line = (element.start, element.end) if line else None
             if block.end is not BlockEnd.CONTINUOUS:
-                self._end = None
+                self.stop()
             elif block.end_feed_mm_min is not None and self._end is not None:
                 self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
             counts.append(len(rows) - before)
@@ -153,7 +216,7 @@ class Path:
 
     def stop(self) -> None:
         """The axes stand at the end of the last piece: the next one begins at 0."""
-        self._end = None
+        self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
         exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
@@ -177,6 +240,8 @@ class Path:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
                 raise ProgramError(1230)
             wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
+            if isinstance(element, Arc):
+                wanted *= feed_factor(element, block.correction, limits)
         return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
@@ -199,6 +264,19 @@ class Path:
                 raise ProgramError(1237, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
             speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
         return speed, acceleration
+
+    def _contour(self, element: Element) -> float:
+        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before it."""
+        limits = self.limits
+        if not limits.contour_mm:
+            return math.inf
+        if isinstance(element, Arc):
+            radius = min(element.radius_mm, element.end_radius_mm)
+        elif self._line is not None:
+            radius = circumradius(*self._line, element.end)
+        else:
+            return math.inf
+        return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
 
     def _entry(self, element: Element, speed: float) -> float:
         """Highest speed at the joint with the piece before."""

@@ -31,6 +31,6 @@ def serial_format(p: Parameters) -> SerialFormat:
     return SerialFormat(
         int(p.given(11_172, 9600.0)),
         int(p.given(11_173, 8.0)),
-        ("N", "O", "E")[min(max(int(p.get(11_175)), 0), 2)],  # type: ignore[arg-type]
+        ("N", "O", "E")[min(max(int(p.get(11_175)), 0), 2)],
         int(p.given(11_174, 2.0)),
     )

@@ -16,7 +16,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.blocks import Machine, Stop
 from isel_twin.firmware.bwo900.coordinates import Coordinates
 from isel_twin.firmware.bwo900.expressions import whole
-from isel_twin.firmware.bwo900.functions import definition
+from isel_twin.firmware.bwo900.functions import Functions
 from isel_twin.firmware.bwo900.groups import BEYOND, BLOCKWISE, GROUPS, SHIFT, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -29,6 +29,7 @@ from isel_twin.firmware.bwo900.values import Values
 __all__ = ["CENTRES", "Reader"]
 
 CENTRES: Final = "IJK"
+LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
@@ -49,6 +50,7 @@ class Reader:
         """cycles: numbers of the G functions that are cycles."""
         self._parameters, self._store, self._stack, self._values = parameters, store, stack, values
         self._coordinates, self._cycles = coordinates, cycles
+        self.functions = Functions(parameters)
         self.clear()
 
     def clear(self) -> None:
@@ -62,13 +64,18 @@ class Reader:
 
     def read(self, said: Said) -> None:
         """G functions, tools and speeds, M functions; what a zero point does to G92."""
-        block = said.block
+        block, before = said.block, self._coordinates.modal
         for g in block.g:
             self._g(g.number, said, g.column)
             if g.number == 4:
                 if g.extension is None:
                     raise ProgramError(1211, "G04 without a time", g.column)
                 said.dwell_s = self._values.of(g.extension)
+                if said.dwell_s > LONGEST_DWELL_S:
+                    raise ProgramError(1211, f"a dwell of {said.dwell_s:g} s", g.column)
+        now = self._coordinates.modal
+        if now.plane != before.plane and 40 not in (before.radius, now.radius):
+            raise ProgramError(1232, f"G{now.plane} with G{before.radius}; G40 comes first")
         for word in block.words:
             self._tool_word(word, said)
         for m in block.m:
@@ -183,7 +190,10 @@ class Reader:
                     raise ProgramError(1217, column=m.column)
                 said.loops_back = True
             case 26:
-                pass  # accepted, without effect: nothing deletes a path (Z14)
+                self._without_correction(1229, "M26", m.column)
+                if 123 in said.blockwise:
+                    raise ProgramError(1226, "G123 with M26", m.column)
+                said.watches = True
             case 28:
                 said.call = self._called(values, m)
             case 29:
@@ -218,7 +228,7 @@ class Reader:
         if m.number == 6 and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
-        defined = definition(m.number, self._parameters)
+        defined = self.functions.of(m.number)
         if defined.cycle:
             if values:
                 raise ProgramError(1228, f"M{m.number} is a cycle: nothing may stand behind it", m.column)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
 from isel_twin.firmware.bwo900.coordinates import Coordinates
 from isel_twin.firmware.bwo900.elements import Element
+from isel_twin.firmware.bwo900.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.stack import Goal
 from isel_twin.firmware.bwo900.syntax import Block
@@ -64,10 +65,19 @@ class Said:
     """M06."""
     length: bool = False
     """`tl`: another tool length."""
+    watches: bool = False
+    """M26."""
     shifts: bool = False
     """G92."""
     zero_cleared: bool = False
     """A zero point: G92 is gone."""
+
+    def goes_elsewhere(self) -> None:
+        """A jump by comparison is taken: functions that control the program are not carried out beside it."""
+        self.goal = self.passes = None
+        self.loops_back = self.returns = False
+        if self.stop in (Stop.END, Stop.REPEAT):
+            self.stop = Stop.NONE
 
 
 def path_block(
@@ -77,8 +87,9 @@ def path_block(
     feed_mm_min: float | None,
     tools: Tools,
     parameters: Parameters,
+    in_force: InForce,
 ) -> PathBlock:
-    """What a block is to the path. feed_mm_min: F in force."""
+    """What a block is to the path. feed_mm_min: F in force. in_force: what else is."""
     rapid = coordinates.modal.motion == 0
     feed = said.feed if said.feed is not None else feed_mm_min
     chamfer_mm, rounding_mm = _transition(parameters) if 12 in said.blockwise else (None, None)
@@ -107,7 +118,10 @@ def path_block(
         parameters=tuple(said.parameters),
         text=said.block.message,
         stop=said.stop,
+        watched=said.watches,
         main=said.main,
+        target=coordinates.program_position,
+        in_force=in_force,
     )
 
 

@@ -14,6 +14,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.path import Limits
+from isel_twin.firmware.bwo900.watch import Watch
 
 __all__ = ["Services"]
 
@@ -48,6 +49,8 @@ class Services:
     """A program has ended by itself (None), or was broken off in a block of a program."""
     option: Callable[[int], int]
     """A parameter P of the start data, 0 if it is deleted."""
+    watch: Watch
+    """Of blocks with M26."""
     allowed: Callable[[PathBlock], str]
     """Why a block's path must not be made, such as a software limit; empty: it may."""
 
@@ -63,6 +66,8 @@ class Services:
 
     def speak(self, block: PathBlock) -> None:
         """What happens as a block begins."""
+        if block.watched:
+            self.watch.begins()
         for number, value in block.parameters:
             self.parameter(number, value)
         for spindle, speed in block.speeds.items():

@@ -10,6 +10,7 @@ A level ends behind its program's last block, behind the last block of its call,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import ProgramError
@@ -46,6 +47,11 @@ class Level:
     def over(self) -> bool:
         """There is no next block, or none that has come yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
+
+    @property
+    def last_taken(self) -> Goal:
+        """Its name and the number of the block that was taken last."""
+        return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
     def take(self) -> Block:
         """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
@@ -111,9 +117,30 @@ class Stack:
         return max(len(self._levels) - 1, 0)
 
     @property
-    def loops(self) -> list[tuple[int, int]]:
-        """Passes and passes left of each open loop on top, the innermost last."""
-        return [(passes, left) for _, left, passes in self._levels[-1].loops] if self._levels else []
+    def loops(self) -> int:
+        """Loops that are open on top."""
+        return len(self._levels[-1].loops) if self._levels else 0
+
+    @property
+    def loop(self) -> tuple[int, int]:
+        """Of the innermost open loop on top: its passes, and the present one; 0, 0 without one."""
+        if not self._levels or not self._levels[-1].loops:
+            return 0, 0
+        _, left, passes = self._levels[-1].loops[-1]
+        return passes, passes - left + 1
+
+    @property
+    def caller(self) -> Goal:
+        """Program and block that have called the one on top; empty for a main program."""
+        return self._levels[-2].last_taken if len(self._levels) > 1 else ("", 0)
+
+    @property
+    def cycle(self) -> tuple[str, Goal] | None:
+        """The cycle of the user that is open, and the place in a program that has called it; None: there is none."""
+        for below, level in pairwise(self._levels):
+            if level.cycle:
+                return level.program.name, below.last_taken
+        return None
 
     @property
     def in_cycle(self) -> bool:

@@ -1,10 +1,12 @@
 """What the control tells about itself in parameters, for programs and files (manual 8.5, P8900 on; 8.7, P12150 on).
 
-    P8900, P8901   program and block in execution       P9300, P9301   those that are analysed
-    P8934 .. P8942 loop, feed, motion, dwell            P9340 .. P9381 G functions that are in force for the next block
-    P12150 ..      positions of an axis, mm             P12170         its speed, mm/min
+    P8900 .. P8942    program, block, cycle, loop, feed, motion, dwell: of the block that is carried out
+    P8945 .. P8981    its G functions                P9100 .. P9102    its G92
+    P9300 .. P9381    the same of the block that is analysed, up to 400 further on; P9500 .. P9502 its G92
+    P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
 
-They are worked out when they are asked for.
+They are worked out when they are asked for, and are there at any time: without a program nothing is programmed (0, or
+deleted where the manual says so: cycles), and the G functions are those that a program begins with.
 """
 
 from __future__ import annotations
@@ -13,37 +15,46 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.channel import Channel
+from isel_twin.firmware.bwo900.frames import Frame
 from isel_twin.firmware.bwo900.groups import Modal
+from isel_twin.firmware.bwo900.in_force import InForce
 from isel_twin.firmware.bwo900.interpreter import Interpreter
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
 
-__all__ = ["NUMBERS", "cell"]
+__all__ = ["NUMBERS", "cell", "in_force", "shown"]
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
-    9_340: lambda m: m.motion,
-    9_345: lambda m: m.polar,
-    9_350: lambda m: m.plane,
-    9_358: lambda m: m.exact,
-    9_364: lambda m: m.radius,
-    9_365: lambda m: m.correction,
-    9_366: lambda m: m.rotation,
-    9_367: lambda m: m.coordinates,
-    9_369: lambda m: m.zero,
-    9_370: lambda m: 61 if m.mirror_first else 60,
-    9_371: lambda m: 62 if m.mirror_second else 60,
-    9_372: lambda m: m.override,
-    9_378: lambda m: m.dimension,
-    9_380: lambda m: 94,
-    9_381: lambda m: 97,
+    40: lambda m: m.motion,
+    45: lambda m: m.polar,
+    50: lambda m: m.plane,
+    58: lambda m: m.exact,
+    64: lambda m: m.radius,
+    65: lambda m: m.correction,
+    66: lambda m: m.rotation,
+    67: lambda m: m.coordinates,
+    69: lambda m: m.zero,
+    70: lambda m: 61 if m.mirror_first else 60,
+    71: lambda m: 62 if m.mirror_second else 60,
+    72: lambda m: m.override,
+    78: lambda m: m.dimension,
+    80: lambda m: 94,
+    81: lambda m: 97,
 }
-
+"""By the number behind P8900 (but for 40, see `Channel.motion`) and behind P9300."""
+PLANE: Final = (51, 52, 53)
+EXECUTED: Final = (0, 1, 4, 5, 12, 13, 14, 34, 35, 36, 37, 38, 40, 41, 42, 79)
+ANALYSED: Final = (0, 1, 3, 4, 5, 34, 36, 79)
+AXIS_CELLS: Final = (150, 151, 152, 154, 155, 156, 157, 160, 170)
+SHIFT_EXECUTED, SHIFT_ANALYSED = 9_100, 9_500
 
 NUMBERS: Final = (
-    *range(8_900, 8_943),
-    *range(9_300, 9_382),
-    *(12_000 + AXIS_SIZE * axis + offset for axis in range(3) for offset in range(150, 171)),
+    *sorted(8_900 + n for n in {*EXECUTED, *MODAL, *PLANE}),
+    *sorted(9_300 + n for n in {*ANALYSED, *MODAL, *PLANE}),
+    *(first + axis for first in (SHIFT_EXECUTED, SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
+    *(12_000 + AXIS_SIZE * axis + offset for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""Those that may have a value."""
+"""Those that there are."""
+_KNOWN: Final = frozenset(NUMBERS)
 
 
 class Seen(Protocol):
@@ -54,86 +65,120 @@ class Seen(Protocol):
     def speed_mm_s(self, axis: int) -> float: ...
 
 
-def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen, axes: int) -> float | None:
-    """The value of such a parameter P; None: it is not one of them."""
-    if 9_300 <= number < 9_400:
-        return _analysed(number, interpreter)
-    if 8_900 <= number < 9_000:
-        return _executed(number, interpreter, channel)
-    axis, offset = divmod(number - 12_000, AXIS_SIZE)
-    if 0 <= axis < axes and 150 <= offset <= 170:
-        return _axis(axis, offset, interpreter, seen)
-    return None
+def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float | None:
+    """The value of such a parameter P; None: it is deleted, or not one of them."""
+    if number not in _KNOWN:
+        return None
+    if number >= 12_000:
+        axis, offset = divmod(number - 12_000, AXIS_SIZE)
+        return _axis(axis, offset, interpreter, channel, seen)
+    if number >= SHIFT_ANALYSED:
+        return interpreter.in_force.frame.shift[number - SHIFT_ANALYSED]
+    if number >= 9_300:
+        return _analysed(number - 9_300, interpreter)
+    if number >= SHIFT_EXECUTED:
+        return channel.in_force.frame.shift[number - SHIFT_EXECUTED]
+    return _executed(number - 8_900, interpreter, channel)
 
 
 def _analysed(number: int, interpreter: Interpreter) -> float | None:
-    if not interpreter.active:
-        return None
-    if (part := MODAL.get(number)) is not None:
-        return float(part(interpreter.modal))
+    told = interpreter.in_force
+    if number in MODAL:
+        return float(MODAL[number](told.modal))
+    if number in PLANE:
+        return _axis_of_plane(told, number)
     name, block = interpreter.place
-    plane = interpreter.frame.plane
+    in_cycle = told.called_by
     match number:
-        case 9_300:
-            return float(name[1:] or 0)
-        case 9_301:
-            return float(block)
-        case 9_303:
-            return float(interpreter.depth)
-        case 9_334:
-            return float(len(interpreter.loops))
-        case 9_336:
-            return interpreter.feed_mm_min
-        case 9_351 | 9_352 | 9_353:
-            return float((plane.first, plane.second, plane.third)[number - 9_351] + 1)
-        case 9_379:
-            return 92.0 if any(interpreter.frame.shift) else 0.0
-    return None
+        case 0:
+            return float((in_cycle or (name, block))[0][1:] or 0)
+        case 1:
+            return float((in_cycle or (name, block))[1])
+        case 3:
+            return float(told.depth)
+        case 4:
+            return None if told.cycle is None else float(told.cycle)
+        case 5:
+            return None if told.cycle is None else float(block if in_cycle else 0)
+        case 34:
+            return float(interpreter.loops)
+        case 36:
+            return told.feed_mm_min
+    return 92.0 if any(told.frame.shift) else 0.0
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
-    if not channel.active:
-        return None
-    name, block = channel.block
+    told = channel.in_force
+    if number == 40:
+        return channel.motion
+    if number in MODAL:
+        return float(MODAL[number](told.modal))
+    if number in PLANE:
+        return _axis_of_plane(told, number)
+    name, block = channel.block if channel.active else ("", 0)
+    in_cycle = told.called_by
+    feed, end_feed = channel.feed_mm_min
     match number:
-        case 8_900:
-            return float(name[1:] or 0)
-        case 8_901:
-            return float(block)
-        case 8_934 | 8_935 if interpreter.loops:
-            passes, left = interpreter.loops[-1]
-            return float(passes if number == 8_934 else passes - left + 1)
-        case 8_936:
-            return channel.feed_mm_min
-        case 8_938:
+        case 0:
+            return float((in_cycle or (name, block))[0][1:] or 0)
+        case 1:
+            return float((in_cycle or (name, block))[1])
+        case 4:
+            return None if told.cycle is None else float(told.cycle)
+        case 5:
+            return None if told.cycle is None else float(block if in_cycle else 0)
+        case 12:
+            return float(told.depth)
+        case 13:
+            return float(told.caller[0][1:] or 0)
+        case 14:
+            return float(told.caller[1])
+        case 34 | 35:
+            return float(interpreter.loop[number - 34])
+        case 36:
+            return feed
+        case 37:
+            return end_feed
+        case 38:
             return 60.0 * channel.speed_mm_s
-        case 8_940:
-            return channel.motion
-        case 8_941 | 8_942:
-            programmed, rest = channel.dwell_s
-            return programmed if number == 8_941 else rest
-    return None
+        case 41 | 42:
+            return channel.dwell_s[number - 41]
+    return 92.0 if any(told.frame.shift) else 0.0
 
 
-def _axis(axis: int, offset: int, interpreter: Interpreter, seen: Seen) -> float | None:
-    frame = interpreter.frame
-    shown = frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
+def _axis_of_plane(told: InForce, number: int) -> float:
+    plane = told.frame.plane
+    return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
+
+
+def in_force(interpreter: Interpreter, channel: Channel) -> Frame:
+    """The coordinates of the block that is carried out; without a program those of the last one."""
+    return interpreter.frame if channel.target is None else channel.in_force.frame
+
+
+def shown(axis: int, frame: Frame) -> float:
+    """How much the display is off the machine's coordinates, mm: zero point, G92, tool length."""
+    return frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
+
+
+def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
+    goal = channel.target
+    programmed = (interpreter.program_position if goal is None else goal)[axis]
+    shift = shown(axis, in_force(interpreter, channel))
     place = seen.set_mm(axis)
     match offset:
-        case 150 | 151:
-            return place
         case 152:
             return seen.actual_mm(axis)
         case 154:
-            return place - shown
+            return place - shift
         case 155:
-            return interpreter.program_position[axis]
+            return programmed
         case 156:
-            return interpreter.program_position[axis] - (place - shown)
+            return programmed - (place - shift)
         case 157:
-            return shown
+            return shift
         case 160:
             return place - seen.actual_mm(axis)
         case 170:
             return 60.0 * seen.speed_mm_s(axis)
-    return None
+    return place

@@ -44,7 +44,7 @@ class Targets:
         """F, None before there is one."""
         self._centre: dict[str, float] = {}
         self._radius: float | None = None
-        self._pole, self._polar = (0.0, 0.0), (0.0, 0.0)
+        self._pole, self._polar, self._polar_correction = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
 
     # Words
 
@@ -85,7 +85,7 @@ class Targets:
             elif word.name[0] not in "FSTIJKRft":
                 raise ProgramError(1216, word.name, word.column)
         if said.shifts or said.groups.get(GROUPS[44]) == 44:
-            self._consume(named, said)
+            self._consume(named, radial, said)
             return None
         relative = set(named)
         if modal.polar == 10:
@@ -93,8 +93,11 @@ class Targets:
             relative = set(named)
             if radial:
                 self._polar = (radial.get("r", self._polar[0]), radial.get("a", self._polar[1]))
-                named[plane.first], named[plane.second] = polar(self._pole, *self._polar)
-        return self._absolute(named, relative) if named else None
+                radius, angle = self._polar
+                if modal.correction == 44:
+                    radius, angle = abs(radius) + self._polar_correction[0], angle + self._polar_correction[1]
+                named[plane.first], named[plane.second] = polar(self._pole, radius, angle)
+        return self._absolute(named, relative, said) if named else None
 
     def _polar_letters(self) -> dict[str, str]:
         """Words of radius and angle: q150 and q151, x and c where nobody has set them."""
@@ -105,8 +108,8 @@ class Targets:
         """With G10 the axes of the plane are the pole."""
         self._pole = (self._pole[0] if u is None else u, self._pole[1] if v is None else v)
 
-    def _consume(self, named: dict[int, float], said: Said) -> None:
-        """G92, G44: the words are a shift or a correction, nothing moves."""
+    def _consume(self, named: Mapping[int, float], radial: Mapping[str, float], said: Said) -> None:
+        """G92, G44: the words are a shift or a correction, nothing moves. G44 corrects radius and angle, too."""
         coordinates = self._coordinates
         if said.shifts:
             coordinates.shift = tuple(named.get(axis, 0.0) for axis in range(len(coordinates.names)))
@@ -114,23 +117,29 @@ class Targets:
                 self._parameters.write(9_500 + axis, value)
         else:
             coordinates.correction = tuple(named.get(axis, old) for axis, old in enumerate(coordinates.correction))
+            radius, angle = self._polar_correction
+            self._polar_correction = (radial.get("r", radius), radial.get("a", angle))
         coordinates.renew()
 
-    def _absolute(self, named: Mapping[int, float], relative: set[int]) -> dict[int, float]:
-        """Targets from words: with G91 those of `relative` count from where the program is."""
+    def _absolute(self, named: Mapping[int, float], relative: set[int], said: Said) -> dict[int, float]:
+        """Targets from words: with G91 those of `relative` count from where the program is, with G66 the machine."""
         if self._coordinates.modal.dimension == 90:
             return dict(named)
-        now = self._coordinates.program_position
+        now = self._counted_from(said)
         return {axis: value + (now[axis] if axis in relative else 0.0) for axis, value in named.items()}
+
+    def _counted_from(self, said: Said) -> Point:
+        """What G91 counts from."""
+        coordinates = self._coordinates
+        bare = 66 in said.blockwise
+        return coordinates.frame.bare.program(coordinates.position) if bare else coordinates.counted_from
 
     # Elements
 
     def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element, ...]:
         """The elements to a target. Moves the position there. Raises ProgramError: M1230 no feed, those of circles."""
         coordinates = self._coordinates
-        bare = 66 in said.blockwise
-        frame = coordinates.frame.bare if bare else coordinates.frame
-        start = frame.program(coordinates.position) if bare else coordinates.program_position
+        frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
         if 123 in said.blockwise and coordinates.modal.motion == 0:
             coordinates.g(1)
@@ -143,21 +152,29 @@ class Targets:
             element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
         if element is not None and motion and self.feed_mm_min is None and said.feed is None:
             raise ProgramError(1230)
-        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal)
+        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return () if element is None else (element,)
 
-    def arc(self, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
+    def arc(self, said: Said, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
         """The arc of a cycle about a centre; turn: +1 counter-clockwise in the program. Moves the position to its end.
 
         targets and centre in program coordinates.
         """
         coordinates = self._coordinates
-        frame = coordinates.frame
-        goal = tuple(targets.get(axis, value) for axis, value in enumerate(coordinates.program_position))
+        frame, start, bare = self._frame_of(said)
+        goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
         end = coordinates.machine(frame, goal, targets)
         made = self._about(frame, centre, end, turn)
-        coordinates.arrive(end, goal)
+        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return made
+
+    def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
+        """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
+        coordinates = self._coordinates
+        if 66 in said.blockwise:
+            bare = coordinates.frame.bare
+            return bare, bare.program(coordinates.position), True
+        return coordinates.frame, coordinates.program_position, False
 
     def _about(self, frame: Frame, centre: tuple[float, float], end: Point, turn: int) -> Arc:
         """The arc about a centre of the program; P8843: how much its radii may differ."""
@@ -185,7 +202,7 @@ class Targets:
         if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
             raise ProgramError(1232, "circles in space are not in this twin")
         letters = (CENTRES[plane.first], CENTRES[plane.second])
-        here = plane.of(start)
+        here = plane.of(start if coordinates.modal.dimension == 90 else self._counted_from(said))
         base = here if coordinates.modal.dimension == 91 else (0.0, 0.0)
         u, v = (
             base[i] + self._centre[letter] if letter in self._centre else (here[i] if base[i] else 0.0)

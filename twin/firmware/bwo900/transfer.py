@@ -9,6 +9,7 @@ skipped to its end. The control answers nothing by itself; what it is asked to p
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -145,10 +146,16 @@ class Receiver:
         text, area = match["value"], match["area"]
         channel, number = int(match["channel"] or 1), int(match["number"])
         value: float | None = None
-        if text[0] == "$":
-            value = float(int(text.strip("$;"), 16))
-        elif text not in ("--", "-", "–", "—"):
-            value = float(text.replace(",", "."))
+        try:
+            if text[0] == "$":
+                value = float(int(text.strip("$;"), 16))
+            elif text not in ("--", "-", "–", "—"):
+                value = float(text.replace(",", "."))
+        except OverflowError:
+            value = math.inf
+        if value is not None and not math.isfinite(value):
+            yield ProgramError(1111, f"line {self._number}: {word[:40]!r} is too large a number")
+            return
         try:
             self._parameters.write(number, value, area, channel)
             if match["status"] is not None and self._kind == "D+":

@@ -20,6 +20,7 @@ class Kind(Enum):
     CLOCKWISE = "G02"
     COUNTER_CLOCKWISE = "G03"
     TAP = "G01, coupled with the spindle: feed = speed times pitch, override 100 %"
+    PROGRAMMED = "as the block says: G02 or G03 with its radius or centre, and F"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,7 @@ class Call:
     block. words: axis words of the block, absolute program coordinates by axis number; empty: none. feed: F in force,
     mm/min, None: none. speed: S in force in 1/min, None: none. turning: +1 M03, -1 M04, 0 the spindle stands. motion:
     0, 1, 2, 3, of the G00 group. inner: number of the machining cycle that stands in the block of a pattern cycle.
+    polar: the words are polar coordinates.
     """
 
     parameters: Mapping[int, float]
@@ -63,7 +65,7 @@ class Call:
     motion: int = 0
     tool_radius_mm: float = 0.0
     inner: int | None = None
-    strict: bool = True
+    polar: bool = False
 
     def get(self, number: int) -> float | None:
         """The parameter's value, None if it is deleted."""

@@ -138,10 +138,10 @@ def _dwell(call: Call) -> float | None:
 
 
 def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[Move]:
-    """Spindle on, to the place in rapid, to the approach plane."""
+    """Spindle on, to the place in rapid, or, with polar coordinates on a circle, with F; to the approach plane."""
     on = spindle or (RIGHT if call.turning > 0 else LEFT)
     yield Move(Kind.RAPID, m=(on,))
-    yield Move(Kind.RAPID, call.words)
+    yield Move(Kind.PROGRAMMED if call.polar and call.motion in (2, 3) else Kind.RAPID, call.words)
     yield _to(call, Kind.RAPID, approach)
 
 

@@ -233,7 +233,7 @@ def _rectangular(call: Call) -> tuple[_Job, _Pocket]:
     corner = call.get(14)
     if corner is not None and corner < 0.0:
         raise ProgramError(8014, f"P14 is {corner:g}")
-    if corner is None or (not corner and not call.strict):
+    if corner is None:
         corner = radius
     if min(first, second) - 2.0 * (job.allowance + radius) < -NEAR_MM:
         raise ProgramError(8001, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15")

@@ -38,7 +38,7 @@ class Moves(Iterator[Move]):
             place = tuple(move.target.get(axis, value) for axis, value in enumerate(place))
             if move.cycle is not None:
                 here = {axis: place[axis] for axis in (call.plane.first, call.plane.second)}
-                within = replace(call, position=place, words=here, inner=None)
+                within = replace(call, position=place, words=here, inner=None, polar=False)
                 for step in self._cycles[move.cycle](within):  # type: ignore[operator]
                     yield step
                     place = tuple(step.target.get(axis, value) for axis, value in enumerate(place))

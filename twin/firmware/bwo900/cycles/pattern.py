@@ -5,14 +5,15 @@
     G88 grid         ray 1 forth, a step on ray 2, ray 1 back ...; at the end back to A
     G89 circle       centre P120, P121, diameter P122, from P123 on, over P124, division P125, N P126
 
-A: the words of the block, or where the tool stands. N = 0: straight to B, no cycle; N = 1: to B, the cycle once there.
-Places are approached with G00; on the circle, with G02 or G03 in force, along it with the highest feed.
+A: the words of the block, or where the tool stands. N = 0: straight to B, no cycle; N = 1: to B, the cycle once there;
+on the circle by way of A. Places are approached with G00; on the circle, with G02 or G03 in force, along it with the
+highest feed.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final
@@ -83,19 +84,19 @@ def circle(call: Call) -> Iterator[Move]:
         raise ProgramError(8122, "P122 is 0")
     start = math.fmod(call.needed(123, 8123), 360.0)
     travel, count = _circle_places(call)
-    kind = {2: Kind.CLOCKWISE, 3: Kind.COUNTER_CLOCKWISE}.get(call.motion, Kind.RAPID)
-    yield from _words(call)
-    for number in range(max(count, 1)):
-        share = number / (count - 1) if count > 1 else 1.0
-        place = _on_circle(centre, radius, start + travel * share)
-        if number and kind is not Kind.RAPID:
-            yield _move(call, kind, place, count > 0, centre=centre, feed=call.rapid_mm_min)
+    kind = {2: Kind.CLOCKWISE, 3: Kind.COUNTER_CLOCKWISE}.get(call.motion, Kind.RAPID) if travel else Kind.RAPID
+    yield _move(call, Kind.RAPID, _on_circle(centre, radius, start), count > 1, others=call.words)
+    steps = max(count, 2)
+    for number in range(1, steps):
+        place = _on_circle(centre, radius, start + travel * (number / (steps - 1)))
+        if kind is Kind.RAPID:
+            yield _move(call, kind, place, count > 0)
         else:
-            yield _move(call, Kind.RAPID, place, count > 0)
+            yield _move(call, kind, place, count > 0, centre=centre, feed=call.rapid_mm_min)
 
 
 def _circle_places(call: Call) -> tuple[float, int]:
-    """Travel angle in degrees, and how many places. Raises ProgramError: M8125, M8126, M8332, M8333."""
+    """Travel angle in degrees, and how many places. Raises ProgramError: M8124 to M8126, M8333, M8334."""
     travel, division, count = call.get(124), call.get(125), call.get(126)
     number = None if count is None else int(abs(count))
     if travel is None and number is None:
@@ -107,10 +108,12 @@ def _circle_places(call: Call) -> tuple[float, int]:
         if division is None:
             raise ProgramError(8124, "neither P124 nor P125")
         assert number is not None
-        return division * max(number - 1, 1 if number else 0), number
+        return division * (number - 1), number
     if number is None:
-        if not division:
+        if division is None:
             raise ProgramError(8126, "neither P125 nor P126")
+        if not division:
+            raise ProgramError(8334)
         return travel, int(abs(travel / division) + 1e-9) + 1
     if division and number > 1 and abs(abs(division) * (number - 1) - abs(travel)) > AGREE_MM:
         raise ProgramError(8333, f"{number} places of {division:g} degrees are not {travel:g} degrees")
@@ -127,15 +130,17 @@ def _ray(call: Call, base: int) -> _Ray:
     u, v, angle, length, division, count = (call.get(base + k) for k in (0, 1, 3, 4, 5, 6))
     message = 8000 + base
     number = None if count is None else int(abs(count))
-    if division is not None and not division:
-        division = None
     division = None if division is None else abs(division)
     length = None if length is None else abs(length)
+    twice = 8_300 + (base - 100)  # 8311 and 8315 of ray 1, 8321 and 8325 of ray 2
     if u is not None or v is not None:
-        u, v = u or 0.0, v or 0.0
+        if u is None or v is None:
+            raise ProgramError(message + (u is not None), f"P{base} and P{base + 1} are the end, one has no value")
         size = math.hypot(u, v)
         if length is not None and abs(length - size) > AGREE_MM:
-            raise ProgramError(8301 + base // 10 * 10 - 90, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
+            raise ProgramError(twice + 11, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
+        if angle is not None and math.dist(_along(angle, size), (u, v)) > AGREE_MM:
+            raise ProgramError(message + 3, f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere")
     else:
         if angle is None:
             raise ProgramError(message + 3, f"neither P{base}, P{base + 1} nor P{base + 3}")
@@ -144,14 +149,21 @@ def _ray(call: Call, base: int) -> _Ray:
                 raise ProgramError(message + 4, f"neither P{base + 4} nor P{base + 5} with P{base + 6}")
             length = division * (number - 1 if number > 1 else number)
         size = length
-        u, v = Rotation(angle_deg=math.fmod(angle, 360.0)).turned(size, 0.0)
+        u, v = _along(angle, size)
     if number is None:
         if division is None:
             raise ProgramError(message + 7, f"neither P{base + 5} nor P{base + 6}")
+        if not division:
+            raise ProgramError(message + 5, f"P{base + 5} is 0")
         number = int(size / division + 1e-9) + 1
-    elif division is not None and number > 1 and abs(division * (number - 1) - size) > AGREE_MM:
-        raise ProgramError(8305 + base // 10 * 10 - 90, f"{number} places of {division:g} mm are not {size:g} mm")
+    elif division and number > 1 and abs(division * (number - 1) - size) > AGREE_MM:
+        raise ProgramError(twice + 15, f"{number} places of {division:g} mm are not {size:g} mm")
     return _Ray(u, v, number)
+
+
+def _along(angle_deg: float, length: float) -> tuple[float, float]:
+    """A vector by angle and length."""
+    return Rotation(angle_deg=math.fmod(angle_deg, 360.0)).turned(length, 0.0)
 
 
 def _start(call: Call) -> tuple[float, float]:
@@ -164,13 +176,6 @@ def _come(call: Call, begin: tuple[float, float]) -> Iterator[Move]:
     """To A and what the block says of other axes, if it has words."""
     if call.words:
         yield Move(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
-
-
-def _words(call: Call) -> Iterator[Move]:
-    """What the block says of other axes than those of the plane."""
-    others = {axis: value for axis, value in call.words.items() if axis not in (call.plane.first, call.plane.second)}
-    if others:
-        yield Move(Kind.RAPID, others)
 
 
 def _sum(first: _Ray, i: int, second: _Ray, j: int) -> tuple[float, float]:
@@ -189,8 +194,9 @@ def _move(
     machines: bool,
     centre: tuple[float, float] | None = None,
     feed: float | None = None,
+    others: Mapping[int, float] | None = None,
 ) -> Move:
-    """To a place, where the machining cycle is called; without one it is an exact stop."""
-    target = {call.plane.first: place[0], call.plane.second: place[1]}
+    """To a place, where the machining cycle is called; without one it is an exact stop. others: words of other axes."""
+    target = {**(others or {}), call.plane.first: place[0], call.plane.second: place[1]}
     cycle = call.inner if machines else None
     return Move(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)

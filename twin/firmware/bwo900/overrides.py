@@ -1,0 +1,84 @@
+"""The overrides 1 to 8 (manual 8.6, P11310 on): what a potentiometer makes of speeds.
+
+    P11311   0 .. 255, from the panel; its writing makes P11310 of it
+    P11314   q of a table, its count first, then its values in %: 0 .. 255 is divided evenly among them
+             0 or deleted: P11311 acts continuously, 255 is 120 %
+    P11310   % in force, held between P11312 and P11313
+
+The same, 5 parameters further each, of overrides 2 to 8. P11370 is the table as delivered: 27 values from 0 to 120 %.
+P12125 of an axis names the override of its paths: of several the lowest counts, for a path has one speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import Parameters
+
+__all__ = ["FACTORY_OVERRIDES", "HIGHEST", "factor", "is_override", "written"]
+
+FIRST: Final = 11_310
+COUNT: Final = 8
+SIZE: Final = 5
+"""Parameters of an override: value, raw value, lowest, highest, table."""
+VALUE, RAW, LOWEST_OFFSET, HIGHEST_OFFSET, TABLE = range(SIZE)
+HIGHEST: Final = 120.0
+"""% that a potentiometer goes up to (3.7)."""
+FULL: Final = 255
+"""Highest value of a potentiometer."""
+AXIS_OVERRIDE: Final = 125
+
+FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
+    **{11_330: 0.0, 11_335: 10.0, 11_340: 50.0, 11_345: 100.0},
+    11_370: 27.0,
+    **dict(enumerate((0.0, 1.0, 2.0, *(5.0 * n for n in range(1, 25))), start=11_371)),
+}
+"""Parameters P of a new control: overrides 5 to 8, which are fixed, and the table."""
+
+
+def is_override(number: int) -> bool:
+    """Whether a parameter P belongs to an override."""
+    return FIRST <= number < FIRST + COUNT * SIZE
+
+
+def written(parameters: Parameters, number: int) -> None:
+    """A parameter of an override has been written: P11310 follows from P11311, and keeps within its limits."""
+    first = number - (number - FIRST) % SIZE
+    if number - first == RAW and parameters.loaded(number):
+        parameters.write(first, _from_raw(parameters, first, parameters.get(number)))
+    if parameters.loaded(first):
+        parameters.write(first, _limited(parameters, first, parameters.get(first)))
+
+
+def factor(parameters: Parameters, axes: int) -> float:
+    """What paths are slowed or hastened by now: 1 is 100 %, also for an override that nobody has set."""
+    return min(_percent(parameters, int(parameters.axis(axis, AXIS_OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
+
+
+def _percent(parameters: Parameters, override: int) -> float:
+    if not 1 <= override <= COUNT:
+        override = 1
+    first = FIRST + SIZE * (override - 1)
+    return _limited(parameters, first, parameters.get(first, 100.0))
+
+
+def _limited(parameters: Parameters, first: int, percent: float) -> float:
+    """The highest counts more than the lowest."""
+    lowest = max(parameters.get(first + LOWEST_OFFSET), 0.0)
+    highest = min(max(parameters.get(first + HIGHEST_OFFSET, HIGHEST), 0.0), HIGHEST)
+    return min(max(percent, lowest), highest)
+
+
+def _from_raw(parameters: Parameters, first: int, raw: float) -> float:
+    """A table that there is not, or that is empty, is none."""
+    share = min(max(raw, 0.0), float(FULL))
+    table = int(min(max(parameters.get(first + TABLE), 0.0), 1e9))
+    try:
+        count = int(min(parameters.get(table, 0.0, "q"), 1e3)) if table else 0
+        if count > 0:
+            return parameters.get(table + 1 + int(share * count / (FULL + 1)), HIGHEST, "q")
+    except ProgramError:
+        pass
+    return HIGHEST * share / FULL
