@@ -400,3 +400,11 @@ def test_one_that_a_scenario_stops_and_starts_comes_to_its_end(program, capsys, 
 def test_a_remark_is_explained_as_one() -> None:
     (message,) = needed(create_language("bwo900"), "bwo900").messages(b"; outer contour\r\n", True)
     assert message.explanation == "a remark"
+
+
+def test_a_program_may_be_longer_than_a_job(program, capsys, monkeypatch) -> None:
+    """A contour of a free form has millions of blocks, and cannot be cut like a job."""
+    monkeypatch.setattr("isel_twin.cli.jobs.JOB_BYTES", 100)
+    assert call("run", program(LONG), *CONTROL, "--json") == 0
+    assert call("run", program("@07\n" * 26), "--plant", "kinematic") == 2
+    assert "is longer than 0 MiB; cut it into several" in capsys.readouterr().err
