@@ -241,6 +241,13 @@ def test_columns_of_the_table_stand_below_each_other(program, capsys) -> None:
         assert [match.end() for match in re.finditer(r"-?\d+\.\d{3}(?= |$)", row)][1:] == ends, row
 
 
+def test_the_page_names_the_same_place_as_the_terminal(program, capsys, tmp_path: Path) -> None:
+    """Line and column of the file; the link leads to the step of the job."""
+    assert call("check", program(ARC), *CONTROL, "--report", tmp_path / "pages") == 1
+    assert "line 4, column 16" in capsys.readouterr().out
+    assert "<a href='#line-3'>line 4, column 16</a>" in (tmp_path / "pages" / "part.html").read_text()
+
+
 def test_a_message_is_told_once(program, capsys) -> None:
     """It is not a second finding that the controller shows the error that was told."""
     assert call("check", program(ARC), *CONTROL) == 1
