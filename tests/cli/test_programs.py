@@ -380,8 +380,9 @@ def scenario_file(folder: Path, then: str) -> Path:
         (PART, "", "P1 N20 waits for Start"),
         (PART, "key = { abort = true }", "P1 N20 is broken off"),
         (PART.replace("N30 M30", "N25 M00\nN30 M30"), "key = { start = true }", "P1 N25 waits for Start"),
+        (PART, "key = { override = 0, start = true }", "P1 N20 waits for an override above 0 %"),
     ],
-    ids=["stop", "abort", "M00"],
+    ids=["stop", "abort", "M00", "override"],
 )
 def test_a_program_that_stands_before_its_end_is_not_well(program, capsys, tmp_path: Path, text, then, said) -> None:
     """Nobody goes on with it, so the job ends there, at once, and says where it stands."""
