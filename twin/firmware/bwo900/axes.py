@@ -99,6 +99,11 @@ class Axes:
         self._parameters.write(12_180 + AXIS_SIZE * axis, 1.0)
         return value
 
+    def forget(self, axis: int) -> None:
+        """An axis has no reference point any more."""
+        self.referenced[axis] = False
+        self._parameters.write(12_180 + AXIS_SIZE * axis, 0.0)
+
     def to_pulse(self, axis: int) -> int:
         """Increments to the next zero pulse."""
         past = 0 if self.drives is None else self.drives.past_zero_pulse[axis] % PULSES

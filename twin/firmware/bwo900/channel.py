@@ -108,7 +108,7 @@ class Channel:
         if self.phase is not Phase.PATH:
             return self._due_ns
         next_ns = self._stretch.next_ns(self._now_ns, None if self._ahead.ended else REFILL)
-        if self._ahead.poll_ns is not None and not self._stretch.held:
+        if self._ahead.poll_ns is not None and not self._stretch.held:  # analysis waits while the axes do
             next_ns = min(next_ns, self._ahead.poll_ns)
         return max(next_ns, self._now_ns)
 

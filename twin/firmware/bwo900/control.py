@@ -42,13 +42,13 @@ from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
 from isel_twin.firmware.bwo900.status import NUMBERS, cell, in_force, shown
-from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
+from isel_twin.firmware.bwo900.transfer import Receiver, end_of_file, parameter_file
 from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
@@ -84,7 +84,7 @@ class Control:
         self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
-        self._receiver = Receiver(self._parameters, self._store, self._written)
+        self._receiver = Receiver(self._parameters, self._store, self._written, self._locked)
         self._feeder = Feeder(self._parameters, self._store)
         self._levels: dict[str, bool] = {}
         """Of the inputs."""
@@ -123,6 +123,13 @@ class Control:
             watch=self._watch,
             allowed=self._axes.allowed,
         )
+
+    def _locked(self, name: str) -> bool:
+        """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
+        if not self._channel.active:
+            return False
+        only_open = byte(self._parameters.get(8_806), 2) & 1
+        return name in (self._interpreter.open if only_open else self._interpreter.opened)
 
     def _acknowledged(self) -> bool:
         return self._plc.idle
@@ -249,6 +256,9 @@ class Control:
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self.advance(t_ns)
+        if name == keys.OUTPUT:
+            self._put_out_programs(int(value))
+            return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._written(number, wanted, "P", 1)
@@ -274,7 +284,7 @@ class Control:
         elif terminal == "e0.1" and level and not before:
             self._start()
         elif terminal == "e0.2" and not level and before:
-            self._channel.stop(t_ns)
+            self._stop()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -308,6 +318,7 @@ class Control:
             self._powered()
         self._plc.advance(self._now_ns)
         self._hand.advance(self._now_ns)
+        self._start_at_rest()
         self._channel.advance(self._now_ns)
         self._axes.follow((self._hand.move or self._channel).run)
         for name, value in self._plc.take().items():
@@ -342,16 +353,14 @@ class Control:
         """The drives are there, or have not come: what has waited for them begins."""
         power, hand = self._power, self._hand
         power.until_ns = None
-        starts, self._starts = self._starts, False
         wants, hand.wants = hand.wants, []
         if not power.ready:
+            self._starts = False
             self._say(message(power.missing))
             return
         power.switch(on=True)
         if wants:
             hand.begin_homing(wants, self._now_ns)
-        elif starts:
-            self._begin_program()
         elif hand.direction:
             hand.begin_jog(self._now_ns)
 
@@ -359,6 +368,7 @@ class Control:
         """Drives off, everything ends."""
         moving = self._channel.active or self._hand.move is not None
         said = self._channel.message(number)
+        self._starts = False
         self._hand.cut()
         self._channel.cut(self._now_ns)
         self._axes.follow(None)
@@ -393,8 +403,10 @@ class Control:
             case keys.Wish.START:
                 self._start()
             case keys.Wish.STOP:
-                self._channel.stop(self._now_ns)
+                self._stop()
             case keys.Wish.ABORT:
+                self._starts = False
+                self._hand.brake(self._now_ns)
                 self._channel.abort(self._now_ns)
                 self._parameters.write(number, 0.0)
             case keys.Wish.MOVE:
@@ -431,8 +443,20 @@ class Control:
         """All parameters as a file, 5 with their status."""
         for number in NUMBERS:
             self._parameters.write(number, self._cell(number))
-        text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
-        self._outgoing.add(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
+        self._reply(parameter_file(self._parameters, status=kind == 5))
+
+    def _put_out_programs(self, number: int) -> None:
+        """A program P as a file, 0: all programs and cycles in one."""
+        names = [f"P{number}"] if number else sorted(self._store)
+        if number and names[0] not in self._store:
+            self._say(message(1252, detail=names[0], effect=Effect.SHOWN))
+            return
+        self._reply("".join(self._store[name].file for name in names))
+
+    def _reply(self, text: str) -> None:
+        """A file goes out."""
+        sign = bytes([end_of_file(self._parameters)])
+        self._outgoing.add(Reply(b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"))
 
     def _set_mode(self, given: int) -> None:
         try:
@@ -444,6 +468,7 @@ class Control:
             self._say(message(1009))
             return
         if mode is Mode.HAND:
+            self._starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
         elif self.mode is Mode.HAND:
@@ -470,12 +495,23 @@ class Control:
             missing = "".join(name for name, known in zip("XYZ", self._axes.referenced, strict=True) if not known)
             self._say(message(1008, detail=missing))
             return
-        if self._power.there:
+        self._starts = True
+        if not self._power.there:
+            self._power.request(self._now_ns)
+        else:
+            self._start_at_rest()
+
+    def _start_at_rest(self) -> None:
+        """The program that is to start begins when nothing moves any more that HAND has begun."""
+        if self._starts and self._hand.move is None and self._power.until_ns is None:
             self._starts = False
             self._begin_program()
-        else:
-            self._starts = True
-            self._power.request(self._now_ns)
+
+    def _stop(self) -> None:
+        """Stop: of a program, or of what moves in HAND."""
+        self._starts = False
+        self._hand.brake(self._now_ns)
+        self._channel.stop(self._now_ns)
 
     @property
     def _started(self) -> str:
@@ -502,7 +538,6 @@ class Control:
                     self._axes.position,
                     self._parameters.write,
                 )
-                p.write(8_804, 0.0)
         except ProgramError as error:
             self._say(message(error.number, program=name, detail=error.detail))
             return
@@ -519,6 +554,10 @@ class Control:
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
         self._feeder.end()
+        if broken is not None:
+            self._plc.forget()
+        if self._parameters.get(8_686):
+            self._parameters.write(8_686, 0.0)
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):

@@ -104,7 +104,6 @@ class Interpreter:
         self._watched = False
         """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._block_now: Block | None = None
         self._told = AT_REST
         """What the last block has been told of what holds."""
 
@@ -145,6 +144,16 @@ class Interpreter:
         return self._stack.place
 
     @property
+    def opened(self) -> frozenset[str]:
+        """Programs that have been, or are, open since it was begun."""
+        return self._stack.opened
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Those that are open."""
+        return self._stack.open
+
+    @property
     def frame(self) -> Frame:
         """Coordinates of the next block, and of the last one without a program."""
         return self._coordinates.frame
@@ -178,6 +187,7 @@ class Interpreter:
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._stack.clear()
+        self._stack.opened = frozenset()
         self._waiting = None
         self._ready.clear()
         self._cycle_now = None
@@ -226,8 +236,8 @@ class Interpreter:
             self._refresh()
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
-        if self._waiting is Waiting.CONDITION and self._block_now is not None and self._values.holds(self._block_now):
-            self._waiting = None
+        if self._waiting is Waiting.CONDITION:
+            self._waiting = None  # the block is looked at again
         if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self._stack:
@@ -238,11 +248,11 @@ class Interpreter:
         block = level.take()
         if block.skip and self._skips:
             return self._empty(block)
-        self._block_now = block
-        if block.wait is not None and not self._values.holds(block):
-            self._waiting = Waiting.CONDITION
-            return self._waiting
         try:
+            if block.wait is not None and not self._values.holds(block):
+                level.place -= 1
+                self._waiting = Waiting.CONDITION
+                return self._waiting
             self._execute(block)
         except ProgramError as error:
             level.place -= 1

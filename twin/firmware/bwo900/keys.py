@@ -12,6 +12,7 @@ reference      P12130 ...       reference run of an axis, or of all of them: Z, 
 axis           P8751            that moves in hand
 step           P8750, P8760     mm in hand at a time; 0: as long as the key is held
 move           P8752            + and - move the axis in hand, off ends a move that is not by steps
+output                          a program is put out over the line, as the panel's key for copies does
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from isel_twin.controller import Key, KeyValue
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.parameters import Limits
 
-__all__ = ["KEYS", "MODES", "Wish", "values", "wish", "writes"]
+__all__ = ["KEYS", "MODES", "OUTPUT", "Wish", "values", "wish", "writes"]
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
@@ -33,6 +34,7 @@ AXES: Final = ("z", "y", "x")
 MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 8_810
 PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
 KIND, AXIS, MOVE, STEP = 8_750, 8_751, 8_752, 8_760
+OUTPUT: Final = "output"
 CONTINUOUS, BY_STEPS = 1.0, 2.0
 
 KEYS: Final[Mapping[str, Key]] = {
@@ -49,6 +51,9 @@ KEYS: Final[Mapping[str, Key]] = {
     "axis": Key("the axis that moves in mode hand", ("x", "y", "z")),
     "step": Key("how far it moves at a time; 0: as long as the key is held", Limits("mm", 0.0, 100.0)),
     "move": Key("move it, in mode hand", tuple(MOVES), held=True),
+    OUTPUT: Key(
+        "put out a program over the line, by its number; 0: all of them", Limits("", 0, 9_999_999_999, whole=True)
+    ),
 }
 
 

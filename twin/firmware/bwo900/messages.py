@@ -78,6 +78,7 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     1009: (_A, "AUTO and POS are changed by way of HAND only"),
     1050: (_KA, "tool group not found in the tool table"),
     1053: (_KA, "the life of the tool group is over"),
+    1105: (_A, "a program cannot be opened"),
     1106: (_A, "a program is overwritten"),
     1107: (_A, "there is such a program, it is not overwritten"),
     1110: (_A, "wrong identifier of a file"),

@@ -180,7 +180,8 @@ class Reader:
             case 16:
                 said.activates = True
             case 23:
-                said.goal = self._goal(values, m)
+                goal = self._goal(values, m)
+                said.goal = said.goal or goal  # the first one, as of comparisons
             case 24:
                 if len(values) != 1 or values[0] is None or values[0] < 1:
                     raise ProgramError(1218, "M24.passes, at least 1", m.column)
