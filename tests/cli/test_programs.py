@@ -80,11 +80,14 @@ def test_a_message_fails_the_run_and_names_program_block_and_column(program, cap
     assert lines[-1]["refused"] >= 1
 
 
-def test_what_one_line_has_said_is_not_told_by_the_next(program, capsys) -> None:
+def test_what_cannot_be_loaded_is_not_started(program, capsys) -> None:
     assert call("run", program("P1\nN10 F1200\nN5 G1 X20\n"), *CONTROL, "--json") == 1
-    first, reference, *_ = ran(capsys)
+    told = capsys.readouterr()
+    first, summary = (json.loads(line) for line in told.out.splitlines())
     assert len(first["parts"]) == 1
-    assert "parts" not in reference
+    assert (summary["refused"], summary["unsent"]) == (1, 2)
+    assert "line 1: M1290: block numbers do not rise" in told.err
+    assert "; the job ends there and 2 lines are not sent\n" in told.err
 
 
 def test_the_table_has_a_row_a_block(program, capsys) -> None:
@@ -210,10 +213,11 @@ def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, 
     assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
 
 
-def test_blocks_without_numbers_are_run_too(program, capsys) -> None:
-    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 0
-    *_, started, _ = ran(capsys)
-    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+def test_blocks_without_numbers_are_refused_by_the_control(program, capsys) -> None:
+    """They are sent as the program that they are meant to be, so that its message says what is missing."""
+    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 1
+    loaded, _ = ran(capsys)
+    assert "a block begins with N" in loaded["why"]
 
 
 def test_cycles_alone_cannot_be_started(program, capsys) -> None:
