@@ -216,7 +216,8 @@ class Control:
     def unfinished(self) -> str:
         if self._channel.phase is Phase.HELD:
             program, number = self._channel.block
-            return f"{program} N{number} waits for Start"
+            wanted = "Start" if self._channel.override > 0.0 else "an override above 0 %"
+            return f"{program} N{number} waits for {wanted}"
         return self._broken
 
     @property
