@@ -596,6 +596,7 @@ class Control:
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
+        self._outgoing.add(FlashWrite(self._memory.image()))
 
     def _function(self, function: Machine) -> None:
         self._plc.function(self._now_ns, function.code)
