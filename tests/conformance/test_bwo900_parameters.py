@@ -75,7 +75,7 @@ def test_the_feed_of_the_point_of_contact(turn: str, centre: float) -> None:
 )
 def test_feed_dynamics_that_make_no_sense(values: dict[str, float]) -> None:
     """It is off, or at the ends of -100 to 100 %, and the program comes to its end (Z82)."""
-    text = "P1|N10 F1200 tr:2|N20 G41 G1 X10|N30 G3 X20 Y10 I10 J10|N35 G2 X30 Y20 I30 J10|N40 G1 X40|N50 M30"
+    text = "P1|N10 F6000 tr:2|N20 G41 G1 X10|N30 G3 X20 Y10 I10 J10|N35 G2 X30 Y20 I30 J10|N40 G1 X40|N50 M30"
     desk = fresh(text, **values)
     start(desk)
     desk.finish(300.0)
@@ -361,7 +361,7 @@ def test_a_short_lag_is_forgiven() -> None:
         desk.run(0.04)
     assert said(desk) == []
     drives.lag = (-9000.0, 0.0, 0.0)
-    desk.run(0.07)
+    desk.run(0.08)
     assert said(desk) == [2001]
 
 

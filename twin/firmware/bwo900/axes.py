@@ -47,6 +47,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
+        self._known: tuple[int, Limits] | None = None
+        """The limits, and the revision of the parameters that they are of."""
 
     # Where they are
 
@@ -133,7 +135,10 @@ class Axes:
 
     def limits(self) -> Limits:
         """What axes and path can, as the parameters are now."""
-        return Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+        revision = self._parameters.revision
+        if self._known is None or self._known[0] != revision:
+            self._known = revision, Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+        return self._known[1]
 
     def _resolution(self, axis: int) -> float:
         """Increments per mm: P12012 / P12013, unless that is none."""
