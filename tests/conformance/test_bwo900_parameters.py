@@ -863,3 +863,105 @@ def test_descriptors_without_sense_are_those_of_a_new_control(values: dict[str, 
     start(desk)
     desk.finish()
     assert (mm(desk)["XYZ".index(name)], said(desk)) == (5.0, [])
+
+
+# Locks, files, keys of HAND
+
+
+@shows("bwo900-8.4-4", "bwo900-8.4-5")
+@pytest.mark.parametrize(
+    ("values", "refused"),
+    [
+        ({}, False),
+        ({"p8510": 2}, True),
+        ({"p8510": 1}, False),  # another lock
+        ({"p8510": 2, "p8511": 2}, False),
+        ({"p11008": 1, "p11018": 2}, True),
+        ({"p11009": 1, "p11019": 2}, True),
+        ({"p11008": 0, "p11018": 2}, False),
+        ({"p8510": 2, "p11008": -1, "p11018": 2}, False),
+    ],
+)
+def test_locks_of_parameters(values: dict[str, float], refused: bool) -> None:
+    """P500 belongs to lock 2."""
+    desk = fresh("P1|N10 P499:1 P501:1|N20 P500:7|N30 M30", **values)
+    desk.send(file("D+", "K1:P 500: 5 S:$00020001"))
+    start(desk)
+    desk.finish()
+    assert said(desk) == ([1304] if refused else [])
+    assert value(desk, 500) == (5 if refused else 7)
+    desk.send(parameters(p500=9))
+    assert value(desk, 500) == 9
+
+
+@shows("bwo900-8.1-2")
+@pytest.mark.parametrize("content", ["0", "--"])
+@pytest.mark.parametrize(("number", "speed"), [(8_815, 1200), (8_816, 6000), (8_818, 1200), (12_120, 1200)])
+def test_nothing_and_deleted_mean_the_default(number: int, speed: float, content: str) -> None:
+    desk = fresh(f"P1|N10 {'G0' if number == 8_816 else 'G1 F1200'} X80|N20 M30")
+    desk.send(file("D", f"K1:P {number}: 50"))
+    desk.send(file("D", f"K1:P {number}: {content}"))
+    assert feeds(desk)[1].max() == pytest.approx(speed, abs=31.0)
+
+
+@shows("bwo900-8.6-10")
+def test_programs_may_be_protected() -> None:
+    desk = fresh("P1|N10 G0 X5|N20 M30", p11178=1)
+    desk.send(file("P1", "N10 G0 X7", "N20 M30"))
+    desk.send(file("P2", "N10 G0 X9", "N20 M30"))
+    assert said(desk) == [1107]
+    start(desk)
+    desk.finish()
+    assert mm(desk)[0] == 5.0
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk)[0] == 9.0
+
+
+@shows("bwo900-8.5-46")
+def test_the_next_step() -> None:
+    """10, 1, 0.1, 0.01, 0.001, and 10 again: steps of 0 are passed over."""
+    desk = fresh(referenced=False)
+    seen = []
+    for _ in range(6):
+        desk.send(parameters(p8761=1))
+        seen.append((value(desk, 8762), value(desk, 8760), value(desk, 8761)))
+    assert seen == [(2, 1, 0), (3, 0.1, 0), (4, 0.01, 0), (5, 0.001, 0), (1, 10, 0), (2, 1, 0)]
+
+
+@shows("bwo900-8.5-47")
+def test_m_functions_in_hand() -> None:
+    desk = fresh("P1|N10 G1 F600 X20|N20 M30")
+    desk.send(parameters(p8690=3))
+    desk.run(0.1)
+    assert desk.outputs["spindle"] == 1
+    desk.send(parameters(p8690=5))
+    desk.run(0.1)
+    assert desk.outputs["spindle"] == 0
+    desk.send(parameters(p8690=1234))
+    assert said(desk) == [1227]
+    start(desk)
+    desk.run(0.5)
+    desk.send(parameters(p8690=3))
+    desk.finish()
+    assert (said(desk), desk.outputs["spindle"]) == ([1227, 1321], 0)
+
+
+@shows(
+    "bwo900-8.5-72",
+    "bwo900-8.5-73",
+    "bwo900-8.5-74",
+    "bwo900-8.5-75",
+    "bwo900-8.7-21",
+    "bwo900-8.7-22",
+    "bwo900-8.7-23",
+)
+def test_what_the_plc_may_not_ask_for() -> None:
+    """Z89: kept, without effect."""
+    values = {"p8706": 0, "p8710": 1, "p8820": 1, "p8828": 1, "p8870": 1, "p12111": 5, "p12132": 1, "p12137": 1}
+    desk = fresh("P1|N10 G0 X5|N20 M30", **values)
+    desk.run(1.0)
+    assert mm(desk) == (0.0, 0.0, 0.0)
+    start(desk)
+    desk.finish()
+    assert (mm(desk)[0], said(desk), [value(desk, int(n[1:])) for n in values]) == (5.0, [], list(values.values()))

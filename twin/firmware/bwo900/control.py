@@ -39,6 +39,7 @@ from isel_twin.firmware.bwo900.channel import Channel, Phase
 from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.jog import step_on
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
@@ -437,6 +438,10 @@ class Control:
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
                 self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+            case keys.Wish.FUNCTION:
+                self._send_in_hand(int(given))
+            case keys.Wish.NEXT_STEP:
+                step_on(self._parameters)
             case keys.Wish.LOCK:
                 p = self._parameters
                 locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
@@ -450,6 +455,15 @@ class Control:
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
+
+    def _send_in_hand(self, code: int) -> None:
+        """P8690: an M function to the PLC."""
+        if not self._free:
+            self._say(message(1321, detail="an M function"))
+        elif not 0 <= code <= keys.HIGHEST_FUNCTION:
+            self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
+        else:
+            self._plc.function(self._now_ns, code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
