@@ -210,5 +210,6 @@ def exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
 
 
 def _plane_of(value: float, default: Plane) -> Plane:
-    """A plane as a parameter says: its axes, from 1, in the lower three bytes; 0: the default."""
-    return Plane(byte(value, 1) - 1, byte(value, 2) - 1, byte(value, 3) - 1) if value else default
+    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default for what is no plane."""
+    axes = [byte(value, number) - 1 for number in (1, 2, 3)]
+    return Plane(*axes) if sorted(axes) == [0, 1, 2] else default

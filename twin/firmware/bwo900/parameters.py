@@ -201,10 +201,8 @@ class Parameters:
         if not 1 <= workspace <= int(self.given(171, 1, "q")):
             raise ProgramError(1240, f"workspace {workspace}")
         groups = int(self.get(172, 0, "q"))
-        numbers = [
-            self.zero_address(number, axis, workspace, group) for group in (range(1, groups + 1) if groups else (0,))
-        ]
-        return sum(self.get(p) for p in numbers)
+        those = range(1, groups + 1) if groups > 0 else (0,)
+        return sum(self.get(self.zero_address(number, axis, workspace, group)) for group in those)
 
     def zero_address(self, number: int, axis: int, workspace: int = 1, group: int = 0) -> int:
         """The P of an entry of the table of zero points (manual, 8.3, q170 to q174); axis from 0."""
