@@ -507,6 +507,7 @@ class Control:
             self._starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+            self._interpreter.forget_in_hand()
         elif self.mode is Mode.HAND:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)

@@ -18,7 +18,7 @@ from isel_twin.firmware.bwo900.frames import Frame, Rotation
 from isel_twin.firmware.bwo900.groups import START, Modal
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["Coordinates", "exchanged"]
+__all__ = ["Coordinates"]
 
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
@@ -40,8 +40,6 @@ class Coordinates:
     program_position: Point
     """The same in the program's coordinates."""
     frame: Frame
-    order: tuple[int, ...]
-    """The machine's axis of each axis of the program."""
 
     def __init__(self, parameters: Parameters, length_mm: float) -> None:
         self._parameters = parameters
@@ -144,15 +142,15 @@ class Coordinates:
 
     def logical(self, axis: int) -> int:
         """The axis of the program that is this one of the machine (P8880)."""
-        return self.order.index(axis)
+        return self.frame.order.index(axis)
 
     def _frame_now(self) -> Frame:
         modal, axes = self.modal, len(self._letters)
         nothing = (0.0,) * axes
-        self.order = exchanged(self._parameters, axes)
-        self.names = {name: self.order[axis] for axis, name in enumerate(self._letters)}
+        order = _exchanged(self._parameters, axes)
+        self.names = {name: order[axis] for axis, name in enumerate(self._letters)}
         plane = self._planes[modal.plane] if modal.plane < 100 else self._free_plane(modal.plane)
-        plane = Plane(*(self.order[axis] for axis in (plane.first, plane.second, plane.third)))
+        plane = Plane(*(order[axis] for axis in (plane.first, plane.second, plane.third)))
         bound = modal.coordinates == 47
         zero = nothing if bound or modal.zero == 153 else self._zero_point(modal.zero)
         return Frame(
@@ -166,13 +164,14 @@ class Coordinates:
             shift=nothing if bound else self.shift,
             zero=zero,
             length=0.0 if bound else self._length,
-            senses=self._senses(),
+            senses=self._senses(order),
+            order=order,
         )
 
-    def _senses(self) -> Point | None:
+    def _senses(self, order: tuple[int, ...]) -> Point | None:
         """P8892: a bit for each axis of the program that runs the other way."""
         turned = int(self._parameters.get(8_892))
-        senses = tuple(-1.0 if turned >> self.logical(axis) & 1 else 1.0 for axis in range(len(self.order)))
+        senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
         return senses if -1.0 in senses else None
 
     def _zero_point(self, number: int) -> Point:
@@ -194,7 +193,7 @@ class Coordinates:
         return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
 
 
-def exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
+def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
     """The machine's axis of each axis of the program: P8880 1 or 2, P8881 to P8889 each from (byte 2) to (byte 1).
 
     What makes no exchange of all is none.

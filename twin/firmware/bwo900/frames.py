@@ -88,6 +88,8 @@ class Frame:
     """Tool length, along the third axis of the plane."""
     senses: Point | None = None
     """P8892: -1 for axes that run the other way; None: none does."""
+    order: tuple[int, ...] = (0, 1, 2)
+    """The machine's axis of each axis of the program (P8880)."""
 
     @property
     def mirrored(self) -> bool:
@@ -99,7 +101,7 @@ class Frame:
     def bare(self) -> Frame:
         """G66: nothing of it, for one block."""
         nothing = (0.0,) * self.axes
-        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses)
+        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
 
     def machine(self, program: Point) -> Point:
         """The place of the machine of a point of the program, correction included."""
