@@ -222,6 +222,7 @@ class Operating:
             self.starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+            self._interpreter.forget_in_hand()
         elif self.mode is Mode.HAND:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
