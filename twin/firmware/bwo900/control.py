@@ -226,11 +226,11 @@ class Control:
         self.advance(t_ns)
         for error in self._receiver.take(data):
             if lost := self._feeder.failed:
-                self._say(message(error.number, program=lost, detail=error.detail))
+                self._say(message(error.number, program=lost, detail=error.detail, infos=error.infos))
                 self._channel.abort(t_ns)
                 self._feeder.end()
                 continue
-            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            self._say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False

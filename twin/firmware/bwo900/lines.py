@@ -28,7 +28,7 @@ class Lines:
         """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
         line. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
         if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}")
+            raise ProgramError(1113, f"line {number}", infos=(number,))
         text = line.rstrip()
         if not text.strip() or text.lstrip().startswith(";"):
             return None
@@ -40,7 +40,7 @@ class Lines:
         if found is None:
             return text, -1
         if int(found[1]) <= self.highest:
-            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}")
+            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}", infos=(number, int(found[1])))
         self.highest = int(found[1])
         return text, self.highest
 

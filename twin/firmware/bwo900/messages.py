@@ -27,7 +27,8 @@ class Effect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly."""
+    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly; infos: the
+    numbers that P8505 on are given with it."""
 
     number: int
     effect: Effect
@@ -36,6 +37,7 @@ class Message:
     block: int = 0
     column: int = 0
     detail: str = ""
+    infos: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         place = " ".join(
@@ -52,22 +54,36 @@ class Message:
 
 
 class ProgramError(Exception):
-    """A program cannot go on: a message, and the column where known (from 1)."""
+    """A program cannot go on: a message, and the column where known (from 1); infos: for P8505 on."""
 
-    def __init__(self, number: int, detail: str = "", column: int = 0) -> None:
+    def __init__(self, number: int, detail: str = "", column: int = 0, infos: tuple[float, ...] = ()) -> None:
         super().__init__(f"M{number}: {detail}")
-        self.number, self.detail, self.column = number, detail, column
+        self.number, self.detail, self.column, self.infos = number, detail, column, infos
+        self.place: tuple[str, int] | None = None
+        """Program and block, where it is not the one that is analysed."""
 
-    def __reduce__(self) -> tuple[type[ProgramError], tuple[int, str, int]]:
-        return (ProgramError, (self.number, self.detail, self.column))
+    def at(self, program: str, block: int, column: int) -> ProgramError:
+        """The same, about this block."""
+        self.place, self.column = (program, block), column
+        return self
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (ProgramError, (self.number, self.detail, self.column, self.infos), {"place": self.place})
 
 
 def message(
-    number: int, *, program: str = "", block: int = 0, column: int = 0, detail: str = "", effect: Effect | None = None
+    number: int,
+    *,
+    program: str = "",
+    block: int = 0,
+    column: int = 0,
+    detail: str = "",
+    infos: tuple[float, ...] = (),
+    effect: Effect | None = None,
 ) -> Message:
     """The message of that number; one that is not in the table breaks the channel off, as those of cycles do."""
     known = MESSAGES.get(number) or Message(number, Effect.CHANNEL_ABORT, "message of a cycle or of the PLC")
-    said = replace(known, program=program, block=block, column=column, detail=detail)
+    said = replace(known, program=program, block=block, column=column, detail=detail, infos=infos)
     return said if effect is None else replace(said, effect=effect)
 
 
@@ -158,7 +174,7 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     3001: (_SA, "emergency stop"),
     3002: (_SA, "drives off"),
     3501: (_A, "change to AUTO is locked"),
-    3502: (_A, "start is locked"),
+    3502: (_A, "change to HAND is locked"),
     8001: (_KA, "the pocket cannot be milled with this tool"),
     8003: (_KA, "corner radius too small"),
     8004: (_KA, "corner radius too large"),

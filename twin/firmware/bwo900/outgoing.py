@@ -1,7 +1,11 @@
 """What the control tells the outside: events in their order, outputs when they change, messages.
 
-A message is an event, stands until it is cleared, is kept in the history, and is in P8501, P8910 and P8911 (P8503 if it
-is only shown). One that is more than shown is a fault.
+A message is an event, stands until it is cleared, is kept in the history, and is in a parameter that tells its effect:
+
+    P8500 system abort    P8501 channel abort    P8502 channel stop    P8503 shown    P8910, P8911 program and block
+    P8504 axis            P8505 to P8507 what else there is to know: a line of a file, a parameter and its channel
+
+One that is more than shown is a fault.
 """
 
 from __future__ import annotations
@@ -14,6 +18,15 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 
 __all__ = ["Outgoing"]
 
+CELLS: Final = {
+    Effect.SYSTEM_ABORT: 8_500,
+    Effect.CHANNEL_ABORT: 8_501,
+    Effect.STOP: 8_502,
+    Effect.SHOWN: 8_503,
+}
+OF_AXES: Final = range(2_000, 2_200)
+"""Messages whose detail is an axis."""
+NAMES: Final = "XYZ"
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -55,7 +68,11 @@ class Outgoing:
         del self.standing[:-MOST_MESSAGES]
         self.history.append((t_ns, said))
         del self.history[:-MOST_MESSAGES]
-        self._parameters.write(8_501 if said.effect is not Effect.SHOWN else 8_503, float(said.number))
+        self._parameters.write(CELLS[said.effect], float(said.number))
+        axis = NAMES.find(said.detail) + 1 if said.detail and said.number in OF_AXES else 0
+        for number, info in zip(range(8_504, 8_508), (axis, *said.infos, 0.0, 0.0, 0.0), strict=False):
+            if info or self._parameters.get(number):
+                self._parameters.write(number, float(info))
         if said.program:
             self._parameters.write(8_910, float(said.program[1:]))
             self._parameters.write(8_911, float(said.block))
