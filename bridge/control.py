@@ -146,13 +146,14 @@ class Operator:
         return self._twin.settable
 
     def happen(self, content: dict[str, Any]) -> Answer:
-        """Let an event of a scenario (without `at`) happen now; the inputs it has set as they are then."""
+        """Let an event of a scenario (without `at`) happen now; what it has set, as it is then: inputs, or all keys."""
         place = Place("request", ControlError)
         event = event_now(content, place, self.settable, self._twin.keys)
         self._check_physics(event, content, place)
         self._twin.carry_out(event)
         inputs = self._twin.inputs
-        return self._now() | {"inputs": {name: inputs.get(name, "ok") for name in event.inputs}}
+        keys = {"keys": dict(self._twin.key_values)} if "key" in event.others else {}
+        return self._now() | {"inputs": {name: inputs.get(name, "ok") for name in event.inputs}} | keys
 
     def pause(self) -> Answer:
         """Let virtual time stand still, in the middle of a step too."""

@@ -200,7 +200,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
     deviation_mm = _begin(twin, command, limit_s)
     time_s = (twin.time_ns - began_ns) * 1e-9
     over, reply = twin.idle, twin.read()
-    given_up = not (over and reply)
+    given_up = not over or not (reply or language.accepted(command, reply))
     if given_up:
         twin.write(language.break_off())
         twin.run_until_idle(_BREAK_LIMIT_S)

@@ -122,7 +122,9 @@ def test_a_controller_without_keys_says_so() -> None:
 
 def test_the_control_port_presses_and_tells() -> None:
     bench = Bench(machine="4030-servo", controller="bwo900")
-    bench.ask(key={"mode": "single", "override": 80})
+    answer = bench.ask(key={"mode": "single", "override": 80})
+    assert (answer["keys"]["mode"], answer["keys"]["override"], answer["inputs"]) == ("single", 80.0, {})
+    assert "keys" not in bench.ask(set={"hood": "open"})
     assert bench.ask(state=True)["keys"]["mode"] == "single"
     assert bench.ask(state=True)["keys"]["override"] == 80.0
     assert bench.ask(keys=True)["mode"] == "what the control does: hand, auto, single, positioning"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
 from isel_twin import Twin
-from isel_twin.controller import UnknownNameError, controller_names
+from isel_twin.controller import PluginError, UnknownNameError, controller_names
 from isel_twin.envs import Settings
+from isel_twin.job import decode_job
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,
@@ -18,6 +21,7 @@ from isel_twin.language import (
     encoded,
     language_names,
     needed,
+    programs_for,
     readable,
 )
 
@@ -87,3 +91,20 @@ def test_pieces() -> None:
     assert pieces.cut(b"a\xfdb\xfd\xfd") == [b"a", b"\xfd", b"b", b"\xfd", b"\xfd"]
     assert pieces.cut(b"1234567") == [b"12345"]
     assert pieces.rest == b"67"
+
+
+JOBS = Path(__file__).parent / "jobs"
+
+
+@pytest.mark.parametrize("file", sorted(JOBS.rglob("*.txt")) + sorted(JOBS.rglob("*.nc")), ids=lambda file: file.name)
+def test_programs_are_told_from_jobs(file: Path) -> None:
+    """No job of any controller is taken for a program, and every program is known as one."""
+    assert programs_for(decode_job(file.read_bytes())) == (["bwo900"] if file.suffix == ".nc" else [])
+
+
+def test_a_language_that_does_not_work_claims_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(name: str) -> None:
+        raise PluginError(name)
+
+    monkeypatch.setattr("isel_twin.language.create_language", broken)
+    assert programs_for("N10 G0 X5\n") == []

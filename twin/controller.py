@@ -351,6 +351,17 @@ class HoldsHost(Protocol):
 BYTES_AT_ONCE = 4096
 """Bytes that arrive at one instant and are handed over in one piece to a controller that `HoldsHost`."""
 
+
+@runtime_checkable
+class EndsPrograms(Protocol):
+    """What a controller offers beside `Controller` if programs that it runs by itself can stand before their end."""
+
+    @property
+    def unfinished(self) -> str:
+        """Where the program that was started last stands, and who it waits for or that it was broken off, in a few
+        words; "" while it runs, when it has come to its end, and if there was none. At the time of the last call."""
+
+
 ControllerFactory = Callable[..., Controller]
 """factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""
 

@@ -37,7 +37,7 @@ from isel_twin.expect import (
     parse_condition,
     parse_expected,
 )
-from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, readable
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
 from isel_twin.result import Part, Result
 from isel_twin.snapshot import snapshot
 from isel_twin.units import SECOND_NS
@@ -45,7 +45,7 @@ from isel_twin.units import SECOND_NS
 if TYPE_CHECKING:
     from isel_twin.twin import Twin
 
-__all__ = ["JobError", "Line", "Result", "check_conditions", "decode_job", "parse_job", "play"]
+__all__ = ["JobError", "Line", "Result", "check_conditions", "check_controller", "decode_job", "parse_job", "play"]
 
 LONGEST_PAUSE_S = 1e9
 """Longest pause in virtual seconds, as for the times of a scenario."""
@@ -144,6 +144,17 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
     return lines
 
 
+def check_controller(text: str, language: Language | None, controller: str) -> None:
+    """Raise JobError for a text that can only be a program of another controller than the one that is named."""
+    if isinstance(language, RunsPrograms):
+        return
+    if others := programs_for(text):
+        raise JobError(
+            f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
+            "and a machine for it. A job begins with a command or a remark (# ...)"
+        )
+
+
 def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
     """The error of a line of a job. begin: where what was parsed begins in it."""
     at = begin + error.at
@@ -232,6 +243,8 @@ def play(
         if line.program and twin.fault:
             accepted = False
             why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+        elif line.program and not complete and twin.steps_made:
+            why = twin.unfinished
         last = Result(
             number=line.number,
             command=line.command,
@@ -248,7 +261,7 @@ def play(
             parts=parts,
         )
         yield last
-        if not complete:
+        if not complete or (line.program and not last.ok):  # what cannot be loaded cannot be started
             return
 
 
@@ -288,7 +301,7 @@ def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[
         if not twin.commands_due:
             continue
         until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
-        twin.run_until(until_ns, lambda: not twin.commands_due or (stop is not None and stop()))
+        twin.run_until(until_ns, lambda: not twin.commands_due or _stands(twin) or (stop is not None and stop()))
         if twin.commands_due:
             return False
     return True
@@ -341,5 +354,19 @@ def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool]
         until_ns = start_ns + line.expected.wait_ns
         twin.run_until(until_ns, stop)
         return twin.time_ns >= until_ns
-    twin.run_until(twin.time_ns + round(timeout_s * SECOND_NS), lambda: twin.idle or (stop is not None and stop()))
-    return twin.idle
+    until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
+    if not line.program:
+        twin.run_until(until_ns, lambda: twin.idle or (stop is not None and stop()))
+        return twin.idle
+    twin.run_until(until_ns, lambda: (twin.idle and (_over(twin) or _stands(twin))) or (stop is not None and stop()))
+    return twin.idle and _over(twin)
+
+
+def _over(twin: Twin) -> bool:
+    """Whether a program that this line has begun is not to go on."""
+    return twin.fault or not twin.steps_made or not twin.unfinished
+
+
+def _stands(twin: Twin) -> bool:
+    """Whether it should, and there is nobody who could see to it: a scenario that presses Start, later on."""
+    return not _over(twin) and not twin.events_left

@@ -23,11 +23,12 @@ from __future__ import annotations
 import importlib.metadata
 import operator
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, runtime_checkable
 
-from isel_twin.controller import UnknownNameError, controller_names, plugin_errors
+from isel_twin.controller import PluginError, UnknownNameError, controller_names, plugin_errors
 
 Ranges = Mapping[str, tuple[int, int]]
 """Lowest and highest value of each of the `MoveSettings`, by its name."""
@@ -204,6 +205,20 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
     return partial(_none, controller)
 
 
+def programs_for(text: str) -> list[str]:
+    """Names of the installed controllers that a text can only be a program of, sorted; see `RunsPrograms.claims`.
+
+    A language that does not work claims nothing: whoever names its controller is told so.
+    """
+    found: list[str] = []
+    for name in language_names():
+        with suppress(PluginError):
+            language = create_language(name)
+            if isinstance(language, RunsPrograms) and language.claims(text):
+                found.append(name)
+    return found
+
+
 def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> Language:
     with plugin_errors("language", entry):
         return factory(entry.name)
@@ -253,6 +268,9 @@ def integers(values: Sequence[int], count: int) -> list[int]:
 @runtime_checkable
 class RunsPrograms(Protocol):
     """What a language offers beside `Language` if a file can be a program of its controller, and not a job."""
+
+    def claims(self, text: str) -> bool:
+        """Whether a text can only be such a program: whoever gives it to another controller has named the wrong one."""
 
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
         """What is sent to run a text that is a program: what each step is called, and its bytes, in one piece or

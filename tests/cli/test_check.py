@@ -187,7 +187,7 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
         (("none.txt",), "none.txt: there is no such file"),
         (("empty.txt",), "empty.txt: there is no command in it"),
         (("binary.txt",), "binary.txt: is UTF-16 or no text at all"),
-        (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several jobs"),
+        (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several"),
         (("-",), "bounds stand beside a job"),
         ((".",), "is a folder"),
         (("job.txt", "--margin", "2"), "--margin 2: must be from 0 to 1"),
@@ -322,3 +322,17 @@ def test_a_page_says_what_the_golden_run_did_otherwise(tmp_path: Path, capsys: p
         assert "Compared with the golden run" in page
         assert "line-3" in page
         assert "@0M3200,2900,1600,3000,0,30,0,30" in page
+
+
+def test_one_file_that_cannot_be_written_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job, sarif = write(tmp_path, WELL), tmp_path / "found.sarif"
+    code, out, err = call(capsys, job, "--plant", "kinematic", "--junit", "/dev/full", "--sarif", sarif)
+    assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
+    assert "1 job, all well" in out
+    assert json.loads(sarif.read_text())["version"] == "2.1.0"
+
+
+def test_pages_need_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    job = write(tmp_path, WELL)
+    code, _, err = call(capsys, job, "--plant", "kinematic", "--report", job)
+    assert (code, err) == (2, f"isel-twin: {job}: is a file; name a folder for the pages\n")

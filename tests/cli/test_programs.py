@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin import Twin
 from isel_twin.cli import main
+from isel_twin.language import MoveSettings, create_language, needed
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--plant", "kinematic")
 ARC = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 G2 X60 Y20 I0 J5\nN40 M30\n"
@@ -78,11 +80,14 @@ def test_a_message_fails_the_run_and_names_program_block_and_column(program, cap
     assert lines[-1]["refused"] >= 1
 
 
-def test_what_one_line_has_said_is_not_told_by_the_next(program, capsys) -> None:
+def test_what_cannot_be_loaded_is_not_started(program, capsys) -> None:
     assert call("run", program("P1\nN10 F1200\nN5 G1 X20\n"), *CONTROL, "--json") == 1
-    first, reference, *_ = ran(capsys)
+    told = capsys.readouterr()
+    first, summary = (json.loads(line) for line in told.out.splitlines())
     assert len(first["parts"]) == 1
-    assert "parts" not in reference
+    assert (summary["refused"], summary["unsent"]) == (1, 2)
+    assert "line 1: M1290: block numbers do not rise" in told.err
+    assert "; the job ends there and 2 lines are not sent\n" in told.err
 
 
 def test_the_table_has_a_row_a_block(program, capsys) -> None:
@@ -141,14 +146,14 @@ def test_what_a_check_finds_stands_at_its_line_and_column_of_the_file(program, c
     assert "line 6, column 16" in capsys.readouterr().out
     results = json.loads(found.read_text())["runs"][0]["results"]
     regions = {one["ruleId"]: one["locations"][0]["physicalLocation"]["region"] for one in results}
-    assert regions == {"refused": {"startLine": 6, "startColumn": 16}, "fault": {"startLine": 6, "startColumn": 16}}
+    assert regions == {"refused": {"startLine": 6, "startColumn": 16}}
 
 
 def test_what_happens_in_a_block_stands_at_its_line(program, capsys) -> None:
     """The axis runs into its switch in N20, line 3."""
     assert call("check", program("P1\nN10 G1 F1200\nN20 X2000\nN30 M30\n"), *CONTROL, "--json") == 1
     (report,) = (json.loads(line) for line in capsys.readouterr().out.splitlines() if '"findings"' in line)
-    assert {one["rule"]: one["line"] for one in report["findings"]} == {"switch": 3, "refused": 3, "fault": 3}
+    assert {one["rule"]: one["line"] for one in report["findings"]} == {"switch": 3, "refused": 3}
 
 
 def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys) -> None:
@@ -166,6 +171,152 @@ def test_a_golden_run_names_the_blocks_in_which_it_first_differs(program, capsys
     begin, end = int(named[1] or named[3]), int(named[2] or named[3])
     assert begin <= 80 <= end
     assert end - begin <= 10
+
+
+PART = "P1\nN10 G90 F1200\nN20 G1 X40\nN30 M30\n#\n"
+NAMED = r"part.nc: is a program for bwo900, which imc-s8 cannot run; name the controller, bwo900, and a machine for it"
+
+
+@pytest.mark.parametrize("text", [PART, f"; my part\n{PART}", "%\nN10 G0 X10\n/N20 M30\n", "Z1\nN10 X5\nN20 M02\n#\n"])
+def test_a_program_given_to_a_controller_that_runs_none_is_one_line(program, capsys, text, tmp_path: Path) -> None:
+    """It is not sent line by line to be refused line by line, nor written down as a golden run."""
+    file = program(text)
+    plan = tmp_path / "plan.toml"
+    plan.write_text('[sweep]\njob = "part.nc"\nplant = "kinematic"\n[machine]\n"payload.mass" = [0.0, 1.0]\n')
+    calls = [("run", file), ("check", file), ("golden", "record", file), ("tune", file), ("sweep", plan)]
+    for words in calls:
+        assert call(*words) == 2, words
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert re.search(NAMED, told.err), words
+        assert len(told.err.splitlines()) == 1, words
+    assert not file.with_suffix(".golden").exists()
+
+
+def test_a_remark_at_its_beginning_makes_any_file_a_job(program, capsys) -> None:
+    assert call("run", program(f"# for an iMC\n{PART}"), "--plant", "kinematic") == 1
+    assert "commands, 4 refused" in capsys.readouterr().out
+
+
+def test_decode_suggests_the_controller_of_a_program(program, capsys) -> None:
+    assert call("decode", program(PART)) == 0
+    told = capsys.readouterr()
+    assert re.search(NAMED, told.err)
+    assert "P1<10>" in told.out
+
+
+@pytest.mark.parametrize("head", ["; my part\n", "%\n", "\n; one\n\n; two\n", "%\n; tape\n"])
+def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, head) -> None:
+    assert call("run", program(head + PART), *CONTROL, "--json") == 0
+    loaded, *_, started, _ = ran(capsys)
+    assert loaded["command"] == "P1, 3 blocks"
+    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+
+
+def test_blocks_without_numbers_are_refused_by_the_control(program, capsys) -> None:
+    """They are sent as the program that they are meant to be, so that its message says what is missing."""
+    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 1
+    loaded, _ = ran(capsys)
+    assert "a block begins with N" in loaded["why"]
+
+
+def test_cycles_alone_cannot_be_started(program, capsys) -> None:
+    assert call("run", program("Z1\nN10 G0 X10\nN20 M02\n#\n"), *CONTROL) == 2
+    assert capsys.readouterr().err == (
+        f"isel-twin: {program('Z1')}: there is no program in it to be started, a line P and its number, but Z1\n"
+    )
+
+
+def test_one_block_is_one_block(program, capsys) -> None:
+    assert call("run", program("; mine\nP2\n; a remark\nN10 G1 F1200 \\\nX40\n#\n"), *CONTROL, "--json") == 0
+    assert ran(capsys)[0]["command"] == "P2, 1 block"
+
+
+def test_columns_of_the_table_stand_below_each_other(program, capsys) -> None:
+    """Also where a block is long: what is in a column ends where its head does."""
+    assert (
+        call("run", program("P1\nN10 G90 F1200 {a long remark about   what comes next here}\nN20 G1 X40\n"), *CONTROL)
+        == 0
+    )
+    head, *rows = capsys.readouterr().out.split("\n\n")[0].splitlines()
+    ends = [match.end() for match in re.finditer(r"[XYZ] / mm", head)]
+    assert len(rows) == 5
+    for row in rows:
+        assert [match.end() for match in re.finditer(r"-?\d+\.\d{3}(?= |$)", row)][1:] == ends, row
+
+
+def test_the_page_names_the_same_place_as_the_terminal(program, capsys, tmp_path: Path) -> None:
+    """Line and column of the file; the link leads to the step of the job."""
+    assert call("check", program(ARC), *CONTROL, "--report", tmp_path / "pages") == 1
+    assert "line 4, column 16" in capsys.readouterr().out
+    assert "<a href='#line-3'>line 4, column 16</a>" in (tmp_path / "pages" / "part.html").read_text()
+
+
+def test_a_message_is_told_once(program, capsys) -> None:
+    """It is not a second finding that the controller shows the error that was told."""
+    assert call("check", program(ARC), *CONTROL) == 1
+    out = capsys.readouterr().out
+    assert out.count("M1238") == 1
+    assert "no reply has told" not in out
+
+
+def test_the_example_of_the_page_does_what_it_says(program, capsys) -> None:
+    """The first program of docs/bwo900.md: three rounds, the tool's centre 3 mm beside the contour."""
+    page = (Path(__file__).parents[2] / "docs" / "bwo900.md").read_text()
+    example = re.search(r"(?:^    .*\n)+", page[page.index("Samples are in") :], re.MULTILINE)
+    assert example
+    text = "".join(line.removeprefix("    ") for line in example[0].splitlines(keepends=True))
+    assert call("run", program(text), *CONTROL, "--json") == 0
+    *_, started, _ = ran(capsys)
+    rounds = [part["position_mm"] for part in started["parts"] if part["text"].startswith("P1 N50")]
+    assert len(rounds) == 3
+    assert all(place[:2] == pytest.approx([87.0, 60.0], abs=0.01) for place in rounds)
+
+
+def test_a_job_of_another_controller_is_no_program(program, capsys) -> None:
+    file = program("@07\n@0R7\n")
+    assert call("run", file, *CONTROL) == 2
+    assert capsys.readouterr().err == (
+        f"isel-twin: {file}: '@07' begins neither a program (P1), a block (N10 ...), nor a file of parameters (D)\n"
+    )
+
+
+def test_moves_of_the_language_take_the_time_that_their_settings_say() -> None:
+    """x / v + v / a, or 2 sqrt(x / a) where v is not reached; each with a block's cycles of 2 ms beside it."""
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    language = needed(twin.language, "bwo900")
+    for data in language.reference():
+        twin.write(data)
+        assert twin.run_until_idle(100)
+    for to_mm, speed_mm_s, a_m_s2 in ((50, 40, 0.4), (0, 40, 0.1), (50, 30, 4.0), (0, 40, 0.01)):
+        *before, start = language.move((1000 * to_mm, 0, 0), MoveSettings(1000 * speed_mm_s, round(1000 * a_m_s2)))
+        for data in before:
+            twin.write(data)
+            assert twin.run_until_idle(1)
+        began_ns = twin.time_ns
+        twin.write(start)
+        assert twin.run_until_idle(100)
+        a_mm_s2 = 1000 * a_m_s2
+        reached = speed_mm_s**2 / a_mm_s2 <= 50
+        time_s = 50 / speed_mm_s + speed_mm_s / a_mm_s2 if reached else 2 * (50 / a_mm_s2) ** 0.5
+        assert (twin.time_ns - began_ns) * 1e-9 == pytest.approx(time_s, abs=0.01)
+        assert tuple(twin.counts) == (1000 * to_mm, 0, 0)
+    assert not twin.remarks
+
+
+def test_a_move_can_follow_one_that_was_broken_off() -> None:
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    language = needed(twin.language, "bwo900")
+    for data in (*language.reference(), *language.move((50_000, 0, 0), MoveSettings(3000))):
+        twin.write(data)
+        twin.run(30.0 if data in language.reference() else 1.0)
+    twin.write(language.break_off())
+    assert twin.run_until_idle(5)
+    assert 1000 < twin.counts[0] < 10_000
+    for data in language.move((0, 5000, 0), MoveSettings(3000)):
+        twin.write(data)
+        assert twin.run_until_idle(20)
+    assert tuple(twin.counts) == (0, 5000, 0)
 
 
 LONG = "P1\n" + "".join(f"N{n} G1 F3000 X{n % 7}\n" for n in range(1, 300)) + "N300 M30\n#\nZ500\nN1 G0 Z2\nN2 M02\n#\n"
@@ -207,3 +358,65 @@ def test_a_message_in_a_fed_program_names_line_and_column(program, capsys, monke
 def test_a_text_that_no_line_carries_is_refused_before_it_begins(program, capsys) -> None:
     assert call("run", program("P1\nN10 G0 X1 ;\u2192\nN20 M30\n"), *CONTROL) == 2
     assert "'\u2192' is not a character a serial line can carry" in capsys.readouterr().err
+
+
+STOPS = """
+[[event]]
+name = "stop"
+when = "x > 25 mm"
+key = {{ stop = true }}
+
+[[event]]
+when = "2 s after stop"
+{then}
+"""
+
+
+def scenario_file(folder: Path, then: str) -> Path:
+    file = folder / "stops.toml"
+    file.write_text(STOPS.format(then=then) if then else STOPS.partition("\n[[event]]\nwhen")[0].format())
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "then", "said"),
+    [
+        (PART, "", "P1 N20 waits for Start"),
+        (PART, "key = { abort = true }", "P1 N20 is broken off"),
+        (PART.replace("N30 M30", "N25 M00\nN30 M30"), "key = { start = true }", "P1 N25 waits for Start"),
+        (PART, "key = { override = 0, start = true }", "P1 N20 waits for an override above 0 %"),
+    ],
+    ids=["stop", "abort", "M00", "override"],
+)
+def test_a_program_that_stands_before_its_end_is_not_well(program, capsys, tmp_path: Path, text, then, said) -> None:
+    """Nobody goes on with it, so the job ends there, at once, and says where it stands."""
+    scenario = scenario_file(tmp_path, then)
+    assert call("run", program(text), *CONTROL, "--scenario", scenario, "--json") == 1
+    told = capsys.readouterr()
+    *_, started, summary = (json.loads(line) for line in told.out.splitlines())
+    assert (started["why"], started["complete"], summary["ok"]) == (said, False, False)
+    assert summary["time_ns"] < 50e9
+    assert told.err.endswith(f"line 3: {said}; the job ends there\n")
+    assert call("check", program(text), *CONTROL, "--scenario", scenario) == 1
+    assert f"start P1: {said}" in capsys.readouterr().out
+
+
+def test_one_that_a_scenario_stops_and_starts_comes_to_its_end(program, capsys, tmp_path: Path) -> None:
+    scenario = scenario_file(tmp_path, "key = { start = true }")
+    assert call("run", program(PART), *CONTROL, "--scenario", scenario, "--json") == 0
+    *_, started, summary = ran(capsys)
+    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+    assert summary["events_after_end"] == 0
+
+
+def test_a_remark_is_explained_as_one() -> None:
+    (message,) = needed(create_language("bwo900"), "bwo900").messages(b"; outer contour\r\n", True)
+    assert message.explanation == "a remark"
+
+
+def test_a_program_may_be_longer_than_a_job(program, capsys, monkeypatch) -> None:
+    """A contour of a free form has millions of blocks, and cannot be cut like a job."""
+    monkeypatch.setattr("isel_twin.cli.jobs.JOB_BYTES", 100)
+    assert call("run", program(LONG), *CONTROL, "--json") == 0
+    assert call("run", program("@07\n" * 26), "--plant", "kinematic") == 2
+    assert "is longer than 0 MiB; cut it into several" in capsys.readouterr().err

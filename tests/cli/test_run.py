@@ -342,7 +342,7 @@ def test_a_file_that_cannot_be_written_is_named_as_the_user_did(tmp_path: Path, 
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (2, "isel-twin: out: File too large\n")
-    assert "all well" not in done.stdout
+    assert "all well" in done.stdout  # what the job did is not lost with the file
     assert {path.name for path in tmp_path.iterdir()} == {"job.txt"}
 
 
@@ -354,3 +354,23 @@ def test_a_picture_of_a_kind_that_does_not_exist_is_named(
         main(["motor", "23HS32-4004S", "--picture", "out.xyz"])
     assert caught.value.code == 2
     assert "isel-twin: out.xyz: " in capsys.readouterr().err
+
+
+def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_file(call: Any, tmp_path: Path) -> None:
+    """The verdict, VCD and page of a job are there although its stream met a full disk."""
+    outputs = ("--steps", "/dev/full", "--vcd", "job.vcd", "--report", "job.html")
+    code, out, err = call("@07\n@0R7\n", *outputs)
+    assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
+    assert "all well: 2 commands" in out
+    assert (tmp_path / "job.vcd").stat().st_size > 1000
+    assert "</html>" in (tmp_path / "job.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("job", "told"), [("@07\n", "1 command, 0 ref"), ("@07 => 0\n", "1 command, 0 refused, 1 exp")]
+)
+def test_one_of_a_thing_is_told_as_one(call: Any, job: str, told: str) -> None:
+    _, out, _ = call(job)
+    assert told in out
+    assert "1 commands" not in out
+    assert "1 expectations" not in out

@@ -146,3 +146,11 @@ def test_what_cannot_be_done_is_told_in_a_line(tune: Any, tmp_path: Path, words:
         assert said.startswith(begin), said
         assert end.rstrip("*") in said if star else said == line
     assert not list(tmp_path.glob("*.tuned.txt"))
+
+
+def test_one_of_a_thing_is_told_as_one(tune: Any, tmp_path: Path) -> None:
+    (tmp_path / "one.txt").write_text("@07\n@0R7\n@0M1600,9000,0,30,0,30,0,30\n")
+    ranges = ("--speed", "9000", "--start-stop", "300", "--acceleration", "100:110")
+    _, out, _ = tune("tune", "one.txt", "--trials", "1", "--repetitions", "0", "--confirm", "1", *ranges)
+    assert out.startswith("1 parameter for 1 move; ")
+    assert " or more on 1 machine that no trial has seen" in out

@@ -334,3 +334,15 @@ def test_a_picture_or_one_line_that_says_what_is_missing() -> None:
         assert before.shape == after.shape == (480, 640, 3)
         assert before.std() > 10.0, "not an empty picture"
         assert (before != after).mean() > 0.02, "the machine has moved"
+
+
+def test_moves_of_a_control_that_answers_nothing_are_done() -> None:
+    """A CNC says nothing on the line when a program is over: that is no move that had to be broken off."""
+    env = make(job=[(20, 0, 0), (0, 10, 5)], plant="kinematic", controller="bwo900", machine="4030-servo")
+    env.reset(seed=0)
+    for _ in range(2):
+        _, reward, _, _, info = env.step(np.zeros(3, np.float32))
+        assert info["reward_abort"] == 0.0
+        assert reward > -10.0
+    assert env.twin is not None
+    assert tuple(env.twin.counts) == (0, 10_000, 5_000)

@@ -164,7 +164,7 @@ def gmi99_actions(draw: Draw, length: int) -> list[Action]:
 def bwo900_actions(draw: Draw, length: int) -> list[Action]:
     """A session of a BWO 900: programs transferred, started, disturbed."""
     actions: list[Action] = [("write", _file("D", "K1:P8683: 1", *(f"K1:P{p}: 1" for p in (12_530, 12_330, 12_130))))]
-    actions.append(("run", 8.0, 3))
+    actions.append(("run", 12.0, 3))
     for _ in range(max(length // 4, 2)):
         blocks = [f"N{10 * n + 10} {_pick(draw, BWO900_LINES)}" for n in range(int(draw.integers(2, 12)))]
         program = _file(f"P{int(draw.integers(1, 4))}", "N5 F3000", *blocks, "N900 M30")

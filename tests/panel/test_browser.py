@@ -288,6 +288,20 @@ def apart(one: dict[str, float], other: dict[str, float]) -> bool:
     return beside or any(a["y"] + a["height"] <= b["y"] + 0.5 for a, b in ((one, other), (other, one)))
 
 
+@pytest.mark.parametrize("width", [1000, 1500])
+def test_names_of_terminals_have_room_however_long_they_are(bench, open_panel, width: int):
+    """A control with programs names its terminals limit_x1, not p1.0."""
+    page = open_panel(bench(controller="bwo900", machine="4030-servo"))
+    page.page.set_viewport_size({"width": width, "height": 900})
+    expect(page["#ports .port"].first).to_be_visible()
+    over = page.page.evaluate(
+        "[...document.querySelectorAll('#ports .port')].filter(node => { const c = node.querySelector('code');"
+        "return c.scrollWidth > c.clientWidth || c.getBoundingClientRect().right > node.querySelector('.name')"
+        ".getBoundingClientRect().left; }).map(node => node.dataset.port)"
+    )
+    assert over == []
+
+
 def test_a_server_that_goes_and_one_that_takes_its_place(bench, open_panel):
     here = bench()
     page = open_panel(here)

@@ -142,7 +142,7 @@ SAID = {
     "test_accepted_job": ["E *a line of the job went wrong", "E *was:      answered '5'", "E *command:  line 2: @0X"],
     "test_accepted": ["E *a command was refused", "E *was:      answered '5'", "E *command:  @0X"],
     "test_replies": ["E *another reply", "E *expected: '1'", "E *was:      '0'", "E *command:  @0M3200,*"],
-    "test_number_of_replies": ["E *another number of commands", "E *expected: 2 replies", "E *was:      1 commands"],
+    "test_number_of_replies": ["E *another number of commands", "E *expected: 2 replies", "E *was:      1 command"],
     "test_cycle_time": [
         "E *too slow",
         "E *expected: at most 3 s",

@@ -238,3 +238,10 @@ def test_a_browser_opens_it_without_a_request_or_an_error_and_zooms(tmp_path: Pa
         browser.close()
     assert said == []
     assert len(asked) == 1
+
+
+def test_what_has_nothing_to_tell_says_none() -> None:
+    """A drive that has not switched itself off has no reason for it."""
+    from isel_twin.trace.report import _facts
+
+    assert ">none, none</td>" in _facts({"switched_off": ["", ""]})

@@ -148,7 +148,7 @@ def assert_replies(seen: Watched, expected: Sequence[str]) -> None:
         raise MotionError(
             "another number of commands",
             expected=f"{len(expected)} replies",
-            was=f"{len(commands)} commands",
+            was=f"{len(commands)} command{'' if len(commands) == 1 else 's'}",
             time_ns=seen.twin.time_ns,
             command=commands[-1] if commands else None,
         )

@@ -107,6 +107,13 @@ class Finding:
         """It makes no job fail."""
         return self.rule in WARNINGS
 
+    @property
+    def place(self) -> str:
+        """Where in the file, in words; "" if it is about the job as a whole."""
+        if self.at is not None:
+            return f"line {self.at[0]}, column {self.at[1]}"
+        return "" if self.line is None else f"line {self.line}"
+
 
 @dataclass(frozen=True)
 class Report:
@@ -300,7 +307,8 @@ def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
 
 def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
     if not result.complete:
-        what = f"{result.command}: no complete reply within {bounds.timeout_s:g} s"
+        stands = result.why if result.expected is None else ""
+        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
         return [Finding("unfinished", what, result.number, result.end_ns)]
     if result.ok:
         return []
@@ -334,7 +342,8 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
         if is_halfway
     ]
-    if verdict.controller_fault and not verdict.fault_known:
+    told = any(result.why and not result.ok and result.parts for result in results)
+    if verdict.controller_fault and not verdict.fault_known and not told:
         found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
     if verdict.flash_fault:
         found.append(Finding("fault", "the flash memory could not be read"))

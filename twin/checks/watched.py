@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.golden import Golden, Scribe
-from isel_twin.job import JobError, Result, check_conditions, decode_job, parse_job, play
+from isel_twin.job import JobError, Result, check_conditions, check_controller, decode_job, parse_job, play
 from isel_twin.language import create_language, readable
 from isel_twin.units import SECOND_NS
 from isel_twin.verdict import SETTLE_S, Verdict, judge, lost
@@ -124,7 +124,9 @@ class Watched:
         __tracebackhide__ = True
         path, twin = Path(job), self.twin
         try:
-            lines = parse_job(decode_job(path.read_bytes()), twin.language, twin.controller_name)
+            text = decode_job(path.read_bytes())
+            check_controller(text, twin.language, twin.controller_name)
+            lines = parse_job(text, twin.language, twin.controller_name)
             check_conditions(lines, twin)
         except JobError as error:
             told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from isel_twin.call import CallError, call_errors
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
+from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
     from isel_twin.checks import Report
@@ -78,16 +79,17 @@ def check(
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
+    failed = sum(not made.ok for made in reports)
+    if not json:
+        print(f"{many(len(reports), 'job')}, {f'{failed} not as it should be' if failed else 'all well'}")
+    failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
             from isel_twin.files import atomic_write
 
-            with call_errors(path):
+            with put_off(failures, path):
                 atomic_write(path, write(reports).encode())
-    failed = sum(not made.ok for made in reports)
-    if not json:
-        number = len(reports)
-        print(f"{number} job{'' if number == 1 else 's'}, {f'{failed} not as it should be' if failed else 'all well'}")
+    tell(failures)
     return 1 if failed else 0
 
 
@@ -145,6 +147,8 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
     """A page for each task in the folder, which is made: NAME.html; of jobs of one name, NAME-2.html and so on."""
     if folder is None:
         return [None] * len(tasks)
+    if folder.is_file():
+        raise CallError(f"{folder}: is a file; name a folder for the pages")
     with call_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     names: list[str] = []
@@ -204,7 +208,7 @@ def _in_words(report: Report) -> str:
     from isel_twin.checks.formats import where
 
     verdict = report.verdict
-    commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
+    commands = many(verdict.commands, "command")
     margin = "" if report.margin is None else f", margin {100.0 * report.margin:.0f} %"
     head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {report.cycle_s:.3f} s{margin})"
     return "\n".join(

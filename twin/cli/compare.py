@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from isel_twin.call import CallError, call_errors
 from isel_twin.cli.options import check_seconds
+from isel_twin.cli.outputs import many
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -120,8 +121,8 @@ def _print_table(result: Comparison, a: Path, b: Path, recordings: tuple[Recorde
         print(f"  ... and {len(result.different) - len(rows)} more; --all lists every command")
     for name, only in (("A", result.only_a), ("B", result.only_b)):
         if only:
-            first = only[0]
-            print(f"only in {name}: {len(only)} commands, the first at {first.sent_ns / SECOND_NS:.3f} s: {first.text}")
+            first, number = only[0], many(len(only), "command")
+            print(f"only in {name}: {number}, the first at {first.sent_ns / SECOND_NS:.3f} s: {first.text}")
     if result.different:
         first_pair = result.different[0]
         what = " and ".join(first_pair.differs(result.tolerance_ns))
@@ -130,7 +131,7 @@ def _print_table(result: Comparison, a: Path, b: Path, recordings: tuple[Recorde
         print(f"differs most in time: command {most.number}, {most.a.text}: {most.later_ns / 1e6:+.3f} ms")
     verdict = "the same" if result.same else "not the same"
     tolerance = f"durations within {result.tolerance_ns / 1e6:g} ms"
-    print(f"{verdict}: {len(result.pairs)} commands compared, {len(result.different)} differ ({tolerance})")
+    print(f"{verdict}: {many(len(result.pairs), 'command')} compared, {len(result.different)} differ ({tolerance})")
 
 
 def _row(pair: Pair, tolerance_ns: int) -> str:

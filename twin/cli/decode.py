@@ -115,6 +115,8 @@ def _pieces(
     if not is_text and (source == STANDARD_INPUT or _exists(path)):
         if path.is_dir():
             raise CallError(f"{source}: is a folder, not a file")
+        if path.is_file():
+            _suggest(path, language, controller)
         chunks = _chunks(path)
         if not marked:
             return (decode.Piece(chunk, sent) for chunk in chunks)
@@ -124,6 +126,19 @@ def _pieces(
     if marked:
         return _of_marked("text", [source.encode("utf-8", "surrogateescape")], language, controller)
     return iter(decode.typed(source, sent, language, controller))
+
+
+def _suggest(path: Path, language: Language, controller: str) -> None:
+    """Say so if a file looks like a program of another controller; its bytes are explained all the same."""
+    from isel_twin.cli.outputs import say
+    from isel_twin.job import JobError, check_controller
+
+    with path.open("rb") as file:
+        head = file.read(CHUNK_BYTES).decode("latin-1")
+    try:
+        check_controller(head, language, controller)
+    except JobError as error:
+        say(f"{path}: {error}")
 
 
 def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> Iterator[Piece]:

@@ -20,6 +20,7 @@ from isel_twin.cli.options import (
     check_seconds,
     check_writable,
 )
+from isel_twin.cli.outputs import many
 
 if TYPE_CHECKING:
     from isel_twin.golden import Difference, Golden
@@ -166,9 +167,8 @@ def _write(file: Path, run: Golden) -> None:
 
 
 def _in_words(run: Golden) -> str:
-    number = len(run.moves)
     verdict = "ok" if run.end["ok"] else "not ok"
-    return f"{number} command{'' if number == 1 else 's'}, {run.end['cycle_s']:.3f} s, {verdict}"
+    return f"{many(len(run.moves), 'command')}, {run.end['cycle_s']:.3f} s, {verdict}"
 
 
 def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> None:
@@ -181,7 +181,7 @@ def _tell(job: Path, run: Golden, found: Sequence[Difference], json: bool) -> No
     if not found:
         print(f"{job}: as it was ({_in_words(run)})")
         return
-    print(f"{job}: {len(found)} difference{'' if len(found) == 1 else 's'}, the first one first")
+    print(f"{job}: {many(len(found), 'difference')}, the first one first")
     for difference in found[:MOST]:
         print(f"  {difference}")
     if len(found) > MOST:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
 from isel_twin.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.call import CallError, call_errors
 from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
+    from pathlib import Path
 
     from rich.console import Console
 
@@ -28,6 +31,10 @@ MANY_SAMPLES = 10_000_000
 
 LONG_COMMAND = 56
 """Characters of a command beyond which it makes its row longer than the others."""
+LONG_BLOCK = 100
+HEAD = 1 << 16
+NAME = 4
+"""The same of a block of a program, of those in so much of a text, and what stands before it: the program's name."""
 SHOWN_TRIALS = 5
 """Repetitions of a job that are shown one by one if they ended otherwise."""
 
@@ -46,9 +53,32 @@ def console() -> Console:
     return here if here.is_terminal else Console(width=WIDE)
 
 
+def many(number: int, what: str) -> str:
+    """A number of things, in words: 1 command, 2 commands."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def say(text: str) -> None:
     """One line for the user beside the results, on standard error."""
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def put_off(failures: list[CallError], path: Path | None) -> Iterator[None]:
+    """What cannot be written, for a full disk or whatever, waits until everything else has been: see `tell`."""
+    try:
+        with call_errors(path):
+            yield
+    except CallError as failure:
+        failures.append(failure)
+
+
+def tell(failures: Sequence[CallError]) -> None:
+    """Say what could not be written, one line each, and raise the last one."""
+    for failure in failures[:-1]:
+        say(str(failure))
+    if failures:
+        raise failures[-1]
 
 
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
@@ -143,6 +173,10 @@ class TableOutput:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
         self._command = min(max((len(line.command) for line in lines), default=0), LONG_COMMAND)
+        self._command = max(self._command, len(self.heads[2]))
+        head = next((line.source[:HEAD] for line in lines if line.program), "")
+        blocks = (len(" ".join(block.split())) for block in head.splitlines())
+        self._wide = max(self._command + 2 + LONG_REPLY, min(max(blocks, default=0), LONG_BLOCK) + NAME)
         self._number = len(str(lines[-1].number)) if lines else 0
         out, messages = Console(), Console(stderr=True)
         self._terminal = out if out.is_terminal else None
@@ -159,7 +193,8 @@ class TableOutput:
         self._task = self._progress.add_task("", total=len(lines))
         if shown.is_terminal:
             twin.observe(self._look, SECOND_NS)
-        self._row(*self.heads, *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        *beside, command, reply = self.heads
+        self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _look(self, twin: Twin) -> None:
         self._progress.update(self._task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
@@ -177,8 +212,7 @@ class TableOutput:
         self._row(
             str(result.number),
             f"{result.time_ns / SECOND_NS:.3f}",
-            result.command,
-            repr(result.shown_reply)[1:-1] or "none",
+            self._words(result.command, repr(result.shown_reply)[1:-1] or "none"),
             *(f"{position:.3f}" for position in result.position_mm),
             _percent(result.margin),
             style="" if result.ok else "bold red",
@@ -186,8 +220,8 @@ class TableOutput:
         for part in result.parts:
             places = [f"{position:.3f}" for position in part.position_mm]
             said = "" if places else "bold red"
-            text = part.text if places else f"  {part.text}"
-            self._row("", f"{part.time_ns / SECOND_NS:.3f}", text, "", *places, style=said)
+            text = " ".join(part.text.split())
+            self._row("", f"{part.time_ns / SECOND_NS:.3f}", text if places else f"  {text}", *places, style=said)
 
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """See JobOutput."""
@@ -222,18 +256,18 @@ class TableOutput:
 
     def counted(self, verdict: Verdict) -> str:
         """How many there were, and how many went wrong."""
-        expected = f", {verdict.expectations} expectations" if verdict.expectations else ""
+        expected = f", {many(verdict.expectations, 'expectation')}" if verdict.expectations else ""
         if verdict.unmet:
             lines = ", ".join(map(str, verdict.unmet[:SHOWN_UNMET])) + (", ..." if verdict.unmet[SHOWN_UNMET:] else "")
             expected += f" ({len(verdict.unmet)} not met: line {lines})"
-        return f"{verdict.commands} commands, {verdict.refused} refused{expected}"
+        return f"{many(verdict.commands, 'command')}, {verdict.refused} refused{expected}"
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
         from isel_twin.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
-        runs = f"{len(trials)} repetitions with small perturbations"
+        runs = f"{many(len(trials), 'repetition')} with small perturbations"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
             self._print(f"{'unclear' if stopped else 'robust'}: {runs} ended alike{stopped}", style="bold green")
@@ -252,10 +286,14 @@ class TableOutput:
             self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}, {changed})")
         return not other
 
-    def _row(self, number: str, time_s: str, command: str, reply: str, *positions: str, style: str = "") -> None:
+    def _row(self, number: str, time_s: str, words: str, *positions: str, style: str = "") -> None:
+        """words: of the columns of text together."""
         places = "".join(f"{position:>11}" for position in positions)
-        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  {command:<{max(self._command, 7)}}  "
-        self._print(f"{row}{reply:<{LONG_REPLY}}{places}", style)
+        row = f"{number:>{max(self._number, len(self.heads[0]))}} {time_s:>12}  "
+        self._print(f"{row}{words:<{self._wide}}{places}", style)
+
+    def _words(self, command: str, reply: str) -> str:
+        return f"{command:<{self._command}}  {reply}"
 
     def _print(self, text: str, style: str = "") -> None:
         if self._terminal is None:
@@ -273,8 +311,7 @@ class MotionsOutput(TableOutput):
 
     def counted(self, verdict: Verdict) -> str:
         """See TableOutput."""
-        motions = "1 motion" if verdict.commands == 1 else f"{verdict.commands} motions"
-        return f"{motions}, {verdict.refused} struck a switch"
+        return f"{many(verdict.commands, 'motion')}, {verdict.refused} struck a switch"
 
 
 def _percent(margins: Sequence[float | None]) -> str:
@@ -288,11 +325,7 @@ def _in_words(verdict: Verdict) -> str:
         return "not as it should be"
     idle = []
     if verdict.events_without_effect:
-        idle.append(f"{_events(verdict.events_without_effect)} without effect (no physics)")
+        idle.append(f"{many(verdict.events_without_effect, 'event')} without effect (no physics)")
     if verdict.events_after_end:
-        idle.append(f"{_events(verdict.events_after_end)} after the end of the job")
+        idle.append(f"{many(verdict.events_after_end, 'event')} after the end of the job")
     return f"all well, but for the scenario: {', '.join(idle)}" if idle else "all well"
-
-
-def _events(number: int) -> str:
-    return "1 event" if number == 1 else f"{number} events"

@@ -130,33 +130,37 @@ def run(
         if not whole:
             unsent = len(lines) - len(results)
             where = ""
-            if results:
-                where = f"{'after ' if results[-1].complete else ''}line {results[-1].number}: "
-            why = "interrupted" if interrupted else f"no complete reply within {timeout:g} s of virtual time"
+            last = results[-1] if results else None
+            said = last.why if last is not None and last.expected is None and not last.ok else ""
+            if last is not None:
+                where = f"{'after ' if last.complete and not said else ''}line {last.number}: "
+            why = "interrupted" if interrupted else said or f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
-            remedy = "" if interrupted else "; --timeout waits longer"
+            remedy = "" if interrupted or said else "; --timeout waits longer"
             outputs.say(f"{job_name(job)}: {where}{why}; the job ends there{rest}{remedy}")
         verdict = judge(twin, results, len(lines) - len(results), interrupted)
         called = {"controller": controller, "plant": plant, "seed": seed}
+        show.verdict(verdict, called)
+        recorded = True
+        failures: list[CallError] = []
         for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
             if path is not None:
-                with call_errors():
+                with outputs.put_off(failures, path):
                     write_trace(path, twin, recorder, kind)
-        recorded = True
         if record is not None and recording is not None:
-            with call_errors(record):
+            with outputs.put_off(failures, record):
                 recorded = keep(recording, record)
-        with call_errors(report):
-            if report is not None and recorder is not None and inspection is not None:
-                from isel_twin.trace.report import write_report
+        if report is not None and recorder is not None and inspection is not None:
+            from isel_twin.trace.report import write_report
 
+            with outputs.put_off(failures, report):
                 summary = {**verdict.summary(), **called}
                 found = inspection.report(job_name(job), verdict)
                 if golden is not None:
                     found = found.compared(golden, as_called(found.run, call, job, golden_file(job)))
                 title = f"isel-twin: {job_name(job)}"
                 write_report(report, title, twin, recorder, results, summary, found, inspection.bounds)
-        show.verdict(verdict, called)
+        outputs.tell(failures)
         sound = True
         if repetitions and not interrupted:
             seen = []

@@ -23,6 +23,7 @@ from isel_twin.cli.options import (
     is_standard_input,
     parse_override,
 )
+from isel_twin.cli.outputs import many
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -372,15 +373,15 @@ class _Table:
     def begun(self, study: Study, problem: Problem) -> None:
         """See _Json."""
         had = study.tried
-        number = len(problem.parameters)
         ways = f"ways from {problem.rapid_from_hz} Hz are rapid"
-        print(f"{number} parameters for {len(problem.moves)} moves; {ways}", flush=True)
+        what = f"{many(len(problem.parameters), 'parameter')} for {many(len(problem.moves), 'move')}"
+        print(f"{what}; {ways}", flush=True)
         for what, name in (("as it stands", "job as it stands"), ("defaults", "controller's defaults")):
             judgement = study.reference(what)
             if judgement is not None:
                 print(f"{name:<22} {_words(judgement)}", flush=True)
         if had:
-            print(f"goes on after {len(had)} trials", flush=True)
+            print(f"goes on after {many(len(had), 'trial')}", flush=True)
         self._seen = list(had)
         self._progress.update(self._task, completed=len(had), description="trials")
 
@@ -453,7 +454,7 @@ class _Table:
         held = found.held
         print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(f', {each}' for each in saved)}")
         print(
-            f"margin: {100.0 * held.margin:.1f} % or more on {held.made} machines that no trial has seen, "
+            f"margin: {100.0 * held.margin:.1f} % or more on {many(held.made, 'machine')} that no trial has seen, "
             f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost"
         )
         print(f"written: {', '.join(map(str, files))}")

@@ -42,8 +42,8 @@ from typing import Any
 from isel_twin.axes import CARRIAGES
 from isel_twin.call import TwinCall
 from isel_twin.checks.job import Bounds
-from isel_twin.job import JobError, decode_job
-from isel_twin.language import SETTINGS_RANGES
+from isel_twin.job import JobError, check_controller, decode_job
+from isel_twin.language import SETTINGS_RANGES, create_language
 from isel_twin.machine import LEVELS, Machine, load_machine
 from isel_twin.parameters import FileError, Limits, Place, hint, known, parse_toml, plain, read_text, rows, table, text
 from isel_twin.studies.row import OUTCOMES, Work, machine_digest
@@ -292,7 +292,7 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     return call, Work(
         version=VERSION,
         job_name=content.get("job", "moves"),
-        job=_job(folder / content["job"]) if "job" in content else "",
+        job=_job(folder / content["job"], call.controller) if "job" in content else "",
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
         machine=call.machine,
         machine_digest=machine_digest(machine),
@@ -305,10 +305,12 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     )
 
 
-def _job(file: Path) -> str:
+def _job(file: Path, controller: str) -> str:
     data = file.read_bytes()
     try:
-        return decode_job(data)
+        job = decode_job(data)
+        check_controller(job, create_language(controller), controller)
+        return job
     except JobError as error:
         raise JobError(f"{file}: {error}") from None
 

@@ -178,7 +178,7 @@ def _facts(summary: Mapping[str, Any]) -> str:
             return ", ".join(shown(each) for each in value) or "none"
         if isinstance(value, bool):
             return "yes" if value else "no"
-        return "none" if value is None else str(value)
+        return "none" if value in (None, "") else str(value)
 
     told = {key: value for key, value in summary.items() if key != "time_ns"}
     told["virtual_time_s"] = f"{summary.get('time_ns', 0) / SECOND_NS:.6f}"
@@ -235,7 +235,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
     items = []
     for number, finding in enumerate(findings, 1):
         mark = by_number.get(number)
-        place = "" if finding.line is None else f"<a href='#line-{finding.line}'>line {finding.line}</a>"
+        place = "" if finding.line is None else f"<a href='#line-{finding.line}'>{finding.place}</a>"
         at = "" if mark is None else f"at {mark.time_ns / SECOND_NS:.3f} s"
         look = ""
         if mark is not None:

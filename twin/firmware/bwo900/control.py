@@ -32,7 +32,7 @@ from isel_twin.controller import (
     SerialFormat,
     Step,
 )
-from isel_twin.firmware.bwo900 import keys, memory
+from isel_twin.firmware.bwo900 import keys, memory, overrides
 from isel_twin.firmware.bwo900.axes import AXES, Axes
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import Channel, Phase
@@ -42,13 +42,13 @@ from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE
+from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
-from isel_twin.firmware.bwo900.status import NUMBERS, cell, in_force, shown
-from isel_twin.firmware.bwo900.transfer import Receiver, parameter_file
+from isel_twin.firmware.bwo900.status import NUMBERS, at_power_on, cell, in_force, shown
+from isel_twin.firmware.bwo900.transfer import Receiver, end_of_file, parameter_file
 from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
@@ -56,8 +56,6 @@ __all__ = ["Control", "Mode"]
 
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
-AT_POWER_ON: Final = (8_579, 8_685, 8_687, 8_709)
-"""Parameters that say what is, and are 0 then: references, state of the program."""
 OVERWRITTEN: Final = 1106
 """Message of a file that is taken, and replaces one."""
 
@@ -72,7 +70,7 @@ class Mode(IntEnum):
 
 
 class Control:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys and HoldsHost."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys, EndsPrograms and HoldsHost."""
 
     direction = (1,) * AXES
     output_names: Sequence[str] = (*MachinePlc.OUTPUTS, "drive_reset", "auto", "active", "message")
@@ -84,7 +82,7 @@ class Control:
         self._parameters.live = self._cell
         self._interpreter = Interpreter(self._parameters, self._store)
         self._plc = MachinePlc(plc)
-        self._receiver = Receiver(self._parameters, self._store, self._written)
+        self._receiver = Receiver(self._parameters, self._store, self._written, self._locked)
         self._feeder = Feeder(self._parameters, self._store)
         self._levels: dict[str, bool] = {}
         """Of the inputs."""
@@ -98,8 +96,13 @@ class Control:
         self.mode = Mode.HAND
         self._began_at: tuple[float, ...] = (0.0,) * AXES
         """Where the axes stood as the last program was started."""
+        self._broken = ""
+        """Where the last program was broken off."""
         self._starts = False
         """Start waits for power."""
+        self._asked: list[tuple[int, float | None]] = []
+        """Parameters that the program has written, and that ask for something."""
+        self._interpreter.on_write = self._ask
 
     def _services(self) -> Services:
         return Services(
@@ -112,7 +115,8 @@ class Control:
             parameter=self._write,
             say=self._say,
             text=self._show,
-            settled=self._axes.settled,
+            unsettled=self._axes.unsettled,
+            settling_ns=self._axes.settling_ns,
             limits=self._axes.limits,
             counts=self._counts,
             begun=self._block_begun,
@@ -121,6 +125,13 @@ class Control:
             watch=self._watch,
             allowed=self._axes.allowed,
         )
+
+    def _locked(self, name: str) -> bool:
+        """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
+        if not self._channel.active:
+            return False
+        only_open = byte(self._parameters.get(8_806), 2) & 1
+        return name in (self._interpreter.open if only_open else self._interpreter.opened)
 
     def _acknowledged(self) -> bool:
         return self._plc.idle
@@ -143,9 +154,15 @@ class Control:
         """A parameter that a block writes as it is executed."""
         self._parameters.write(number, value)
         self._watch.written(number, value)
+        self._ask(number, value)
 
     def _option(self, number: int) -> int:
         return int(self._parameters.get(number))
+
+    def _ask(self, number: int, value: float | None) -> None:
+        """The program has written a parameter: what that asks for is done as soon as the channel has got to rest."""
+        if keys.wish(number, value, AXES) is not None:
+            self._asked.append((number, value))
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -182,6 +199,7 @@ class Control:
             times.append(self._hand.homing.next_ns)
         if self._hand.jog is not None:
             times.append(self._hand.jog.next_ns)
+        times.append(self._axes.next_look_ns)
         if self.run is not None and self._channel.run is None and self._hand.move is None:
             times.append(self.run.end_ns)
         known = [t for t in times if t is not None]
@@ -193,6 +211,14 @@ class Control:
         working = self._channel.active and not held
         asked = self._power.until_ns is not None or not self._plc.idle
         return not (working or self._hand.move is not None or asked or self._receiver.busy)
+
+    @property
+    def unfinished(self) -> str:
+        if self._channel.phase is Phase.HELD:
+            program, number = self._channel.block
+            wanted = "Start" if self._channel.override > 0.0 else "an override above 0 %"
+            return f"{program} N{number} waits for {wanted}"
+        return self._broken
 
     @property
     def clear_to_send(self) -> bool:
@@ -212,14 +238,16 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
-        for number in (*AT_POWER_ON, *(12_180 + AXIS_SIZE * axis for axis in range(AXES))):
-            self._parameters.write(number, 0.0)
+        for number, value in at_power_on(AXES):
+            self._parameters.write(number, value)
+        self._outgoing.acknowledge()
         self._outgoing.output("software_ok", 1)
         if self._flash_fault:
             self._outgoing.output("flash_fault", 1)
         for terminal, level in levels.items():
             self._plc.set_input(t_ns, terminal, level)
         self._plc.power_on(t_ns)
+        self._channel.override = overrides.factor(self._parameters, AXES)
         self._status()
 
     def receive(self, t_ns: int, data: bytes) -> None:
@@ -239,6 +267,9 @@ class Control:
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self.advance(t_ns)
+        if name == keys.OUTPUT:
+            self._put_out_programs(int(value))
+            return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
             self._written(number, wanted, "P", 1)
@@ -256,7 +287,7 @@ class Control:
             self._power.faulty[axis] = level
             if level:
                 self._axes.referenced[axis] = False
-                self._lose(2001)
+                self._lose(2001, "XYZ"[axis])
         elif terminal.startswith("limit") and before and not level:
             self._limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:
@@ -264,7 +295,7 @@ class Control:
         elif terminal == "e0.1" and level and not before:
             self._start()
         elif terminal == "e0.2" and not level and before:
-            self._channel.stop(t_ns)
+            self._stop()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -298,8 +329,13 @@ class Control:
             self._powered()
         self._plc.advance(self._now_ns)
         self._hand.advance(self._now_ns)
+        self._start_at_rest()
         self._channel.advance(self._now_ns)
+        while self._asked:
+            self._written(*self._asked.pop(0), "P", 1)
         self._axes.follow((self._hand.move or self._channel).run)
+        if self._hand.homing is None and (axis := self._axes.late()) is not None:
+            self._lose(2001, "XYZ"[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
         if told := self._feeder.say():
@@ -332,23 +368,22 @@ class Control:
         """The drives are there, or have not come: what has waited for them begins."""
         power, hand = self._power, self._hand
         power.until_ns = None
-        starts, self._starts = self._starts, False
         wants, hand.wants = hand.wants, []
         if not power.ready:
+            self._starts = False
             self._say(message(power.missing))
             return
         power.switch(on=True)
         if wants:
             hand.begin_homing(wants, self._now_ns)
-        elif starts:
-            self._begin_program()
         elif hand.direction:
             hand.begin_jog(self._now_ns)
 
-    def _lose(self, number: int) -> None:
+    def _lose(self, number: int, detail: str = "") -> None:
         """Drives off, everything ends."""
         moving = self._channel.active or self._hand.move is not None
-        said = self._channel.message(number)
+        said = self._channel.message(number, detail)
+        self._starts = False
         self._hand.cut()
         self._channel.cut(self._now_ns)
         self._axes.follow(None)
@@ -370,12 +405,13 @@ class Control:
     # ---- parameters that are keys -----------------------------------------------------------------------------------
 
     def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
-        """A parameter has been written from the line: some are keys."""
-        if area != "P" or channel != 1:
-            return
-        self._watch.written(number, value)
-        self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
-        if (wanted := keys.wish(number, value, AXES)) is None:
+        """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
+        if area == "P" and channel == 1:
+            self._watch.written(number, value)
+            self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
+        known = self._parameters.of_channel(number) if area == "q" else number if channel == 1 else None
+        wanted = None if known is None else keys.wish(known, value, AXES)
+        if wanted is None or (area == "q" and wanted[0] is not keys.Wish.OVERRIDE):
             return
         wish, given = wanted
         match wish:
@@ -384,8 +420,10 @@ class Control:
             case keys.Wish.START:
                 self._start()
             case keys.Wish.STOP:
-                self._channel.stop(self._now_ns)
+                self._stop()
             case keys.Wish.ABORT:
+                self._starts = False
+                self._hand.brake(self._now_ns)
                 self._channel.abort(self._now_ns)
                 self._parameters.write(number, 0.0)
             case keys.Wish.MOVE:
@@ -394,17 +432,36 @@ class Control:
                 self._parameters.write(number, 0.0)
                 self._put_out(int(given))
             case keys.Wish.CLEAR:
-                self.messages.clear()
+                self._outgoing.acknowledge()
+                self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
-                self._channel.set_override(min(max(given, 0.0), 120.0) / 100.0, self._now_ns)
+                overrides.written(self._parameters, int(given))
+                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+            case keys.Wish.LOCK:
+                p = self._parameters
+                locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
+                if locked:
+                    self._hand.release(self._now_ns, everything=True)
+                self._channel.lock(locked, self._now_ns)
+            case keys.Wish.FEED:
+                self._channel.set_feed(given, self._now_ns)
+            case keys.Wish.MAP:
+                self._parameters.write(8_554, self._mapped(int(given)))
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
 
+    def _mapped(self, number: int) -> float | None:
+        """P8553: the q that a P is; None: there is no such P."""
+        try:
+            return float(self._parameters.address("P", number))
+        except ProgramError:
+            return None
+
     @property
     def _free(self) -> bool:
         """Whether axes may be moved without a program."""
-        return self.mode is Mode.HAND and not self._channel.active
+        return self.mode is Mode.HAND and not self._channel.active and not self._channel.locked
 
     def _move(self, key: int) -> None:
         if not self._hand.press(key, self._now_ns, free=self._free):
@@ -422,8 +479,20 @@ class Control:
         """All parameters as a file, 5 with their status."""
         for number in NUMBERS:
             self._parameters.write(number, self._cell(number))
-        text = "\r\n" + parameter_file(self._parameters, status=kind == 5)
-        self._outgoing.add(Reply(text.encode() + bytes([int(self._parameters.given(11_177, 4.0)) & 0xFF]) + b"\r\n"))
+        self._reply(parameter_file(self._parameters, status=kind == 5))
+
+    def _put_out_programs(self, number: int) -> None:
+        """A program P as a file, 0: all programs and cycles in one."""
+        names = [f"P{number}"] if number else sorted(self._store)
+        if number and names[0] not in self._store:
+            self._say(message(1252, detail=names[0], effect=Effect.SHOWN))
+            return
+        self._reply("".join(self._store[name].file for name in names))
+
+    def _reply(self, text: str) -> None:
+        """A file goes out."""
+        sign = bytes([end_of_file(self._parameters)])
+        self._outgoing.add(Reply(b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"))
 
     def _set_mode(self, given: int) -> None:
         try:
@@ -435,6 +504,7 @@ class Control:
             self._say(message(1009))
             return
         if mode is Mode.HAND:
+            self._starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
         elif self.mode is Mode.HAND:
@@ -461,12 +531,23 @@ class Control:
             missing = "".join(name for name, known in zip("XYZ", self._axes.referenced, strict=True) if not known)
             self._say(message(1008, detail=missing))
             return
-        if self._power.there:
+        self._starts = True
+        if not self._power.there:
+            self._power.request(self._now_ns)
+        else:
+            self._start_at_rest()
+
+    def _start_at_rest(self) -> None:
+        """The program that is to start begins when nothing moves any more that HAND has begun."""
+        if self._starts and self._hand.move is None and self._power.until_ns is None:
             self._starts = False
             self._begin_program()
-        else:
-            self._starts = True
-            self._power.request(self._now_ns)
+
+    def _stop(self) -> None:
+        """Stop: of a program, or of what moves in HAND."""
+        self._starts = False
+        self._hand.brake(self._now_ns)
+        self._channel.stop(self._now_ns)
 
     @property
     def _started(self) -> str:
@@ -493,11 +574,11 @@ class Control:
                     self._axes.position,
                     self._parameters.write,
                 )
-                p.write(8_804, 0.0)
         except ProgramError as error:
             self._say(message(error.number, program=name, detail=error.detail))
             return
         self._channel.single = self.mode is Mode.SINGLE
+        self._broken = ""
         self._channel.start(self._now_ns)
 
     def _block_begun(self, t_ns: int, block: PathBlock) -> None:
@@ -509,7 +590,12 @@ class Control:
     def _program_ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
         self._feeder.end()
+        if broken is not None:
+            self._plc.forget()
+        if self._parameters.get(8_686):
+            self._parameters.write(8_686, 0.0)
         name, block = broken or ("", 0)
+        self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
             self._parameters.write(number, float(value or 0))
 

@@ -54,6 +54,13 @@ class Hand:
             self.homing = None
         self.jog, self.direction = None, 0
 
+    def brake(self, now_ns: int) -> None:
+        """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
+        self.direction, self.wants = 0, []
+        self.release(now_ns, everything=True)
+        if self.homing is not None:
+            self.homing.brake(now_ns)
+
     # Keys of an axis
 
     def release(self, now_ns: int, *, everything: bool = False) -> None:
@@ -103,7 +110,10 @@ class Hand:
         return True
 
     def begin_homing(self, axes: list[int], now_ns: int) -> None:
-        """Reference runs of these axes, Z first."""
+        """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
+        for axis in axes:
+            self._axes.forget(axis)
+        self._parameters.write(8_579, 0.0)
         self.homing = Homing(
             sorted(axes, reverse=True),
             AXES,

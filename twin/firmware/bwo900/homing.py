@@ -80,6 +80,12 @@ class Homing:
         """It ends here."""
         self.run, self._axes = None, []
 
+    def brake(self, now_ns: int) -> None:
+        """The axis brakes, and that is the end."""
+        if self.run is not None:
+            self._brake(self._axes[0], now_ns)
+            self._step = _Step.DONE
+
     def _next(self, now_ns: int) -> None:
         if not self._axes:
             self.run = None
@@ -119,6 +125,9 @@ class Homing:
                     return True
                 if stands:
                     self.failed, self.run, self._axes = axis, None, []
+            case _Step.DONE:
+                if stands:
+                    self.stop()
             case _Step.PULSE:
                 if stands:
                     left = self._to_pulse(axis)

@@ -20,7 +20,7 @@ Everything that it knows is in its attributes, so that a control is copied with 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from enum import Enum
@@ -78,6 +78,8 @@ class Interpreter:
             cycles = CYCLES
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
+        self.on_write: Callable[[int, float | None], None] | None = None
+        """Told of parameters P that programs write."""
         self._stack = Stack(store)
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
@@ -101,8 +103,6 @@ class Interpreter:
         """A block that was waited for has been executed; it had M00."""
         self._changing = self._activating = False
         """The block that is waited for changes the tool, activates its data."""
-        self._locked = False
-        """The next block has a T, and waits for P8040."""
         self._lets_go = False
         """The block has said sc:0 or sc:100."""
         self._tool: int | None = None
@@ -112,7 +112,6 @@ class Interpreter:
         self._watched = False
         """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._block_now: Block | None = None
         self._told = AT_REST
         """What the last block has been told of what holds."""
 
@@ -155,6 +154,16 @@ class Interpreter:
         return self._stack.place
 
     @property
+    def opened(self) -> frozenset[str]:
+        """Programs that have been, or are, open since it was begun."""
+        return self._stack.opened
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Those that are open."""
+        return self._stack.open
+
+    @property
     def frame(self) -> Frame:
         """Coordinates of the next block, and of the last one without a program."""
         return self._coordinates.frame
@@ -188,6 +197,7 @@ class Interpreter:
     def end(self) -> None:
         """The program has ended or is broken off: its symbols, corrections and tool are gone."""
         self._stack.clear()
+        self._stack.opened = frozenset()
         self._waiting = None
         self._ready.clear()
         self._cycle_now = None
@@ -236,8 +246,8 @@ class Interpreter:
             self._refresh()
         if self._cycle_now is not None:
             return self._next_of_cycle(self._cycle_now)
-        if self._waiting is Waiting.CONDITION and self._goes_on():
-            self._waiting, self._locked = None, False
+        if self._waiting is Waiting.CONDITION:
+            self._waiting = None  # the block is looked at again
         if self._waiting is not None and not self.supervises_watched:
             return self._waiting
         if not self._stack:
@@ -248,15 +258,12 @@ class Interpreter:
         block = level.take()
         if block.skip and self._skips:
             return self._empty(block)
-        self._block_now = block
-        if block.wait is not None and not self._values.holds(block):
-            self._waiting = Waiting.CONDITION
-            return self._waiting
-        if self._parameters.get(LOCK) and block.word("T"):
-            level.place -= 1
-            self._waiting, self._locked = Waiting.CONDITION, True
-            return self._waiting
         try:
+            locked = self._parameters.get(LOCK) and block.word("T")
+            if locked or (block.wait is not None and not self._values.holds(block)):
+                level.place -= 1
+                self._waiting = Waiting.CONDITION
+                return self._waiting
             self._execute(block)
         except ProgramError as error:
             level.place -= 1
@@ -267,12 +274,6 @@ class Interpreter:
         if self._supervises and not self._lets_go and self._stays():
             return Waiting.PASS
         return self._ready.popleft() if self._ready else self._empty(block)
-
-    def _goes_on(self) -> bool:
-        """Whether what analysis waits for is true: waituntil, or that T is not locked."""
-        if self._locked:
-            return not self._parameters.get(LOCK)
-        return self._block_now is not None and self._values.holds(self._block_now)
 
     def _refresh(self) -> None:
         """What has changed while a block was waited for: the tool by M06; after M00 and Z6 its length counts anew."""
@@ -345,6 +346,8 @@ class Interpreter:
         self._tools.command(number, value)
         if number == DELETE and not value:
             self._parameters.write(DELETED, 0.0)
+        if self.on_write is not None:
+            self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
         """The line has written a parameter P that may copy records of tools."""

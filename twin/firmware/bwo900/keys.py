@@ -12,6 +12,7 @@ reference      P12130 ...       reference run of an axis, or of all of them: Z, 
 axis           P8751            that moves in hand
 step           P8750, P8760     mm in hand at a time; 0: as long as the key is held
 move           P8752            + and - move the axis in hand, off ends a move that is not by steps
+output                          a program is put out over the line, as the panel's key for copies does
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from enum import Enum
 from typing import Final
 
 from isel_twin.controller import Key, KeyValue
+from isel_twin.firmware.bwo900.overrides import AXIS_OVERRIDE, is_override
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.parameters import Limits
 
-__all__ = ["KEYS", "MODES", "Wish", "values", "wish", "writes"]
+__all__ = ["KEYS", "MODES", "OUTPUT", "Wish", "values", "wish", "writes"]
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
@@ -33,6 +35,7 @@ AXES: Final = ("z", "y", "x")
 MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 8_810
 PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
 KIND, AXIS, MOVE, STEP = 8_750, 8_751, 8_752, 8_760
+OUTPUT: Final = "output"
 CONTINUOUS, BY_STEPS = 1.0, 2.0
 
 KEYS: Final[Mapping[str, Key]] = {
@@ -49,6 +52,9 @@ KEYS: Final[Mapping[str, Key]] = {
     "axis": Key("the axis that moves in mode hand", ("x", "y", "z")),
     "step": Key("how far it moves at a time; 0: as long as the key is held", Limits("mm", 0.0, 100.0)),
     "move": Key("move it, in mode hand", tuple(MOVES), held=True),
+    OUTPUT: Key(
+        "put out a program over the line, by its number; 0: all of them", Limits("", 0, 9_999_999_999, whole=True)
+    ),
 }
 
 
@@ -84,7 +90,10 @@ class Wish(Enum):
     MOVE = "1 +, 2 -: move the axis; 0: the key is released"
     PUT_OUT = "all parameters as a file; 5: with their status"
     CLEAR = "the messages that stand"
-    OVERRIDE = "%"
+    OVERRIDE = "a parameter of an override"
+    LOCK = "the channel may not move, or may again"
+    FEED = "of the block in execution, mm/min"
+    MAP = "say which q a P is"
     REFERENCE = "reference run of an axis, from 0"
 
 
@@ -106,10 +115,20 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.PUT_OUT, given
         case 8_508:
             return Wish.CLEAR, given
-        case 11_310:
-            return Wish.OVERRIDE, value or 0.0
+        case 8_701 | 8_702:
+            return Wish.LOCK, given
+        case 8_817:
+            return Wish.FEED, value or 0.0
+        case 8_553:
+            return Wish.MAP, given
+    if is_override(number):
+        return Wish.OVERRIDE, number
     axis, offset = divmod(number - 12_000, AXIS_SIZE)
-    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and 0 <= axis < axes and given else None
+    if not 0 <= axis < axes:
+        return None
+    if offset == AXIS_OVERRIDE:
+        return Wish.OVERRIDE, number
+    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and given else None
 
 
 def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 from isel_twin.firmware.bwo900.groups import BEYOND
@@ -19,7 +20,16 @@ from isel_twin.firmware.bwo900.lines import END
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs import program_name
 from isel_twin.firmware.bwo900.syntax import Block, parse_block
-from isel_twin.language import SETTINGS_RANGES, LanguageError, Message, MoveSettings, Pieces, encoded, readable
+from isel_twin.language import (
+    SETTINGS_RANGES,
+    LanguageError,
+    Message,
+    MoveSettings,
+    Pieces,
+    encoded,
+    integers,
+    readable,
+)
 
 __all__ = ["Bwo900Language", "create"]
 
@@ -27,8 +37,12 @@ END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")
 PER_MM: Final = 1000.0
+RAPID_HZ: Final = 100_000.0
+"""Of an axis at the speed that P12004 is delivered with, 6000 mm/min."""
 MOVE: Final = 9_999
-"""The program that `move` writes."""
+"""The program that `move` starts."""
+WORDS: Final = (4_990, 4_991, 4_992, 4_993)
+"""Parameters that are its feed in mm/min, X, Y and Z in mm."""
 NUMBER: Final = 1
 """Of a program whose file does not say its number."""
 
@@ -65,10 +79,17 @@ _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 _ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")
 """A line that is not blank."""
 _ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
-_BEGINNING = re.compile(r"\s*(%|/?\s*N\s*\d)")
 _BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
 """What a program has that is not linear: M23, M24, M25, M29, jumps by comparison."""
+SURE: Final = 100
+"""Lines by which a program is known."""
+SHOWN: Final = 40
+"""Characters of a line that is told."""
+_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
+"""A block, or a remark, and hardly anything else."""
+_JOB = re.compile(r"\s*(?:D\+?\s*$|[<#!])")
+"""How a job begins: parameters, bytes, a remark."""
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 
 
@@ -110,45 +131,57 @@ class Bwo900Language:
         return (self._sent if sent else self._received).rest
 
     def reference(self) -> Sequence[bytes]:
-        """Reference runs of all axes."""
-        return [_file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])]
+        """The program that `move` starts, whose words are parameters: a control that gets a program anew each time
+        remarks each time that it replaces one. Then the reference runs of all axes."""
+        words = " ".join(f"{word}:P{number}" for word, number in zip(("F", *AXES), WORDS, strict=True))
+        return [_file([f"P{MOVE}", f"N10 G90 G1 {words}", "N20 M30"]), _REFERENCE]
 
     def move(self, target: Sequence[int], settings: MoveSettings) -> Sequence[bytes]:
-        """A program of one line, and its start. A count is a thousandth of a millimetre, as P12012 is delivered."""
-        if len(target) > len(AXES):
-            raise LanguageError(f"{len(target)} axes; there are {', '.join(AXES)}")
-        words = " ".join(f"{axis}{count / PER_MM:.3f}" for axis, count in zip(AXES, target, strict=False))
-        feed = settings.speed_hz / PER_MM * 60.0
-        program = _file([f"P{MOVE}", f"N10 G90 G1 F{feed:.3f} {words}", "N20 M30"])
-        return [program, _file(["D", f"K1:P8800: {MOVE}", "K1:P8683: 2", "K1:P8684: 1"])]
+        """Ramps, words of the program, and its start, by way of HAND; servo drives know no start-stop frequency.
+
+        A count is 0.001 mm, and an axis reaches 100 mm/s in the time of its ramp, as P12012 and P12004 are delivered.
+        """
+        counts = integers(target, len(AXES))
+        values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
+        words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]
+        ramp_ms = RAPID_HZ / settings.acceleration_hz_per_ms
+        words += [f"K1:P{12_008 + 200 * axis}: {ramp_ms:.3f}" for axis in range(len(AXES))]
+        return [_file(["D", "K1:P8683: 1", *words]), _file(["D", *_started(MOVE)])]
 
     def break_off(self) -> bytes:
         """Abort."""
         return _file(["D", "K1:P8705: 1"])
 
+    def claims(self, text: str) -> bool:
+        """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
+        rows = [row[0] for row in islice(_significant(text), SURE)]
+        known = all(program_name(row) or row.strip() in (END, "\x04") or _KNOWN.match(row) for row in rows)
+        return known and any(_KNOWN.match(row) for row in rows)
+
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
-        """See RunsPrograms: a text that begins with a program or a block. The first program is started; if it is too
+        """See RunsPrograms: a text that does not begin as a job does. The first program is started; if it is too
         long to be kept, and linear, it is fed (P8811)."""
-        beginning = _ROW.search(text)
-        if beginning is None or not (program_name(beginning[0]) or _BEGINNING.match(beginning[0])):
+        beginning = next(_significant(text), None)
+        if beginning is None or _JOB.match(beginning[0]):
             return None
+        _check_beginning(beginning[0])
         if not text.isascii():
             encoded(text)  # or say now that it cannot be sent
         files = list(_programs(text))
-        first = next((file for file in files if file.name[0] == "P"), files[0] if files else None)
+        first = next((file for file in files if file.name[0] == "P"), None)
         if first is None:
-            return None
-        number = first.name[1:]
-        start = [f"K1:P8800: {number}", "K1:P8683: 2", "K1:P8684: 1"]
+            others = ", ".join(file.name for file in files) or "nothing"
+            raise LanguageError(f"there is no program in it to be started, a line P and its number, but {others}")
+        number = int(first.name[1:])
         feeds = first.size > KEPT and not any(_LEADS_BACK.search(text, *span) for span in first.spans)
         steps: list[tuple[str, Iterable[bytes]]] = [
-            (f"{file.name}, {file.count} blocks", file) for file in files if not (feeds and file is first)
+            (f"{file.name}, {file.blocks}", file) for file in files if not (feeds and file is first)
         ]
-        steps.append(("reference", self.reference()))
+        steps.append(("reference", [_REFERENCE]))
         if feeds:
-            data = first.after(_file(["D", "K1:P8811: 1", *start]))
-            return [*steps, (f"start {first.name}, fed: {first.count} blocks", data)]
-        return [*steps, (f"start {first.name}", [_file(["D", "K1:P8811: 0", *start])])]
+            data = first.after(_file(["D", *_started(number, fed=1)]))
+            return [*steps, (f"start {first.name}, fed: {first.blocks}", data)]
+        return [*steps, (f"start {first.name}", [_file(["D", *_started(number)])])]
 
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
         """See RunsPrograms."""
@@ -171,6 +204,25 @@ class Bwo900Language:
         return ("", 0) if found is None else (found[1], int(found[2] or 1))
 
 
+def _significant(text: str) -> Iterator[re.Match[str]]:
+    """Lines without blank ones, those at the ends of a tape, and remarks before the first program."""
+    began = False
+    for row in _ROW.finditer(text):
+        began = began or row[0].lstrip()[0] not in ";%"
+        if began:
+            yield row
+
+
+def _check_beginning(row: str) -> None:
+    """Raise LanguageError for a line that begins no program."""
+    if not (program_name(row) or _BLOCK.match(row)):
+        try:
+            parse_block(row)
+        except ProgramError:
+            begins = f"{row.strip()[:SHOWN]!r} begins neither a program (P1), a block (N10 ...)"
+            raise LanguageError(f"{begins}, nor a file of parameters (D)") from None
+
+
 @dataclass(frozen=True)
 class _Program:
     """A program of a text: its file as it goes over the line, made as it is asked for."""
@@ -183,6 +235,11 @@ class _Program:
     """Of its blocks."""
     before: bytes = b""
     """What goes before it."""
+
+    @property
+    def blocks(self) -> str:
+        """How many it has, in words; chained lines are one."""
+        return "1 block" if self.count == 1 else f"{self.count} blocks"
 
     @property
     def size(self) -> int:
@@ -212,10 +269,10 @@ def _rows(text: str) -> Iterator[str]:
 def _programs(text: str) -> Iterator[_Program]:
     """The programs of a text."""
     name, spans, count, begin = "", list[tuple[int, int]](), 0, -1
-    for row in _ROW.finditer(text):
-        if row[0].lstrip()[0] not in MARKS:
+    for row in _significant(text):
+        if (mark := row[0].lstrip()[0]) not in MARKS:
             begin = row.start() if begin < 0 else begin
-            count += 1
+            count += mark != ";" and not row[0].rstrip().endswith("\\")
             continue
         word = row[0].strip()
         found = program_name(word)
@@ -242,6 +299,14 @@ def _file(lines: Sequence[str]) -> bytes:
     return encoded(text) + END_OF_FILE + END_OF_LINE
 
 
+def _started(program: int, fed: int = 0) -> list[str]:
+    """Parameters that start a program; fed: 1 for one that comes while it is carried out."""
+    return [f"K1:P8811: {fed}", f"K1:P8800: {program}", "K1:P8683: 2", "K1:P8684: 1"]
+
+
+_REFERENCE: Final = _file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])
+
+
 def explain(text: str) -> str:
     """A line of a file in a few words."""
     word = text.strip()
@@ -251,6 +316,8 @@ def explain(text: str) -> str:
         return "end of a program or of parameters"
     if word in ("D", "D+"):
         return "parameters"
+    if word.startswith(";"):
+        return "a remark"
     if name := program_name(word):
         return f"{'program' if name[0] == 'P' else 'cycle'} {name[1:]}"
     if (match := _PARAMETER.match(word)) is not None and not re.match(r"\s*/?\s*N", word):

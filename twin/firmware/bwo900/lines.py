@@ -13,20 +13,25 @@ END: Final = "#"
 """What stands behind the last block of a file."""
 MOST_LINE: Final = 400
 """Characters of a line of a file (M1113)."""
+MOST_DIGITS: Final = 10
+"""Of a block's number."""
 _NUMBER = re.compile(r"\s*/?\s*N\s*(\d+)")
 
 
 class Lines:
     """Makes blocks of lines: leaves out comments and blank ones, joins what is chained, sees that numbers rise."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, numbered: bool = False) -> None:
+        """numbered: every block must begin with N or /N."""
+        self._numbered = numbered
         self.highest = -1
         """Number of a block so far, -1 if there is none."""
         self._chained = ""
 
     def block(self, number: int, line: str) -> tuple[str, int] | None:
         """The block that ends with the next line, and its number, -1 without one; None if none does. number: of the
-        line. Raises ProgramError: M1113 too long, M1290 numbers that do not rise."""
+        line. Raises ProgramError: M1113 too long, M1111 no number or more than ten digits, M1290 numbers that do not
+        rise."""
         if len(line) > MOST_LINE:
             raise ProgramError(1113, f"line {number}", infos=(number,))
         text = line.rstrip()
@@ -38,7 +43,11 @@ class Lines:
         text, self._chained = (self._chained + text).strip(), ""
         found = _NUMBER.match(text)
         if found is None:
+            if self._numbered:
+                raise ProgramError(1111, f"line {number}: {text[:20]!r}; a block begins with N or /N", infos=(number,))
             return text, -1
+        if len(found[1].lstrip("0")) > MOST_DIGITS:
+            raise ProgramError(1111, f"line {number}: N{found[1][:20]}; allowed: {MOST_DIGITS} digits", infos=(number,))
         if int(found[1]) <= self.highest:
             raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}", infos=(number, int(found[1])))
         self.highest = int(found[1])

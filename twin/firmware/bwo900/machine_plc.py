@@ -147,6 +147,10 @@ class MachinePlc:
         self._waiting.clear()
         self._memory.m[STROBE] &= 0xFE
 
+    def forget(self) -> None:
+        """M functions that have not been handed over are not wanted any more."""
+        self._waiting.clear()
+
     def speed(self, spindle: int, value: float) -> None:
         """S of the first spindle, 1/min."""
         if spindle == 1:

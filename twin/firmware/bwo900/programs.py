@@ -131,9 +131,10 @@ class Program:
 class Builder:
     """Takes the lines of a program one by one, so that a long one costs its bytes once."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, numbered: bool = False) -> None:
+        """numbered: every block must begin with N or /N."""
         self._name = name
-        self._lines = Lines()
+        self._lines = Lines(numbered=numbered)
         self._text = bytearray()
         self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
 

@@ -10,7 +10,6 @@ Two of a group in one block, numbers that are in no table, and what is not in th
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import Machine, Stop
@@ -116,9 +115,6 @@ class Reader:
             said.shifts = True
         if group == ZERO:
             said.zero_cleared = True
-        if number == 46:
-            coordinates = self._coordinates
-            coordinates.rotation = replace(coordinates.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
         self._coordinates.g(number)
 
     @property
@@ -180,7 +176,8 @@ class Reader:
             case 16:
                 said.activates = True
             case 23:
-                said.goal = self._goal(values, m)
+                goal = self._goal(values, m)
+                said.goal = said.goal or goal  # the first one, as of comparisons
             case 24:
                 if len(values) != 1 or values[0] is None or values[0] < 1:
                     raise ProgramError(1218, "M24.passes, at least 1", m.column)

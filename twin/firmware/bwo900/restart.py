@@ -2,7 +2,8 @@
 
     P8802, P8803   program and block that were broken off, written by the control
     P8804 = 1      Start analyses the program up to there without moving, drives to the beginning of that block in
-                   rapid, and goes on; P8804 is 0 again
+                   rapid, and goes on; P8804 is 0 when it is there
+    P8686          2 on that way, 0 else
 
 A block of a cycle is begun at the beginning of the cycle. M functions on the way are not sent: the bits of the table
 that say which are to be are lost with the manual's picture.
@@ -11,6 +12,7 @@ that say which are to be are lost with the manual's picture.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import BlockEnd, PathBlock, Stop
@@ -20,6 +22,7 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 
 __all__ = ["MOST_BLOCKS", "find"]
 
+RESTARTS, STATE, APPROACHES = 8_804, 8_686, 2.0
 MOST_BLOCKS: Final = 1_000_000
 """A program that does not come by its block within so many is a loop."""
 
@@ -43,7 +46,8 @@ def find(
             break
         elif isinstance(block, PathBlock):
             if (block.program, block.number) == (name, number):
-                interpreter.put_back(_way(block, position), block)
+                there = (*block.parameters, (RESTARTS, 0.0), (STATE, 0.0))
+                interpreter.put_back(_way(block, position), replace(block, parameters=there))
                 return
             if block.stop is Stop.END:
                 break
@@ -62,5 +66,6 @@ def _way(block: PathBlock, position: Point) -> PathBlock:
         plane=block.plane,
         rapid=True,
         end=BlockEnd.EXACT_STOP,
+        parameters=((STATE, APPROACHES),),
         main=False,
     )

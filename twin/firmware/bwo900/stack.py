@@ -93,6 +93,8 @@ class Stack:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._levels: list[Level] = []
+        self.opened: frozenset[str] = frozenset()
+        """Programs that have been open; whoever carries them out clears it."""
 
     def __len__(self) -> int:
         return len(self._levels)
@@ -110,6 +112,11 @@ class Stack:
         level = self._levels[-1]
         number = level.program.number(min(level.place, len(level.program) - 1)) if len(level.program) else 0
         return level.program.name, max(number, 0)
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Names of those that are open."""
+        return frozenset(level.program.name for level in self._levels)
 
     @property
     def depth(self) -> int:
@@ -154,6 +161,7 @@ class Stack:
     def begin(self, program: Blocks, place: int) -> None:
         """A main program, from a place on."""
         self._levels = [Level(program, place)]
+        self.opened = self.open
 
     def clear(self) -> None:
         """No program any more."""
@@ -172,6 +180,7 @@ class Stack:
         if name != level.program.name:
             program = self._store.find(name)
             self._levels[-1] = level = Level(program, cycle=level.cycle, change=level.change)
+            self.opened |= {name}
         level.place = level.program.place(number)
 
     def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
@@ -186,4 +195,5 @@ class Stack:
             raise ProgramError(1269, f"{name} is fed, and called by itself")
         place = 0 if start is None else program.place(start)
         end = None if last is None else program.place(last)
+        self.opened |= {name}
         self._levels.append(Level(program, place, end, cycle=name[0] == "Z", change=change and name == "Z6"))

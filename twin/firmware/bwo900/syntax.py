@@ -59,6 +59,8 @@ MOST: Final[Mapping[str, int]] = {
 """How often each may stand in a block; other words once a name."""
 MOST_WAITED: Final = 8
 """Parameters that `waituntil` may depend on (M1222)."""
+DWELL: Final = 4
+"""The path condition that has a point: G04.seconds."""
 LARGEST: Final = 9_999_999_999
 """Of a block, program, tool and G number: ten digits."""
 
@@ -175,7 +177,8 @@ _LOWER = re.compile(r"waituntil|sc|t[rlq]?|[a-z](?=\s*[:\d.,+-])")
 _FUNCTION = re.compile(r"asin|acos|atan|sin|cos|tan|sqr|intr|int|abs|ln|log|exp|not")
 _RELATION = re.compile(r"\s*(<>|>=|<=|=|>|<)\s*")
 _COMPARED = re.compile(r"(?P<right>.+?)\s*\.\s*(?P<target>\d+|[Pq]\d+|_\w+|\([^()]*\))(?=\s|$|[A-Z{(!;_\\])")
-_DELETED = re.compile(r"\s*(?:--|[-–—])\s*(?=$|[^\s\d.,(Pq_$A-Za-z+-]|\s|[A-Z_])")
+_DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=$|\s+(?:$|[^\s\d.,])|[;{!\\]|[A-OQ-Z]))")
+"""`--`, `- -` or a dash, where neither a number nor, at once, a parameter follows that it would be the sign of."""
 _TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
 
 
@@ -316,6 +319,8 @@ class _Parser:
         self.at = match.end()
         extension: Expression | None = None
         if self.text.startswith(".", self.at):
+            if int(match[1]) != DWELL:
+                self.refuse(1211, f"G{match[1]} has no point")
             self.at += 1
             extension = self._primary()
         return GWord(self._limited(int(match[1])), extension, column)

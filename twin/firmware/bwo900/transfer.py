@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from typing import Final
 
 from isel_twin.firmware.bwo900.feed import Feed
@@ -20,20 +21,25 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
 from isel_twin.firmware.bwo900.programs import Builder, Store, program_name
 
-__all__ = ["EOT", "Receiver", "parameter_file"]
+__all__ = ["EOT", "Receiver", "end_of_file", "parameter_file"]
 
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
 OPTIONS: Final = 11_178
 PROTECTED: Final = 0x01
 """Bit of P11178: programs are not overwritten (M1107)."""
+LINE_MODE: Final = 0x01
+"""Of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)."""
+UNNUMBERED: Final = "P0"
+"""A positioning block needs none either: it is typed at the panel on the original, in whole or in part (2.6.2)."""
+BLANK: Final = "".join(chr(code) for code in range(33))
+"""Characters that are nothing at the ends of a line: blanks, and signs of the end of another setting."""
 HANDSHAKE: Final = b"\x11\x13"
 """Xon and Xoff of a host: what is put out does not wait."""
-_END = re.compile(b"[\\x0a\\x0d\\x04]")
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
-    r"(?P<value>--|[-–—]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
-    r"(?:\s*S(?P<how>[:|])\s*\$(?P<status>[0-9A-Fa-f]+))?\s*"
+    r"(?P<value>--|[-–—\x96\x97]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"
+    r"(?:\s*S(?P<how>[:|])\s*\$(?P<status>[0-9A-Fa-f]{1,8}))?\s*"
 )
 
 
@@ -41,14 +47,21 @@ class Receiver:
     """Reads files from the line, byte by byte, and says what they come to.
 
     written: called with (number, value, area, channel) for each parameter that a file sets, after it has been set.
+    locked: whether a program must not be replaced now (M1105).
     """
 
     def __init__(
-        self, parameters: Parameters, store: Store, written: Callable[[int, float | None, str, int], None]
+        self,
+        parameters: Parameters,
+        store: Store,
+        written: Callable[[int, float | None, str, int], None],
+        locked: Callable[[str], bool],
     ) -> None:
-        self._parameters, self._store, self._written = parameters, store, written
+        self._parameters, self._store, self._written, self._locked = parameters, store, written, locked
         self._line = bytearray()
         self._number = 0
+        self._sign = end_of_file(parameters)
+        """Of the end, as it was when the file began that may set another one."""
         self._kind = ""
         """Of the file that is being read: a program's name, "D", "D+", "?" for one that is skipped."""
         self._builder: Builder | Feed | None = None
@@ -65,13 +78,13 @@ class Receiver:
         """Bytes of the line; what was wrong with them."""
         data = data.translate(None, HANDSHAKE)
         at = 0
-        for end in _END.finditer(data):
-            self._more(data[at : end.start()])
-            at = end.end()
+        while (found := _ends(self._sign, end_of_file(self._parameters)).search(data, at)) is not None:
+            self._more(data[at : found.start()])
+            at = found.end()
             yield from self._end_of_line()
-            if end[0][0] == EOT:
+            if found[0] not in b"\r\n":
                 yield from self._end_of_file()
-                self._number = 0
+                self._number, self._sign = 0, end_of_file(self._parameters)
         self._more(data[at:])
 
     def _more(self, data: bytes) -> None:
@@ -86,7 +99,7 @@ class Receiver:
         if len(text) > MOST_LINE:
             yield self._skip(1113, f"line {self._number}: more than {MOST_LINE} characters")
             return
-        word = text.strip()
+        word = text.strip(BLANK)
         if not word:
             return
         if not self._kind:
@@ -110,7 +123,8 @@ class Receiver:
                 feed.begun = True
                 self._kind, self._builder = feed.name, feed
             else:
-                self._kind, self._builder = name, Builder(name)
+                lines = int(self._parameters.get(41, 0.0, "q")) & LINE_MODE
+                self._kind, self._builder = name, Builder(name, numbered=not lines and name != UNNUMBERED)
         else:
             yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
 
@@ -136,6 +150,9 @@ class Receiver:
         except ProgramError as error:
             yield error
             return
+        if self._locked(kind):
+            yield ProgramError(1105, f"{kind} is being carried out")
+            return
         if kind in self._store:
             if int(self._parameters.get(OPTIONS)) & PROTECTED:
                 yield ProgramError(1107, kind)
@@ -158,7 +175,7 @@ class Receiver:
         try:
             if text[0] == "$":
                 value = float(int(text.strip("$;"), 16))
-            elif text not in ("--", "-", "–", "—"):
+            elif text[0] in "+-.0123456789" and text.strip("-"):
                 value = float(text.replace(",", "."))
         except OverflowError:
             value = math.inf
@@ -176,6 +193,17 @@ class Receiver:
             return
         self.changed = True
         self._written(number, value, area, channel)
+
+
+@lru_cache
+def _ends(sign: int, other: int) -> re.Pattern[bytes]:
+    """What a line ends with."""
+    return re.compile(b"[\\x0a\\x0d\\x%02x\\x%02x]" % (sign, other))
+
+
+def end_of_file(parameters: Parameters) -> int:
+    """The character that a file ends with (P11177)."""
+    return int(parameters.given(11_177, float(EOT))) & 0xFF
 
 
 def parameter_file(parameters: Parameters, status: bool = True) -> str:
