@@ -210,10 +210,11 @@ def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, 
     assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
 
 
-def test_blocks_without_numbers_are_run_too(program, capsys) -> None:
-    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 0
-    *_, started, _ = ran(capsys)
-    assert started["position_mm"][0] == pytest.approx(40.0, abs=0.01)
+def test_blocks_without_numbers_are_refused_by_the_control(program, capsys) -> None:
+    assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 1
+    loaded, *_ = ran(capsys)
+    assert "M1111" in loaded["why"]
+    assert "'G90 F1200'; a block begins with N or /N" in loaded["why"]
 
 
 def test_cycles_alone_cannot_be_started(program, capsys) -> None:

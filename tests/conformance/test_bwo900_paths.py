@@ -418,12 +418,6 @@ def test_elements_of_c_are_not_there() -> None:
     assert said(run("P1|N10 int idx=0;|N20 M30", p8805=1)) == [1216]
 
 
-@shows("bwo900-8.5-2")
-def test_feeds_are_not_replaced() -> None:
-    _, speeds = feeds(fresh("P1|N10 F1200 X30|N30 M30", p8817=300))
-    assert speeds.max() == pytest.approx(1200.0, rel=0.01)
-
-
 @shows("bwo900-8.7-5")
 def test_sine_ramps_take_as_long_as_linear_ones() -> None:
     """v = V sin^2(pi t / 2 T) with T = P12008."""

@@ -20,7 +20,7 @@ Everything that it knows is in its attributes, so that a control is copied with 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import Final
@@ -74,6 +74,8 @@ class Interpreter:
             cycles = CYCLES
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
+        self.on_write: Callable[[int, float | None], None] | None = None
+        """Told of parameters P that programs write."""
         self._stack = Stack(store)
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
@@ -332,6 +334,8 @@ class Interpreter:
             self._tools.put_back()
         elif number == DELETE and not value:
             self._parameters.write(DELETED, 0.0)
+        if self.on_write is not None:
+            self.on_write(number, value)
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
