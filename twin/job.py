@@ -261,7 +261,7 @@ def play(
             parts=parts,
         )
         yield last
-        if not complete:
+        if not complete or (line.program and not last.ok):  # what cannot be loaded cannot be started
             return
 
 

@@ -187,7 +187,7 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
         (("none.txt",), "none.txt: there is no such file"),
         (("empty.txt",), "empty.txt: there is no command in it"),
         (("binary.txt",), "binary.txt: is UTF-16 or no text at all"),
-        (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several jobs"),
+        (("long.txt",), "long.txt: is longer than 16 MiB; cut it into several"),
         (("-",), "bounds stand beside a job"),
         ((".",), "is a folder"),
         (("job.txt", "--margin", "2"), "--margin 2: must be from 0 to 1"),

@@ -317,3 +317,24 @@ def test_a_full_disk_behind_standard_output_is_one_line(tmp_path):
             input=JOB, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120,
         )  # fmt: skip
     assert (done.returncode, done.stderr) == (2, "isel-twin: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "a.txt", "b.txt"), "'b.txt': run takes no such word; isel-twin run --help says what it takes"),
+        (("machines", "x", "y"), "'x', 'y': machines takes no such word; isel-twin machines --help says what it takes"),
+    ],
+)
+def test_a_word_too_many_is_named(words, said, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([*words])
+    assert (caught.value.code, capsys.readouterr().err) == (2, f"isel-twin: {said}\n")
+
+
+def test_a_controller_without_a_plc_line_is_told_who_has_one(capsys, tmp_path):
+    (tmp_path / "x.awl").write_text("BE\n")
+    with pytest.raises(SystemExit) as caught:
+        main(["plc", "load", str(tmp_path / "x.awl"), "--controller", "imc-s8"])
+    said = "isel-twin: controller 'imc-s8' takes no PLC program over its line; gmi99 does\n"
+    assert (caught.value.code, capsys.readouterr().err) == (2, said)

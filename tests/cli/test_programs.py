@@ -80,11 +80,14 @@ def test_a_message_fails_the_run_and_names_program_block_and_column(program, cap
     assert lines[-1]["refused"] >= 1
 
 
-def test_what_one_line_has_said_is_not_told_by_the_next(program, capsys) -> None:
+def test_what_cannot_be_loaded_is_not_started(program, capsys) -> None:
     assert call("run", program("P1\nN10 F1200\nN5 G1 X20\n"), *CONTROL, "--json") == 1
-    first, reference, *_ = ran(capsys)
+    told = capsys.readouterr()
+    first, summary = (json.loads(line) for line in told.out.splitlines())
     assert len(first["parts"]) == 1
-    assert "parts" not in reference
+    assert (summary["refused"], summary["unsent"]) == (1, 2)
+    assert "line 1: M1290: block numbers do not rise" in told.err
+    assert "; the job ends there and 2 lines are not sent\n" in told.err
 
 
 def test_the_table_has_a_row_a_block(program, capsys) -> None:
@@ -211,10 +214,10 @@ def test_what_stands_before_the_first_program_is_no_part_of_it(program, capsys, 
 
 
 def test_blocks_without_numbers_are_refused_by_the_control(program, capsys) -> None:
+    """They are sent as the program that they are meant to be, so that its message says what is missing."""
     assert call("run", program("G90 F1200\nG1 X40\nM30\n"), *CONTROL, "--json") == 1
-    loaded, *_ = ran(capsys)
-    assert "M1111" in loaded["why"]
-    assert "'G90 F1200'; a block begins with N or /N" in loaded["why"]
+    loaded, _ = ran(capsys)
+    assert "a block begins with N" in loaded["why"]
 
 
 def test_cycles_alone_cannot_be_started(program, capsys) -> None:
@@ -240,6 +243,13 @@ def test_columns_of_the_table_stand_below_each_other(program, capsys) -> None:
     assert len(rows) == 5
     for row in rows:
         assert [match.end() for match in re.finditer(r"-?\d+\.\d{3}(?= |$)", row)][1:] == ends, row
+
+
+def test_the_page_names_the_same_place_as_the_terminal(program, capsys, tmp_path: Path) -> None:
+    """Line and column of the file; the link leads to the step of the job."""
+    assert call("check", program(ARC), *CONTROL, "--report", tmp_path / "pages") == 1
+    assert "line 4, column 16" in capsys.readouterr().out
+    assert "<a href='#line-3'>line 4, column 16</a>" in (tmp_path / "pages" / "part.html").read_text()
 
 
 def test_a_message_is_told_once(program, capsys) -> None:
@@ -374,8 +384,9 @@ def scenario_file(folder: Path, then: str) -> Path:
         (PART, "", "P1 N20 waits for Start"),
         (PART, "key = { abort = true }", "P1 N20 is broken off"),
         (PART.replace("N30 M30", "N25 M00\nN30 M30"), "key = { start = true }", "P1 N25 waits for Start"),
+        (PART, "key = { override = 0, start = true }", "P1 N20 waits for an override above 0 %"),
     ],
-    ids=["stop", "abort", "M00"],
+    ids=["stop", "abort", "M00", "override"],
 )
 def test_a_program_that_stands_before_its_end_is_not_well(program, capsys, tmp_path: Path, text, then, said) -> None:
     """Nobody goes on with it, so the job ends there, at once, and says where it stands."""
@@ -401,3 +412,11 @@ def test_one_that_a_scenario_stops_and_starts_comes_to_its_end(program, capsys, 
 def test_a_remark_is_explained_as_one() -> None:
     (message,) = needed(create_language("bwo900"), "bwo900").messages(b"; outer contour\r\n", True)
     assert message.explanation == "a remark"
+
+
+def test_a_program_may_be_longer_than_a_job(program, capsys, monkeypatch) -> None:
+    """A contour of a free form has millions of blocks, and cannot be cut like a job."""
+    monkeypatch.setattr("isel_twin.cli.jobs.JOB_BYTES", 100)
+    assert call("run", program(LONG), *CONTROL, "--json") == 0
+    assert call("run", program("@07\n" * 26), "--plant", "kinematic") == 2
+    assert "is longer than 0 MiB; cut it into several" in capsys.readouterr().err

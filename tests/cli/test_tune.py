@@ -153,3 +153,4 @@ def test_one_of_a_thing_is_told_as_one(tune: Any, tmp_path: Path) -> None:
     ranges = ("--speed", "9000", "--start-stop", "300", "--acceleration", "100:110")
     _, out, _ = tune("tune", "one.txt", "--trials", "1", "--repetitions", "0", "--confirm", "1", *ranges)
     assert out.startswith("1 parameter for 1 move; ")
+    assert " or more on 1 machine that no trial has seen" in out

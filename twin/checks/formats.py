@@ -28,11 +28,8 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 def where(finding: Finding) -> str:
     """Place of a finding in words."""
-    line = "" if finding.line is None else f"line {finding.line}"
-    if finding.at is not None:
-        line = f"line {finding.at[0]}, column {finding.at[1]}"
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
-    return ", ".join(part for part in (line, time) if part)
+    return ", ".join(part for part in (finding.place, time) if part)
 
 
 def _in_words(finding: Finding) -> str:

@@ -107,6 +107,13 @@ class Finding:
         """It makes no job fail."""
         return self.rule in WARNINGS
 
+    @property
+    def place(self) -> str:
+        """Where in the file, in words; "" if it is about the job as a whole."""
+        if self.at is not None:
+            return f"line {self.at[0]}, column {self.at[1]}"
+        return "" if self.line is None else f"line {self.line}"
+
 
 @dataclass(frozen=True)
 class Report:

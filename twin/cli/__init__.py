@@ -37,7 +37,7 @@ import logging
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from isel_twin.call import CallError, one_line
 from isel_twin.cli import (
@@ -111,6 +111,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         code = app(tokens, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
+    except UnusedCliTokensError as error:
+        name = " ".join(error.command_chain or ())
+        words = ", ".join(map(repr, error.unused_tokens or ()))
+        code = _say(2, f"{words}: {name or 'isel-twin'} takes no such word; isel-twin {name} --help says what it takes")
     except (CallError, CycloptsError) as error:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")

@@ -20,6 +20,9 @@ __all__ = ["JOB_BYTES", "check_names", "job_name", "read_job"]
 JOB_BYTES = 1 << 24
 """Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
 
+PROGRAM_BYTES = 1 << 30
+"""Longest file for a controller that runs programs, which are long."""
+
 
 def job_name(job: Path) -> str:
     """A job for people."""
@@ -29,13 +32,14 @@ def job_name(job: Path) -> str:
 def read_job(job: Path, controller: str) -> list[Line]:
     """The lines of a job file, or of standard input, for a controller. Raises CallError."""
     from isel_twin.job import check_controller, decode_job, parse_job
-    from isel_twin.language import create_language
+    from isel_twin.language import RunsPrograms, create_language
 
     with call_errors(job_name(job)):
         language = create_language(controller)
-        data = _read(job)
-        if len(data) > JOB_BYTES:
-            raise CallError(f"{job_name(job)}: is longer than {JOB_BYTES >> 20} MiB; cut it into several jobs")
+        most = PROGRAM_BYTES if isinstance(language, RunsPrograms) else JOB_BYTES
+        data = _read(job, most)
+        if len(data) > most:
+            raise CallError(f"{job_name(job)}: is longer than {most >> 20} MiB; cut it into several")
         with _told(job):
             text = decode_job(data)
             check_controller(text, language, controller)
@@ -45,12 +49,12 @@ def read_job(job: Path, controller: str) -> list[Line]:
     return lines
 
 
-def _read(job: Path) -> bytes:
-    """As much of it as a job may have, and a byte more."""
+def _read(job: Path, most: int) -> bytes:
+    """As much of it as there may be, and a byte more."""
     if is_standard_input(job):
-        return sys.stdin.buffer.read(JOB_BYTES + 1)
+        return sys.stdin.buffer.read(most + 1)
     with job.open("rb") as file:
-        return file.read(JOB_BYTES + 1)
+        return file.read(most + 1)
 
 
 def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:

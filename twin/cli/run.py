@@ -130,10 +130,10 @@ def run(
         if not whole:
             unsent = len(lines) - len(results)
             where = ""
-            if results:
-                where = f"{'after ' if results[-1].complete else ''}line {results[-1].number}: "
-            stands = bool(results) and not results[-1].complete and results[-1].expected is None
-            said = results[-1].why if stands else ""
+            last = results[-1] if results else None
+            said = last.why if last is not None and last.expected is None and not last.ok else ""
+            if last is not None:
+                where = f"{'after ' if last.complete and not said else ''}line {last.number}: "
             why = "interrupted" if interrupted else said or f"no complete reply within {timeout:g} s of virtual time"
             rest = f" and {_lines_are(unsent)} not sent" if unsent else ""
             remedy = "" if interrupted or said else "; --timeout waits longer"

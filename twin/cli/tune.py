@@ -454,7 +454,7 @@ class _Table:
         held = found.held
         print(f"tuned: {found.tried.judgement.time_s:.3f} s{''.join(f', {each}' for each in saved)}")
         print(
-            f"margin: {100.0 * held.margin:.1f} % or more on {held.made} machines that no trial has seen, "
+            f"margin: {100.0 * held.margin:.1f} % or more on {many(held.made, 'machine')} that no trial has seen, "
             f"{100.0 * held.nearly_all:.1f} % or more on {100 - ALONE} % of them; nothing lost"
         )
         print(f"written: {', '.join(map(str, files))}")

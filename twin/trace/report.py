@@ -235,7 +235,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
     items = []
     for number, finding in enumerate(findings, 1):
         mark = by_number.get(number)
-        place = "" if finding.line is None else f"<a href='#line-{finding.line}'>line {finding.line}</a>"
+        place = "" if finding.line is None else f"<a href='#line-{finding.line}'>{finding.place}</a>"
         at = "" if mark is None else f"at {mark.time_ns / SECOND_NS:.3f} s"
         look = ""
         if mark is not None:

@@ -81,6 +81,8 @@ class Channel:
         """The program is broken off as soon as the axes stand."""
         self._branches = False
         """The M function with a jump was acknowledged in time."""
+        self._sent = False
+        """Held between the functions before a path and the path itself."""
         self._deleted = False
         """A signal has deleted the path of the block with M26."""
         self._now_ns = 0
@@ -168,7 +170,7 @@ class Channel:
         self._stretch.clear()
         self._stretch.stand(self._do.limits(), self._position())
         self.block, self._current = ("", 0), None
-        self._holds = self._drops = self._branches = self._deleted = False
+        self._holds = self._drops = self._branches = self._deleted = self._sent = False
         self.phase, self._due_ns = Phase.READY, now_ns
         self.advance(now_ns)
 
@@ -381,7 +383,11 @@ class Channel:
     # The path
 
     def _begin_path(self) -> None:
-        """A stretch begins with the first of the waiting blocks."""
+        """A stretch begins with the first of the waiting blocks, whose functions have been sent."""
+        self._sent = self._holds
+        if self._holds:
+            self.phase, self._due_ns = Phase.HELD, None
+            return
         block = self._ahead.blocks[0]
         if block.watched and self._do.watch.deletes(block):
             self._current = self._ahead.blocks.popleft()
@@ -451,6 +457,9 @@ class Channel:
 
     def _resume(self) -> None:
         """Go on where it was held."""
+        if self._sent:
+            self._begin_path()
+            return
         if not self._stretch.begun:
             self.phase, self._due_ns = Phase.READY, self._now_ns
             return
@@ -546,7 +555,7 @@ class Channel:
         self._ahead.end()
         self._stretch.clear()
         self._current = self._entered = None
-        self._holds = self._drops = False
+        self._holds = self._drops = self._sent = False
         self.phase, self._due_ns = Phase.IDLE, None
         self._do.ended(self.block if aborted else None)
 

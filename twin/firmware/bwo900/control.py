@@ -216,7 +216,8 @@ class Control:
     def unfinished(self) -> str:
         if self._channel.phase is Phase.HELD:
             program, number = self._channel.block
-            return f"{program} N{number} waits for Start"
+            wanted = "Start" if self._channel.override > 0.0 else "an override above 0 %"
+            return f"{program} N{number} waits for {wanted}"
         return self._broken
 
     @property
@@ -407,6 +408,7 @@ class Control:
         """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
         if area == "P" and channel == 1:
             self._watch.written(number, value)
+            self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
         known = self._parameters.of_channel(number) if area == "q" else number if channel == 1 else None
         wanted = None if known is None else keys.wish(known, value, AXES)
         if wanted is None or (area == "q" and wanted[0] is not keys.Wish.OVERRIDE):
