@@ -436,7 +436,9 @@ class Control:
                 self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
-                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+                override = overrides.factor(self._parameters, AXES)
+                self._channel.set_override(override, self._now_ns)
+                self._hand.scale(override, self._now_ns)
             case keys.Wish.LOCK:
                 p = self._parameters
                 locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
