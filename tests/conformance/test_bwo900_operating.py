@@ -439,6 +439,35 @@ def test_what_waits_for_the_override_can_be_given_up(how: dict[str, float]) -> N
     assert mm(desk)[0] == 0.0
 
 
+@shows("bwo900-2.6.1-7")
+def test_zero_point_and_plane_in_hand() -> None:
+    """The program's own zero point, shift and plane are none of HAND's; G54 has 100, 200, 300, the tool is 5 long."""
+    table = {"p20003": 100, "p20004": 200, "p20005": 300, "p20006": 50, "p21000": 1, "p21010": 0, "p21011": 5}
+    desk = fresh("P1|N10 T1 M06|N20 G18 G55 G0 X-40|N30 G92 X7|N40 M30", **table)
+    start(desk)
+    desk.finish()
+
+    def shown() -> list[float]:
+        return [value(desk, n) for n in (12_154, 12_354, 12_554)]
+
+    desk.send(parameters(p8683=1))
+    assert mm(desk) == (10.0, 0.0, 0.0)
+    assert shown() == [10.0, 0.0, -5.0]
+    desk.send(parameters(p8758=54))
+    assert shown() == [-90.0, -200.0, -305.0]
+    desk.send(parameters(p8757=19))
+    assert shown() == [-95.0, -200.0, -300.0]
+    desk.send(parameters(p20003=90))
+    assert shown() == [-85.0, -200.0, -300.0]
+    desk.send(parameters(p8758=99, p8757=0))
+    assert shown() == [10.0, 0.0, -5.0]
+    desk.send(parameters(p8758=54))
+    desk.power_cycle()
+    desk.send(REFERENCE)
+    desk.finish()
+    assert shown() == [0.0, 0.0, -5.0]
+
+
 @shows("bwo900-2.6.1-5")
 def test_no_positions_are_taken_over() -> None:
     desk = fresh(p8758=54)

@@ -479,6 +479,7 @@ class Control:
 
     def _put_out(self, kind: int) -> None:
         """All parameters as a file, 5 with their status."""
+        self._rest()
         for number in NUMBERS:
             self._parameters.write(number, self._cell(number))
         self._reply(parameter_file(self._parameters, status=kind == 5))
@@ -518,6 +519,12 @@ class Control:
             self._feeder.automatic(self._started)
         else:
             self._feeder.end()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Without a program HAND has coordinates of its own."""
+        if self._free:
+            self._interpreter.hand(self._axes.position)
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -596,6 +603,7 @@ class Control:
             self._plc.forget()
         if self._parameters.get(8_686):
             self._parameters.write(8_686, 0.0)
+        self._rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
