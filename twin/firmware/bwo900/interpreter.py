@@ -33,7 +33,7 @@ from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element, Point
 from isel_twin.firmware.bwo900.expressions import whole
 from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
+from isel_twin.firmware.bwo900.groups import GROUPS, PLANE, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -231,6 +231,16 @@ class Interpreter:
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self._coordinates.stand(position)
+
+    def hand(self, position: Point) -> None:
+        """HAND: its zero point (P8758) and plane (P8757) are those of what is shown. position: of the axes, mm."""
+        zero, plane = int(self._parameters.get(8_758)), int(self._parameters.get(8_757))
+        plane = plane if GROUPS.get(plane) == PLANE else 17
+        length = self._tools.length_mm
+        try:
+            self._coordinates.without_program(zero if zero in ZERO_POINTS else 153, plane, length, position)
+        except ProgramError:  # the table of zero points is not where it ought to be
+            self._coordinates.without_program(153, plane, length, position)
 
     # ---- analysis ---------------------------------------------------------------------------------------------------
 

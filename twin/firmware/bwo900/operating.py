@@ -136,7 +136,9 @@ class Operating:
                 self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
-                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+                override = overrides.factor(self._parameters, AXES)
+                self._channel.set_override(override, self._now_ns)
+                self._hand.scale(override, self._now_ns)
             case keys.Wish.FUNCTION:
                 self._send_in_hand(int(given))
             case keys.Wish.NEXT_STEP:
@@ -192,6 +194,7 @@ class Operating:
         """All parameters as a file, 5 with their status."""
         live = self._parameters.live
         assert live is not None
+        self._rest()
         for number in NUMBERS:
             self._parameters.write(number, live(number))
         self._reply(parameter_file(self._parameters, status=kind == 5))
@@ -232,6 +235,12 @@ class Operating:
             self._feeder.automatic(self._started)
         else:
             self._feeder.end()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Without a program HAND has coordinates of its own."""
+        if self._free:
+            self._interpreter.hand(self._axes.position)
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -302,6 +311,7 @@ class Operating:
         self._feeder.end()
         if self._parameters.get(8_686):
             self._parameters.write(8_686, 0.0)
+        self._rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
