@@ -72,7 +72,13 @@ def mm(desk: Desk) -> tuple[float, ...]:
 
 def value(desk: Desk, number: int) -> float:
     """A parameter P as the control puts it out (P11181)."""
-    bases = ((0, 5_000, 10_000), (7_000, 10_000, 15_000), (11_000, 12_000, 1_000), (12_000, 18_400, 2_000))
+    bases = (
+        (0, 5_000, 10_000),
+        (7_000, 10_000, 15_000),
+        (11_000, 12_000, 1_000),
+        (12_000, 18_400, 2_000),
+        (20_000, 22_000, 20_000),
+    )
     q = next(base + number - first for first, end, base in bases if first <= number < end)
     return put_out(desk)[q]
 

@@ -116,7 +116,7 @@ def test_functions_without_halt_do_not_stop_the_path() -> None:
 
 
 @shows("bwo900-6.2-11", "bwo900-6.2-4")
-@pytest.mark.parametrize(("bits", "place"), [(M50_BEFORE_HALT, 20.0), (M50_AFTER_HALT, 40.0)])
+@pytest.mark.parametrize(("bits", "place"), [(M50_BEFORE_HALT, 20.0), (M50_AFTER_HALT, 40.0)], ids=["before", "after"])
 def test_a_function_with_halt_waits_while_analysis_goes_on(bits: float, place: float) -> None:
     """The axes reach their target; blocks behind are analysed; acknowledged, the program goes on."""
     desk = with_plc(BY_KEY, "P1|N10 G1 F3000 X20|N20 X40 M50|N30 X60|N40 P100:7|N50 M30", p11062=bits, p100=0)
@@ -467,7 +467,7 @@ def test_m26_is_refused_where_m01_is() -> None:
 
 
 @shows("bwo900-6.1-23")
-@pytest.mark.parametrize(("plc", "place"), [(BY_KEY, 30.0), (DEAF, 50.0)])
+@pytest.mark.parametrize(("plc", "place"), [(BY_KEY, 30.0), (DEAF, 50.0)], ids=["yes", "no"])
 def test_a_jump_by_comparison_beside_a_function_with_a_jump(plc: str, place: float) -> None:
     """Z72: acknowledged, the function's goal; else that of the comparison."""
     desk = with_plc(plc, "P1|N10 P500=1.50 M41.30|N20 X20 M30|N30 G0 X30 M30|N50 G0 X50 M30", p11060=M41_JUMPS, p500=1)
@@ -478,7 +478,7 @@ def test_a_jump_by_comparison_beside_a_function_with_a_jump(plc: str, place: flo
 
 
 @shows("bwo900-9.3-2")
-@pytest.mark.parametrize("number", ["9" * 320, "$" + "F" * 300])
+@pytest.mark.parametrize("number", ["9" * 320, "$" + "F" * 300], ids=["decimal", "hexadecimal"])
 def test_numbers_that_no_parameter_holds(number: str) -> None:
     desk = fresh()
     desk.send(file("D", f"K1:P 500: {number}", "K1:P 501: 7"))

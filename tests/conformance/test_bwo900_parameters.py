@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import fresh, mm, said, start
+from conformance.bwo900_desk import file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.path import circumradius
@@ -106,3 +106,595 @@ def test_the_circle_through_three_points() -> None:
     assert circumradius((0.0, 0.0), (3.0, 0.0), (5.0, 0.0)) == math.inf
     assert circumradius((0.0, 0.0), (3.0, 0.0), (0.0, 0.0)) == math.inf
     assert circumradius((0.0, 0.0), (0.0, 0.0), (5.0, 0.0)) == math.inf
+
+
+# P11310 on: overrides
+
+
+def speed_of(percent_cells: dict[str, float]) -> float:
+    """Speed of a line of 1000 mm/min, as a share."""
+    _, speeds = feeds(fresh("P1|N10 G1 F1000 X20|N30 M30", **percent_cells))
+    return float(speeds.max()) / 1000.0
+
+
+@shows("bwo900-8.6-4")
+@pytest.mark.parametrize(("raw", "share"), [(255, 1.2), (127.5, 0.6), (51, 0.24)])
+def test_the_potentiometer_acts_continuously_without_a_table(raw: float, share: float) -> None:
+    assert speed_of({"p11311": raw}) == pytest.approx(share, abs=0.031)  # one increment in 2 ms: 0.03
+
+
+@shows("bwo900-8.6-5", "bwo900-8.6-6")
+@pytest.mark.parametrize(
+    ("raw", "percent"), [(0, 0), (9, 0), (10, 1), (19, 2), (29, 5), (38, 10), (208, 95), (218, 100), (255, 120)]
+)
+def test_the_potentiometer_and_its_table(raw: float, percent: float) -> None:
+    """P11314 = q1370: 256 values for 27 entries, 0, 1, 2, 5, 10 and on in fives to 120."""
+    desk = fresh(referenced=False, p11314=1370)
+    desk.send(parameters(p11311=raw))
+    assert value(desk, 11310) == percent
+
+
+@shows("bwo900-8.6-6")
+def test_the_table_as_delivered() -> None:
+    desk = fresh(referenced=False)
+    content = [value(desk, 11370 + n) for n in (0, 1, 2, 3, 4, 5, 6, 7, 27)]
+    assert content == [27, 0, 1, 2, 5, 10, 15, 20, 120]
+    assert [value(desk, 11330 + 5 * n) for n in range(4)] == [0, 10, 50, 100]
+
+
+@shows("bwo900-8.6-7")
+@pytest.mark.parametrize(
+    ("values", "percent"),
+    [
+        ({"p11312": 40, "p11310": 10}, 40),
+        ({"p11313": 80, "p11310": 110}, 80),
+        ({"p11313": 80, "p11311": 255}, 80),
+        ({"p11312": 90, "p11313": 80, "p11310": 85}, 80),
+        ({"p11312": -7, "p11310": -3}, 0),
+        ({"p11313": 1e9, "p11310": 1e9}, 120),
+        ({"p11314": 1e9, "p11311": 255}, 120),
+        ({"p11314": -4, "p11311": 1e9}, 120),
+        ({"p11314": 1370, "p11370": 0, "p11311": 255}, 120),
+        ({"p11314": 1370, "p11370": 1e9, "p11311": 128}, 120),
+    ],
+)
+def test_limits_of_the_override(values: dict[str, float], percent: float) -> None:
+    """P11312, P11313; what makes no sense is 0, 120 %, or no table (Z84)."""
+    assert value(fresh(referenced=False, **values), 11310) == percent
+
+
+@shows("bwo900-8.6-8")
+def test_which_override_an_axis_follows() -> None:
+    """P12125 (Z84): 7 is the fixed one of 50 %; of several axes the lowest counts; another number is the first."""
+    assert speed_of({"p12125": 7}) == pytest.approx(0.5, abs=0.03)
+    assert speed_of({"p12125": 7, "p12325": 6, "p11310": 80}) == pytest.approx(0.1, abs=0.03)
+    assert speed_of({"p12125": 9, "p11310": 80}) == pytest.approx(0.8, abs=0.03)
+
+
+@shows("bwo900-8.6-9")
+@pytest.mark.parametrize("status", ["00000000", "00000004"])
+def test_a_program_sets_the_override(status: str) -> None:
+    """Analysed, it counts at once; as a parameter of real time with its block (N20 on, halfway)."""
+    desk = fresh("P1|N10 G1 F1000 X10|N20 P11310:50 X20|N30 M30", referenced=True)
+    desk.send(file("D+", f"K1:P 11310: 100 S:${status}"))
+    places, speeds = feeds(desk)
+    first, second = speeds[(places[:, 0] > 2) & (places[:, 0] < 8)], speeds[(places[:, 0] > 12) & (places[:, 0] < 18)]
+    assert np.median(second) == pytest.approx(500.0, abs=31.0)
+    assert np.median(first) == pytest.approx(1000.0 if status[-1] == "4" else 500.0, abs=31.0)
+
+
+def test_the_override_outlives_the_mains() -> None:
+    desk = fresh("P1|N10 G1 F1000 X20|N30 M30", p11310=50)
+    desk.power_cycle()
+    assert desk.controller.key_values["override"] == 50.0
+
+
+# P8817
+
+
+@shows("bwo900-8.5-2")
+def test_asynchronous_feed() -> None:
+    """The block under way goes on at 2400 mm/min to its end, the next one at its own; the value alone does nothing."""
+    desk = fresh("P1|N10 G1 F1200 X40|N20 X60|N30 M30", p8817=300)
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8817=2400))
+    desk.finish()
+    places, speeds = moved(desk, first)
+    assert speeds[(places[:, 0] > 2) & (places[:, 0] < 12)].max() == pytest.approx(1200.0, abs=31.0)
+    assert np.median(speeds[(places[:, 0] > 25) & (places[:, 0] < 37)]) == pytest.approx(2400.0, rel=0.01)
+    assert np.median(speeds[(places[:, 0] > 45) & (places[:, 0] < 57)]) == pytest.approx(1200.0, rel=0.03)
+
+
+@shows("bwo900-8.5-2")
+def test_asynchronous_feed_of_a_program_and_while_it_is_held() -> None:
+    desk = fresh("P1|N10 G1 F1200 X40|N20 P8817:600 X60|N30 G0 X80|N40 M30")
+    desk.send(file("D+", "K1:P 8817: 1 S:$00000005"))
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    desk.send(parameters(p8817=900))
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    places, speeds = moved(desk, first)
+    assert np.median(speeds[(places[:, 0] > 25) & (places[:, 0] < 37)]) == pytest.approx(900.0, rel=0.05)
+    assert np.median(speeds[(places[:, 0] > 42) & (places[:, 0] < 57)]) == pytest.approx(600.0, rel=0.05)
+
+
+@pytest.mark.parametrize("wrong", [0, -5, 1e30])
+def test_an_asynchronous_feed_that_makes_no_sense(wrong: float) -> None:
+    """0 and less change nothing; too much is what the axis can."""
+    desk = fresh("P1|N10 G1 F1200 X40|N30 G0 X50|N40 M30", p12004=3000)
+    first = desk.ticks
+    start(desk)
+    desk.run(0.8)
+    desk.send(parameters(p8817=wrong))
+    desk.run(0.5)
+    fastest = moved(desk, first)[1].max()
+    assert fastest == pytest.approx(3000.0 if wrong > 0 else 1200.0, abs=31.0)
+    desk.finish()
+    desk.send(parameters(p8817=wrong))
+    assert (mm(desk)[0], said(desk)) == (50.0, [])
+
+
+# Exact stops and the following error
+
+
+class Lagging:
+    """Drives that lag as they are told: `lag_of`, increments by axis; see isel_twin.controller.Drives."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self.lag: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.in_position = (True, True, True)
+        self.speed = (0.0, 0.0, 0.0)
+        self.on = (True, True, True)
+        self.past_zero_pulse = (0, 0, 0)
+        self.fault = self.overloaded = (False, False, False)
+        desk.controller.use_drives(self)
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        return tuple(round(c - lag) for c, lag in zip(self._desk.counts, self.lag, strict=True))
+
+
+@shows("bwo900-8.7-9", "bwo900-8.7-10")
+@pytest.mark.parametrize(
+    ("values", "lag", "waits"),
+    [
+        ({}, 31.0, False),  # sqrt(1 / 1000) mm
+        ({}, 32.0, True),
+        ({"p12216": 0.1}, 99.0, False),
+        ({"p12216": 0.1}, -101.0, True),
+        ({"p12216": -1}, 32.0, True),
+        ({"p12212": 4000}, 63.0, False),  # sqrt(1 / 4000) mm
+        ({"p12212": 4000}, 64.0, True),
+    ],
+)
+def test_the_exact_stop_waits_for_every_axis(values: dict[str, float], lag: float, waits: bool) -> None:
+    desk = fresh("P1|N10 G0 X5|N20 G1 F600 X8|N30 M30", **values)
+    Lagging(desk).lag = (0.0, lag, 0.0)
+    start(desk)
+    desk.run(2.0)
+    assert (mm(desk)[0] == 5.0) is waits
+    desk.finish()
+    assert said(desk) == ([2022, 2022] if waits else [])  # of N10 and of M30
+
+
+@shows("bwo900-8.7-11", "bwo900-9.7-3")
+@pytest.mark.parametrize(
+    ("values", "seconds"),
+    [({}, 3.0), ({"p12218": 500}, 0.5), ({"p12018": 500}, 3.0), ({"p12218": -5}, 3.0), ({"p12218": 0.5}, 0.002)],
+)
+def test_an_axis_that_does_not_get_into_position(values: dict[str, float], seconds: float) -> None:
+    """P12018 of that axis: M2022 with its name, and the program goes on."""
+    desk = fresh("P1|N10 G0 X5|N20 G1 F600 X8|N30 M30", **values)
+    Lagging(desk).lag = (0.0, 200.0, 0.0)
+    start(desk)
+    for _ in range(1000):
+        desk.run(0.002)
+        if mm(desk)[0] == 5.0:
+            break
+    stands_ns = desk.time_ns
+    desk.finish()
+    when_ns, text = next((t, text) for t, text in desk.remarks if "M2022" in text)
+    assert (when_ns - stands_ns) / 1e9 == pytest.approx(seconds, abs=0.003)
+    assert text.endswith("(Y)")
+    assert (mm(desk)[0], value(desk, 8503), value(desk, 8504), value(desk, 12397)) == (8.0, 2022, 2, 2022)
+
+
+def lagging(desk: Desk, gain: float, seconds: float) -> None:
+    """Let time pass with an X axis that follows by its gain: dy/dt = gain (x - y)."""
+    drives = Lagging(desk)
+    y = float(desk.counts[0])
+    for _ in range(round(seconds / 0.01)):
+        desk.run(0.01)
+        y += (desk.counts[0] - y) * (1.0 - math.exp(-gain * 0.01))
+        drives.lag = (desk.counts[0] - y, 0.0, 0.0)
+        if desk.controller.idle:
+            return
+
+
+@shows("bwo900-8.7-8", "bwo900-8.7-12", "bwo900-9.7-4")
+@pytest.mark.parametrize(
+    ("values", "gain", "lost"),
+    [
+        ({}, 16.0, False),  # as it ought to be
+        ({}, 14.0, False),  # 14 % more
+        ({}, 8.0, True),  # 100 % more
+        ({"p12024": 150}, 8.0, False),
+        ({"p12024": 10}, 12.0, True),  # 33 % more
+        ({"p12020": 8}, 8.0, False),
+        ({"p12025": -1}, 2.0, False),
+        ({"p12025": 900}, 8.0, True),
+        ({"p12025": 5000}, 8.0, False),
+        ({"p12024": -20, "p12025": -20}, 8.0, True),  # defaults
+        ({"p12224": 500}, 8.0, True),  # of another axis
+    ],
+)
+def test_the_following_error_is_watched(values: dict[str, float], gain: float, lost: bool) -> None:
+    """v / KV at 3000 mm/min and 16 / s is 3.1 mm; 50 % more for 50 ms are allowed: M2001, drives off."""
+    desk = fresh("P1|N10 G1 F3000 X100 G8|N20 M30", **values)
+    start(desk)
+    lagging(desk, gain, 3.0)
+    assert said(desk) == ([2001] if lost else [])
+    assert (desk.outputs["stages"], mm(desk)[0] == 100.0) == (0 if lost else 1, not lost)
+    assert value(desk, 8500) == (2001 if lost else 0)
+    if lost:
+        assert (value(desk, 8504), value(desk, 12197)) == (1, 2001)
+
+
+@shows("bwo900-8.7-12")
+def test_a_short_lag_is_forgiven() -> None:
+    """40 ms beyond the limit are less than P12025."""
+    desk = fresh("P1|N10 G1 F3000 X100|N20 M30")
+    drives = Lagging(desk)
+    start(desk)
+    desk.run(1.0)
+    for _ in range(3):
+        drives.lag = (9000.0, 0.0, 0.0)
+        desk.run(0.04)
+        drives.lag = (3000.0, 0.0, 0.0)
+        desk.run(0.04)
+    assert said(desk) == []
+    drives.lag = (-9000.0, 0.0, 0.0)
+    desk.run(0.07)
+    assert said(desk) == [2001]
+
+
+def test_the_watch_does_not_depend_on_how_time_is_cut() -> None:
+    ends = []
+    for cut in (0.0007, 0.013, 1.5):
+        desk = fresh("P1|N10 G1 F3000 X100|N20 M30")
+        drives = Lagging(desk)
+        start(desk)
+        desk.run(0.5)
+        drives.lag = (9000.0, 0.0, 0.0)
+        for _ in range(round(1.5 / cut)):
+            desk.run(cut)
+        ends.append([(t, text) for t, text in desk.remarks] + [desk.counts])
+    assert ends[0] == ends[1] == ends[2]
+
+
+# Status cells: in motion, at rest, held, after abort, after reset
+
+
+def cells(desk: Desk, *numbers: int) -> list[float | None]:
+    """Parameters as they are put out, all of one moment; None: deleted."""
+    content = put_out(desk)
+    return [content.get(q_of(number)) for number in numbers]
+
+
+def q_of(number: int) -> int:
+    bases = ((0, 5_000, 10_000), (7_000, 10_000, 15_000), (11_000, 12_000, 1_000), (12_000, 18_400, 2_000))
+    return next(base + number - first for first, end, base in bases if first <= number < end)
+
+
+PLACE = (8_685, 8_687, 8_900, 8_901, 8_906, 8_907, 8_802, 8_803)
+
+
+@shows("bwo900-8.5-50", "bwo900-8.5-51", "bwo900-8.5-52")
+def test_what_the_program_is_at() -> None:
+    desk = fresh("P7|N10 G1 F1200 X20|N20 X40|N30 M30")
+    assert cells(desk, *PLACE[:4]) == [0, 0, 0, 0]
+    start(desk, 7)
+    desk.run(0.5)
+    assert cells(desk, *PLACE[:4]) == [2, 1, 7, 10]
+    desk.finish()
+    start(desk, 7)
+    desk.run(0.5)
+    assert cells(desk, *PLACE) == [2, 1, 7, 10, 0, 0, 0, 0]
+    desk.run(1.0)
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    assert cells(desk, *PLACE) == [1, 1, 7, 20, 0, 0, 0, 0]
+    desk.send(parameters(p8705=1))
+    desk.run(1.0)
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 20, 7, 20]
+    start(desk, 7)
+    desk.finish()
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 0, 0, 0, 0]
+    start(desk, 7)
+    desk.run(0.5)
+    desk.set("estop", "pressed")
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 10, 7, 10]
+    desk.power_cycle()
+    assert cells(desk, *PLACE) == [0, 0, 0, 0, 7, 10, 7, 10]
+
+
+@shows("bwo900-8.5-53", "bwo900-8.5-54", "bwo900-8.5-55")
+def test_feed_motion_and_dwell() -> None:
+    """P8936 programmed, P8937 at the end, P8938 now, P8940 motion, P8941 and P8942 dwell."""
+    numbers = (8_936, 8_937, 8_938, 8_940, 8_941, 8_942)
+    desk = fresh("P1|N10 G1 F1200 f600 X20|N20 G0 X30|N30 G3 X40 Y10 R10|N40 G1 X45 G4.2.5|N50 M30")
+    assert cells(desk, *numbers) == [0, 0, 0, 1, 0, 0]
+    start(desk)
+    desk.run(0.5)
+    assert cells(desk, *numbers) == [1200, 600, pytest.approx(1200, rel=1e-3), 1, 0, 0]
+    desk.send(parameters(p8684=0))
+    desk.run(1.0)
+    assert cells(desk, *numbers) == [1200, 600, 0, 1, 0, 0]
+    desk.send(parameters(p8684=1))
+    seen = []
+    for _ in range(1000):
+        desk.run(0.05)
+        now = cells(desk, 8_901, *numbers)
+        seen += [now] if not seen or now[0] != seen[-1][0] else []
+        if now[5]:
+            break
+    assert [now[4] for now in seen if now[0] in (20, 30, 40)] == [0, 3, 1]
+    assert next(now[1] for now in seen if now[0] == 20) == 1200  # F outlives rapid
+    desk.run(1.0)
+    first, (programmed, rest) = now[6], cells(desk, 8_941, 8_942)
+    desk.run(0.5)
+    while cells(desk, 8_942)[0] == 0:  # the way to N40's end
+        desk.run(0.05)
+    programmed, rest = cells(desk, 8_941, 8_942)
+    desk.run(0.5)
+    assert programmed == 2.5
+    assert rest is not None
+    assert cells(desk, 8_942)[0] == pytest.approx(rest - 0.5, abs=0.01)
+    desk.finish()
+    assert (cells(desk, *numbers), first) == ([0, 0, 0, 1, 0, 0], first)
+
+
+@shows("bwo900-8.5-56", "bwo900-8.5-57")
+def test_g_functions_of_the_block_that_is_carried_out() -> None:
+    """Analysis is in N40 already: P9364 and so on are its, P8964 and so on those of N10, then of N20 and N30."""
+    real = (8_950, 8_951, 8_952, 8_953, 8_958, 8_964, 8_969, 8_978, 8_979, 8_972, 8_970)
+    first = "N10 G1 F1200 X20|N20 G55 G92 X-20|N30 G91 G42 G63 tr:1 X20"
+    desk = fresh(f"P1|{first}|N40 G18 G90 G40 G28 X60 G61|N50 M01|N60 M30")
+    rest = [17, 1, 2, 3, 29, 40, 53, 90, 0, 64, 60]
+    assert cells(desk, *real) == rest
+    start(desk)
+    desk.run(0.5)
+    assert cells(desk, *real) == rest
+    ahead = [number + 400 for number in real]
+    assert cells(desk, *ahead) == [18, 3, 1, 2, 28, 40, 55, 90, 92, 63, 61]
+    assert cells(desk, 9_301)[0] >= 40
+    desk.run(1.0)
+    assert cells(desk, 8_901, *real) == [30, 17, 1, 2, 3, 29, 42, 55, 91, 92, 63, 60]
+    assert cells(desk, 9_100, 9_101) == [-20, 0]
+    desk.send(parameters(p8705=1))
+    desk.finish()
+    assert cells(desk, *real) == rest
+    assert cells(desk, *ahead) == rest
+    assert cells(desk, 9_100, 9_500) == [0, 0]
+
+
+@shows("bwo900-8.5-58", "bwo900-8.5-59")
+def test_subprograms_and_cycles() -> None:
+    """P8912 to P8914: level and place of the call; P8904, P8905: cycle and its block, deleted without one."""
+    numbers = (8_900, 8_901, 8_904, 8_905, 8_912, 8_913, 8_914)
+    desk = fresh(
+        "P1|N10 M28.5|N20 G1001|N30 M3 S500 G81 Z5 P32:300 P33:0 P34:2|N40 M30",
+        "P5|N10 G1 F600 X5|N20 M02",
+        "Z1001|N70 G1 F600 X10|N80 M02",
+    )
+    none = [0, 0, None, None, 0, 0, 0]
+    assert cells(desk, *numbers) == none
+    start(desk)
+    seen = []
+    for _ in range(200):
+        desk.run(0.05)
+        now = cells(desk, *numbers)
+        seen += [now] if now not in seen else []
+        if desk.controller.idle:
+            break
+    assert [5, 10, None, None, 1, 1, 10] in seen
+    assert [1, 20, 1001, 70, 1, 1, 20] in seen
+    assert [1, 30, 81, 0, 0, 0, 0] in seen
+    assert seen[-1] == none
+
+
+@shows("bwo900-8.5-60")
+def test_an_m_function_that_is_waited_for() -> None:
+    """P8559: M06 takes the PLC two seconds."""
+    desk = fresh("P1|N10 G0 X5|N20 M6|N30 M30")
+    start(desk)
+    desk.run(2.0)
+    assert cells(desk, 8_559) == [1]
+    desk.finish()
+    assert cells(desk, 8_559) == [0]
+
+
+@shows("bwo900-8.7-13", "bwo900-8.7-14", "bwo900-8.7-15")
+def test_axes_in_motion_held_and_at_rest() -> None:
+    """P12150 to P12160, P12168, P12170, P12188; the lag is 1.5 mm behind a line at 1200 mm/min."""
+    numbers = (12_151, 12_152, 12_160, 12_168, 12_170, 12_188)
+    desk = fresh("P1|N10 G54 G1 F1200 X40|N30 M30", p20003=2)
+    drives = Lagging(desk)
+    assert cells(desk, *numbers) == [0, 0, 0, 0, 0, 0]
+    start(desk)
+    desk.run(1.0)
+    drives.lag, drives.speed = (1500.0, 0.0, 0.0), (20_000.0, 0.0, 0.0)
+    place = desk.counts[0] / 1000.0
+    now = cells(desk, *numbers)
+    assert now == [place, pytest.approx(place - 1.5), pytest.approx(1.5), 1200, pytest.approx(1200, rel=0.03), 1]
+    assert cells(desk, 12_154, 12_155, 12_156, 12_157) == [
+        pytest.approx(place - 2),
+        40,
+        pytest.approx(40 - place + 2),
+        2,
+    ]
+    assert cells(desk, 12_370, 12_388) == [0, 0]  # Y stands
+    desk.send(parameters(p8684=0))
+    drives.lag, drives.speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    desk.run(1.0)
+    place = desk.counts[0] / 1000.0
+    assert cells(desk, *numbers) == [place, place, 0, 0, 0, 0]
+    drives.lag = (100.0, 0.0, 0.0)
+    assert cells(desk, 12_188) == [1]  # not within its window
+    drives.lag = (0.0, 0.0, 0.0)
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert cells(desk, *numbers, 12_156) == [42, 42, 0, 0, 0, 0, 0]
+
+
+@shows("bwo900-8.7-16", "bwo900-8.7-17")
+def test_references_limits_and_switches() -> None:
+    """P12180: byte 1 referenced, byte 2 switch; P12135: byte 1 limit +, byte 2 -; P12185: the same of software."""
+    desk = fresh("P1|N10 G0 X30|N20 M30", referenced=False, p12030=30, p12031=0)
+    assert cells(desk, 12_180, 12_135, 8_579, 8_709) == [0, 0, 0, 0]
+    desk.send(parameters(p8683=1, p12130=1))
+    desk.finish()
+    assert cells(desk, 12_180, 12_380, 8_579, 8_709) == [1, 0, 0, 0]
+    assert cells(desk, 12_185, 12_385) == [256, 0]
+    desk.send(parameters(p12330=1, p12530=1))
+    desk.finish()
+    assert cells(desk, 12_380, 12_580, 8_579, 8_709) == [1, 1, 1, 1]
+    start(desk)
+    desk.finish()
+    assert cells(desk, 12_185) == [1]
+    desk.set("limit_y1", False)
+    desk.run(0.01)
+    assert cells(desk, 12_335, 12_380) == [256, 257]
+    desk.set("limit_y1", "free")
+    desk.set("limit_x2", False)
+    desk.run(0.01)
+    assert cells(desk, 12_135, 12_180) == [1, 1]
+    desk.power_cycle()
+    assert cells(desk, 12_180, 8_579, 8_709) == [0, 0, 0]
+
+
+@shows("bwo900-8.5-61", "bwo900-8.5-62")
+@pytest.mark.parametrize(
+    ("text", "cell", "number"),
+    [
+        ("N10 Q5|N20 M30", 8_501, 1216),
+        ("N10 F600 G2 X10 Y0 R2|N20 M30", 8_502, 1234),
+        ("N10 G0 X5|N20 M30", 8_503, 2022),
+    ],
+)
+def test_messages_by_their_effect(text: str, cell: int, number: int) -> None:
+    desk = fresh(f"P1|{text}")
+    Lagging(desk).lag = (100.0, 0.0, 0.0) if number == 2022 else (0.0, 0.0, 0.0)
+    start(desk)
+    desk.run(5.0)
+    wanted = [number if c == cell else 0 for c in range(8_500, 8_504)]
+    assert cells(desk, *range(8_500, 8_504)) == wanted
+    desk.send(parameters(p8508=1))
+    assert cells(desk, *range(8_500, 8_505), 12_197, 8_508) == [0] * 7
+    desk.power_cycle()
+    assert cells(desk, *range(8_500, 8_505)) == [0] * 5
+
+
+@shows("bwo900-8.5-61")
+def test_emergency_stop_breaks_the_system_off() -> None:
+    desk = fresh("P1|N10 G1 F600 X50|N20 M30")
+    start(desk)
+    desk.run(0.5)
+    desk.set("estop", "pressed")
+    assert cells(desk, 8_500, 8_501) == [3001, 0]
+    desk.set("estop", "released")
+    desk.send(parameters(p8683=1))
+    assert cells(desk, 8_500) == [0]
+
+
+@shows("bwo900-8.5-63")
+def test_what_the_channel_is_made_of() -> None:
+    desk = fresh(referenced=False)
+    assert cells(desk, 8_550, 8_551, 8_552, 12_198, 12_199, 12_398, 12_399) == [1, 3, 3, 1, 1, 1, 2]
+    for number, q in ((500, 10_500), (8_800, 15_000 + 1_800), (11_310, 1_310), (12_204, 2_204)):
+        desk.send(parameters(p8553=number))
+        assert cells(desk, 8_554) == [q]
+    desk.send(parameters(p8553=10_500))
+    assert cells(desk, 8_554) == [None]
+
+
+# What the PLC may ask of the channel and of axes
+
+
+@shows("bwo900-8.5-70", "bwo900-8.5-71")
+@pytest.mark.parametrize(("stop", "free"), [({"p8702": 1}, {"p8702": 0}), ({"p8701": 0}, {"p8701": 1})])
+def test_safety_stop_and_release_of_the_channel(stop: dict[str, float], free: dict[str, float]) -> None:
+    """The axes brake along the path and go on by themselves; Start does not help; in HAND nothing begins (Z86)."""
+    desk = fresh("P1|N10 G63 G1 F1200 X20|N20 Y20|N30 M30")
+    start(desk)
+    desk.run(0.5)
+    before = mm(desk)[0]
+    desk.send(parameters(**stop))
+    desk.run(1.0)
+    place = mm(desk)[0]
+    assert before < place < before + 1.0
+    assert value(desk, 8685) == 1
+    desk.send(parameters(p8684=1))
+    desk.run(1.0)
+    assert mm(desk)[0] == place
+    desk.send(parameters(**free))
+    desk.finish()
+    assert mm(desk)[:2] == (20.0, 20.0)
+    desk.send(parameters(p8683=1, **stop))
+    desk.send(parameters(p8750=2, p8751=1, p8760=1, p8752=1))
+    desk.run(1.0)
+    assert (mm(desk)[0], said(desk)) == (20.0, [1321])
+
+
+@shows("bwo900-8.5-71")
+def test_a_stop_beside_a_safety_stop_waits_for_start() -> None:
+    desk = fresh("P1|N10 G1 F1200 X20|N30 M30")
+    desk.send(parameters(p8702=1))
+    start(desk)
+    desk.run(1.0)
+    desk.send(parameters(p8684=0))
+    desk.send(parameters(p8702=0))
+    desk.run(1.0)
+    assert mm(desk)[0] == 0.0
+    desk.send(parameters(p8684=1))
+    desk.finish()
+    assert mm(desk)[0] == 20.0
+
+
+@shows("bwo900-8.7-18", "bwo900-8.7-19", "bwo900-8.7-20")
+@pytest.mark.parametrize(
+    ("values", "speed"),
+    [
+        ({"p12136": 1}, 600),  # 10 % of P12004
+        ({"p12136": 256}, 1200),  # 20 %
+        ({"p12136": 257}, 600),
+        ({"p12136": 1, "p12005": 450}, 450),
+        ({"p12136": 256, "p12006": 900}, 900),
+        ({"p12136": 0, "p12005": 450}, 3000),
+        ({"p12136": 1, "p12005": -4}, 600),
+        ({"p12336": 1}, 3000),
+        ({"p12120": 1500}, 1500),
+        ({"p12120": 0}, 3000),
+        ({"p12120": -5}, 3000),
+    ],
+)
+@pytest.mark.parametrize("g", ["G1", "G0"])
+def test_slope_and_interpolation_speed(values: dict[str, float], speed: float, g: str) -> None:
+    """P12004 is 6000; F3000, and P8816 is 3000: nothing but the speed is another one."""
+    _, speeds = feeds(fresh(f"P1|N10 {g} F3000 X30|N30 M30", p8816=3000, **values))
+    assert speeds.max() == pytest.approx(speed, abs=31.0)
+
+
+@shows("bwo900-8.7-18")
+def test_slope_in_hand() -> None:
+    desk = fresh(p8750=1, p8751=1, p8755=3000, p12136=1, p12120=100)
+    desk.send(parameters(p8752=1))
+    desk.run(1.0)
+    assert value(desk, 8756) == 600.0

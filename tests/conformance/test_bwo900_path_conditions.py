@@ -16,7 +16,7 @@ from conformance.rows import case, shows
 from conformance.test_bwo900_paths import elements, feeds, near, refused
 
 from isel_twin.firmware.bwo900.elements import Arc, Element, Line
-from isel_twin.testing import Desk
+from isel_twin.testing import Desk, IdealDrives
 
 ROUNDED = 2e-3
 """mm: what a rounded number of a printed program moves, and a circle through such points."""
@@ -556,6 +556,25 @@ def test_what_is_added_stays_beside_what_is_set(again: str, end: tuple[float, fl
     assert (done.parameters.get(2), done.parameters.get(1)) == (50.0, 30.0)
 
 
+@shows("bwo900-4.16-19")
+def test_the_rotation_is_what_the_parameters_hold() -> None:
+    """Written by a file, or by a program before this one; the block with G45 makes it active."""
+    done = analysed("N10 G0 X10 Y5|N20 G45 X10 Y5|N30 M30", p160=50, p161=10, p163=30)
+    near(done.points, [(10, 5), turned(10, 5, 30, (50, 10))])
+    desk = run("P1|N5 P163:90|N10 G45 G0 X10 Y0|N20 M30", "P2|N10 G45 G0 X20 Y0|N20 M30")
+    desk.send(parameters(p8683=1))
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk)[:2] == (0.0, 20.0)
+
+
+@shows("bwo900-4.12-5")
+def test_the_plane_at_the_start() -> None:
+    """P8928 is the speed of a spindle; P8650 to P8659 are asked."""
+    assert analysed("N10 G0 X1|N20 M30", p8928=18).path[0].plane.third == 2
+    assert analysed("N10 G0 X1|N20 M30", p8650=18).path[0].plane.third == 1
+
+
 @shows("bwo900-4.16-8")
 @pytest.mark.parametrize(("g", "signs"), [("G61", (-1, 1)), ("G62", (1, -1)), ("G61 G62", (-1, -1))])
 def test_mirrors_in_turned_coordinates(g: str, signs: tuple[int, int]) -> None:
@@ -698,3 +717,53 @@ def test_axes_that_are_not_there() -> None:
     text = "N10 G10 G0 X5 Y6|N20 x:10 c:0|N30 G11 X1 Y2 Z3|N40 M30"
     many = {f"p{number}": 1.0 for number in (8890, *range(11_800, 11_808), *range(11_820, 11_824))}
     near(analysed(text, **many).points, [(15, 6), (1, 2, 3)])
+
+
+@shows("bwo900-4.17-4")
+@pytest.mark.parametrize("kind", [0, 15, 47, 48, 49])
+def test_in_hand_axes_move_along_themselves(kind: float) -> None:
+    """P8759: what there is for robots is the same here."""
+    desk = fresh(p8759=kind, p8750=2, p8751=1)
+    desk.send(parameters(p8683=1, p8752=1))
+    desk.run(0.01)
+    desk.send(parameters(p8752=0))
+    desk.finish()
+    assert mm(desk) == (10.0, 0.0, 0.0)
+
+
+# Examples of chapter 8 about motion
+
+
+class Behind(IdealDrives):
+    """Drives that stay this many increments behind."""
+
+    def __init__(self, desk: Desk, increments: float) -> None:
+        super().__init__(desk)
+        self._increments = increments
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        return (self._increments,) * 3
+
+
+@shows("bwo900-8.7-91")
+@pytest.mark.parametrize(
+    ("increments", "limit", "waits"), [(31, 0.0, False), (32, 0.0, True), (99, 0.1, False), (101, 0.1, True)]
+)
+def test_the_window_of_exact_stops(increments: float, limit: float, waits: bool) -> None:
+    """P12016; 0: sqrt(1 / 1000) = 0.0316 mm. Above it the program waits 3 s, says M2022, and goes on."""
+    desk = fresh("P1|N10 G1 F3000 X10 G08|N20 X20|N30 M30", p12016=limit, p12216=limit, p12416=limit)
+    desk.controller.use_drives(Behind(desk, increments))
+    begin = desk.time_ns
+    start(desk)
+    desk.finish()
+    assert set(said(desk)) == ({2022} if waits else set())
+    assert ((desk.time_ns - begin) / 1e9 > 3.0) == waits
+    assert mm(desk)[0] == 20.0
+
+
+@shows("bwo900-8.5-90", "bwo900-8.5-91", "bwo900-8.7-90")
+def test_axes_are_not_exchanged_and_not_mirrored_and_all_interpolate() -> None:
+    """P8881 = $0106, P8882 = $0601; P8892; P8893 with P12113."""
+    desk = run("P1|N10 G28 F3000 X10 Y5|N20 X20|N30 M30", p8881=0x0103, p8882=0x0301, p8892=1, p8893=1, p12113=5)
+    assert mm(desk) == (20.0, 5.0, 0.0)

@@ -418,12 +418,6 @@ def test_elements_of_c_are_not_there() -> None:
     assert said(run("P1|N10 int idx=0;|N20 M30", p8805=1)) == [1216]
 
 
-@shows("bwo900-8.5-2")
-def test_feeds_are_not_replaced() -> None:
-    _, speeds = feeds(fresh("P1|N10 F1200 X30|N30 M30", p8817=300))
-    assert speeds.max() == pytest.approx(1200.0, rel=0.01)
-
-
 @shows("bwo900-8.7-5")
 def test_sine_ramps_take_as_long_as_linear_ones() -> None:
     """v = V sin^2(pi t / 2 T) with T = P12008."""
@@ -673,7 +667,7 @@ def test_blocks_without_a_path_between_corrected_ones() -> None:
 @shows("bwo900-7.7-1", "bwo900-7.7-2")
 def test_contours_that_the_tool_cannot_follow() -> None:
     assert refused("N10 F500 tr:5|N20 G41 G1 X10|N30 X30|N40 Y3|N50 X60|N60 Y50|N70 M30") == 1223
-    assert refused("N10 F500 tr:15|N20 G41 G1 X10|N30 X30|N40 G3 X40 Y10 R10|N50 Y30|N70 M30") in (1151, 1152, 1155)
+    assert refused("N10 F500 tr:15|N20 G41 G1 X10|N30 X30|N40 G3 X40 Y10 R10|N50 Y30|N70 M30") == 1152
 
 
 @shows("bwo900-8.5-7")

@@ -43,6 +43,8 @@ class Curve:
     """mm/min; None: rapid."""
     stops: bool
     """It ends at speed 0."""
+    end_feed: float | None = None
+    """mm/min: `f`, the feed that its block ends with."""
 
     @property
     def length_mm(self) -> float:
@@ -114,20 +116,27 @@ class Draughtsman:
         rapid: bool = False,
         exact: bool = False,
         within: bool = False,
+        end_feed: float | None = None,
         **way: NDArray[np.float64],
     ) -> None:
         """A path through these places of the program. way: direction of its ends in the program, where it is bent.
 
-        exact: it ends with an exact stop; within: the block goes on behind it.
+        exact: it ends with an exact stop; within: the block goes on behind it; end_feed: `f`.
         """
         if text:
             self.says(text)
         places = self.machine(points)
         places[0] = self.place
-        self._drawn(places, way, rapid, not within and (exact or self.exact or (rapid and self.rapid_stops)))
+        stops = not within and (exact or self.exact or (rapid and self.rapid_stops))
+        self._drawn(places, way, rapid, stops, end_feed)
 
     def _drawn(
-        self, places: NDArray[np.float64], way: dict[str, NDArray[np.float64]], rapid: bool, stops: bool
+        self,
+        places: NDArray[np.float64],
+        way: dict[str, NDArray[np.float64]],
+        rapid: bool,
+        stops: bool,
+        end_feed: float | None = None,
     ) -> None:
         turn = self._matrix()[:3, :3]
         chords = np.diff(places, axis=0)
@@ -142,6 +151,7 @@ class Draughtsman:
                 end / np.linalg.norm(end),
                 None if rapid else self.feed,
                 stops,
+                end_feed,
             )
         )
         self.place = places[-1]
@@ -150,13 +160,15 @@ class Draughtsman:
         base = np.zeros(3) if self.absolute else start
         return " ".join(f"{NAMES[axis]}{goal[axis] - base[axis]:.6f}" for axis in axes)
 
-    def line(self, goal: NDArray[np.float64], axes: tuple[int, ...], g: str = "G1") -> None:
+    def line(
+        self, goal: NDArray[np.float64], axes: tuple[int, ...], g: str = "G1", end_feed: float | None = None
+    ) -> None:
         """A line or rapid move to a place of the program; only these axes are programmed."""
         start = self.program_place()
         goal = np.array([goal[axis] if axis in axes else start[axis] for axis in range(3)])
-        self.goes(
-            f"{g} {self.words(start, goal, axes)}", np.array([start, goal]), rapid="G0" in g, exact="G8" in g.split()
-        )
+        words = self.words(start, goal, axes) + ("" if end_feed is None else f" f{end_feed:.0f}")
+        said = g.split()
+        self.goes(f"{g} {words}", np.array([start, goal]), rapid="G0" in said, exact="G8" in said, end_feed=end_feed)
 
     def arc(
         self, centre: tuple[float, float], sweep: float, rise: float | None, radius: bool, polar: bool = False
@@ -220,12 +232,49 @@ class Draughtsman:
             self.goes("", points, within=True, begin=ways[0], end=ways[1])
         self.goes("", np.array([after, goal]))
 
+    def three(self, first: tuple[float, float], second: tuple[float, float]) -> None:
+        """G123: two ways in the plane, on the circle through their three points, or on two lines."""
+        start = self.program_place()
+        u, v, _ = self.axes
+        q, r = np.array(first), np.array(first) + second
+        middle, goal = start.copy(), start.copy()
+        middle[[u, v]] += q
+        goal[[u, v]] += r
+        self.says(f"G123 G1 {self.words(start, middle, (u, v))}")
+        self.says(self.words(middle, goal, (u, v)))
+        if abs(height(first, second)) < 0.02:
+            self.goes("", np.array([start, middle]))
+            self.goes("", np.array([middle, goal]))
+            return
+        centre = np.linalg.solve(2.0 * np.array([q, r]), np.array([q @ q, r @ r]))
+        size = float(np.hypot(*centre))
+        sense = -math.copysign(1.0, height(first, second))
+        angles = [math.atan2(*(point - centre)[::-1]) for point in (np.zeros(2), q, r)]
+        for a, b in ((0, 1), (1, 2)):
+            sweep = sense * ((sense * (angles[b] - angles[a])) % (2.0 * math.pi))
+            turned = angles[a] + sweep * np.linspace(
+                0.0, 1.0, 2 + math.ceil(abs(sweep) / math.sqrt(8 * SAGITTA / size))
+            )
+            points = np.repeat(start[None], len(turned), axis=0)
+            points[:, u] += centre[0] + size * np.cos(turned)
+            points[:, v] += centre[1] + size * np.sin(turned)
+            ways = [np.zeros(3), np.zeros(3)]
+            for way, angle in zip(ways, (turned[0], turned[-1]), strict=True):
+                way[u], way[v] = -sense * math.sin(angle), sense * math.cos(angle)
+            self.goes("", points, begin=ways[0], end=ways[1])
+
     def uncorrected(self, goal: NDArray[np.float64], axes: tuple[int, ...]) -> None:
         """A block with G66: places of the machine."""
         places = np.array([self.place, [goal[axis] if axis in axes else self.place[axis] for axis in range(3)]])
         words = " ".join(f"{NAMES[a]}{places[1][a] - (0.0 if self.absolute else places[0][a]):.6f}" for a in axes)
         self.says(f"G66 G1 {words}")
         self._drawn(places, {}, rapid=False, stops=self.exact)
+
+
+def height(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """How far the end of the first way lies beside the chord of both, on its left, as a share of the chord."""
+    chord = (first[0] + second[0], first[1] + second[1])
+    return (chord[0] * first[1] - chord[1] * first[0]) / (chord[0] ** 2 + chord[1] ** 2)
 
 
 def moved(by: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -241,8 +290,9 @@ ways = st.tuples(st.integers(-300, 300), st.integers(-300, 300)).map(lambda w: (
 feeds = st.sampled_from([600, 1800, 4200, 9000])
 millimetres = st.integers(-300, 300).map(lambda n: n / 10.0)
 KINDS = (
-    *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, *("dimension",) * 2, *("uncorrected",) * 2,
-    "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed", "exact", "length",
+    *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, "three", *("dimension",) * 2,
+    *("uncorrected",) * 2, "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed",
+    "exact", "length",
 )  # fmt: skip
 
 
@@ -253,11 +303,12 @@ def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draught
     drawn.says("G0 G90 F3000")
     drawn.line(np.array([1.0, 2.0, 3.0]), (0, 1, 2), "G0")
     for _ in range(draw(st.integers(2, most))):
-        kind = draw(st.sampled_from(KINDS if frames else KINDS[:15]))
+        kind = draw(st.sampled_from(KINDS if frames else KINDS[:16]))
         u, v, _ = drawn.axes
         match kind:
             case "line":
-                drawn.line(draw(places), draw(some_axes), draw(st.sampled_from(["G1", "G1", "G1", "G1 G8"])))
+                g, end_feed = draw(st.sampled_from([*[("G1", None)] * 4, ("G1 G8", None), ("G1", 240.0)]))
+                drawn.line(draw(places), draw(some_axes), g, end_feed)
             case "rapid":
                 drawn.line(draw(places), draw(some_axes), "G0")
             case "arc":
@@ -276,6 +327,13 @@ def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draught
                 if min(math.hypot(*first), math.hypot(*second)) < 1.0 or not 10.0 < turn < 160.0:
                     continue
                 drawn.corner(first, second, draw(st.sampled_from([0.05, 0.3, 0.8])), draw(st.booleans()))
+            case "three":
+                first, second = draw(ways), draw(ways)
+                if math.hypot(first[0] + second[0], first[1] + second[1]) < 1.0:
+                    continue
+                beside = abs(height(first, second))
+                if min(math.hypot(*first), math.hypot(*second)) > 1.0 and (beside < 0.015 or beside > 0.025):
+                    drawn.three(first, second)
             case "zero":
                 g = draw(st.sampled_from([53, 54, 55, 56, 153]))
                 drawn.zero = np.array(ZERO_POINTS.get(g, (0.0, 0.0, 0.0)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from conformance.bwo900_desk import fresh, parameters, said, start, value
 from firmware.bwo900.run import Analysed
 
 DRILLING = "P32:800 P33:0 P34:32"
@@ -34,6 +33,6 @@ def test_a_jump_may_stand_in_the_block_of_a_cycle(leads: str) -> None:
 
 def test_g46_takes_back_what_was_added_to_the_rotation() -> None:
     """L6597: additive values are given up by the set values anew, or by G46; G45 again changes nothing."""
-    text = "N10 G45 G00 P160:0 P161:0 P163:0\nN20 P165:10 P168:90 X0 Y0\nN30 G45 X10 Y0\nN40 G46 X0 Y0\nN50 G45 X10 Y0\nN60 M30"
-    run = Analysed(text)
+    turned = "N10 G45 G00 P160:0 P161:0 P163:0\nN20 P165:10 P168:90 X0 Y0\nN30 G45 X10 Y0"
+    run = Analysed(f"{turned}\nN40 G46 X0 Y0\nN50 G45 X10 Y0\nN60 M30")
     assert [tuple(round(x, 6) for x in point[:2]) for point in run.points] == [(0, 10), (0, 20), (0, 0), (10, 0)]

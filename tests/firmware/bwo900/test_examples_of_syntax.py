@@ -157,7 +157,7 @@ def test_addresses_of_two_channels(number: int, channel: int, q: int) -> None:
     axes = {110: float(0x01010058), 111: float(0x12020059), 112: float(0x0303005A)}
     p = Parameters({**CHANNELS, 205: 2_000, **axes})
     assert p.address("P", number, channel) == q
-    assert [p.axis_name(axis) for axis in range(4)] == ["X", "Y", "Z", ""]
+    assert [name for name, _ in p.axes] == ["X", "Y", "Z"]
     assert p.address("P", 12_400) == 2400
 
 

@@ -71,3 +71,12 @@ def test_the_whole_control_lives_through_anything() -> None:
             desk.send(parameters(p8683=1, p8705=1))
             desk.run(8.0)
         assert desk.controller.idle, seed
+
+
+def test_descriptors_that_make_no_sense() -> None:
+    """Addresses beyond the memory, endless tables, planes of axes that there are not: a run or a message, and soon."""
+    for number, value in ((102, 1e9), (103, -1), (172, 1e9), (173, -5), (152, 0x050401), (113, 0x04040041), (111, 0)):
+        desk = fresh("P1|N10 G54 G0 X5|N20 G2 F100 X6 I5.5 J0|N30 M30", **{f"q{number}": value})
+        start(desk)
+        desk.finish()
+        assert desk.counts[0] == 6_000 or desk.remarks, number

@@ -5,7 +5,8 @@
 
 It goes on until so many blocks wait, the program ends, an error comes, or the interpreter waits for something itself:
 a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle). Where it
-waits for the next block of a program that is fed, nothing is flushed: what comes then belongs to what was.
+waits for the next block of a program that is fed, or for a condition, nothing is flushed: what comes then belongs to
+what was.
 An error is kept until the blocks before it have been carried out.
 """
 
@@ -92,8 +93,11 @@ class Ahead:
                 break
             if block is Waiting.FEED:
                 break
+            if block is Waiting.CONDITION:  # what comes then belongs to what was, as above
+                self.poll_ns = now_ns + BLOCK_NS
+                break
             if isinstance(block, Waiting):
-                if block in (Waiting.CONDITION, Waiting.PASS, Waiting.BEGINNING):
+                if block in (Waiting.PASS, Waiting.BEGINNING):
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
@@ -143,7 +147,9 @@ class Ahead:
         self.blocks.extend(blocks)
 
     def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
-        """An error about a block, or about the one that is analysed."""
+        """An error about a block, or about the one that is analysed; the first one counts."""
+        if self.error is not None:
+            return
         program, number = (block.program, block.number) if block else self._interpreter.place
         column = error.column or (block.column if block else 0)
         self.error = message(error.number, program=program, block=number, column=column, detail=error.detail)

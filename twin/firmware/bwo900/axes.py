@@ -8,23 +8,25 @@ A run that does not continue the one before begins where that one has got to.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.blocks import PathBlock
+from isel_twin.firmware.bwo900.lag import LagWatch, window_mm
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.firmware.bwo900.path import Limits, positive
 from isel_twin.firmware.bwo900.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
-from isel_twin.units import SECOND_NS
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["AXES", "Axes"]
 
 AXES: Final = 3
 INCREMENTS_PER_MM: Final = 1_000.0
 """P12012 over P12013 where nobody has set them."""
+SETTLE_MS: Final = 3_000.0
+"""P12018 where nobody has set it."""
 PULSES: Final = 5_000
 """Increments from zero pulse to zero pulse."""
 
@@ -42,6 +44,7 @@ class Axes:
         """The motion in execution."""
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
+        self._watch = LagWatch(parameters)
 
     # Where they are
 
@@ -79,6 +82,22 @@ class Axes:
         way = int(run.plan.deltas(tick - 1, tick)[0, axis])
         return way / self.limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
 
+    def actual_mm_s(self, axis: int) -> float:
+        """Measured speed of an axis, mm/s."""
+        drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
+        return self.speed_mm_s(axis) if drives is None else drives.speed[axis] / per_mm
+
+    def at_limit(self, axis: int) -> tuple[bool, bool]:
+        """Whether an axis stands at its software limit + (P12030), - (P12031), or beyond."""
+        p, place = self._parameters, self.set_mm(axis)
+        high, low = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+        return p.loaded(high) and place >= p.get(high), p.loaded(low) and place <= p.get(low)
+
+    def driven(self, axis: int) -> bool:
+        """Whether an axis is on its way to a place, or not yet within its exact-stop window."""
+        moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
+        return moving or axis in self.unsettled()
+
     # What moves them
 
     def follow(self, run: SetPointRun | None) -> None:
@@ -96,7 +115,6 @@ class Axes:
         value = round(self._parameters.axis(axis, 40, 0.0) * self.limits().increments_per_mm[axis])
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
         self.referenced[axis] = True
-        self._parameters.write(12_180 + AXIS_SIZE * axis, 1.0)
         return value
 
     def forget(self, axis: int) -> None:
@@ -119,15 +137,35 @@ class Axes:
         ]
         return Limits.of(p, per_mm)
 
-    def settled(self) -> bool:
-        """Whether all are within the exact-stop window: P12016 mm, or one increment's root."""
-        if self.drives is None:
-            return True
-        for axis, per_mm in enumerate(self.limits().increments_per_mm):
-            window_mm = positive(self._parameters.axis(axis, 16, 0.0), math.sqrt(1.0 / per_mm))
-            if not self.drives.in_position[axis] or abs(self.drives.lag[axis]) / per_mm > window_mm:
-                return False
-        return True
+    def unsettled(self) -> list[int]:
+        """Axes that are not within the exact-stop window: P12016 mm, or one increment's root."""
+        drives = self.drives
+        if drives is None:
+            return []
+        return [
+            axis
+            for axis, per_mm in enumerate(self.limits().increments_per_mm)
+            if not drives.in_position[axis]
+            or abs(drives.lag[axis]) / per_mm > window_mm(self._parameters, axis, per_mm)
+        ]
+
+    def settling_ns(self, axis: int) -> int:
+        """How long an axis may take to get there: P12018."""
+        return round(min(positive(self._parameters.axis(axis, 18, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
+
+    def late(self) -> int | None:
+        """Watch over the following error while something moves; returns an axis that has been lost."""
+        if self.run is None or self.drives is None:
+            self._watch.end()
+            return None
+        self._watch.begin(self.now_ns, self.counts)
+        per_mm = self.limits().increments_per_mm if self._watch.is_due(self.now_ns) else ()
+        return self._watch.look(self.now_ns, self.counts, self.drives.lag, per_mm) if per_mm else None
+
+    @property
+    def next_look_ns(self) -> int | None:
+        """When `late` is due."""
+        return self._watch.due_ns
 
     def struck(self, axis: int, end: int) -> bool:
         """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""

@@ -31,13 +31,10 @@ from isel_twin.units import MILLISECOND_NS, SECOND_NS
 __all__ = ["Channel", "Phase"]
 
 EVERY_BLOCK, START_FLAGS = 8_814, 8_806
-LONGEST_SETTLING: Final = 12_018
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
 """How long an M function with a jump waits for its acknowledgement where there is no path."""
-SETTLE_NS: Final = 3_000 * MILLISECOND_NS
-"""Longest time to get within the exact-stop window (P12018): then M2022."""
 
 
 class Phase(Enum):
@@ -65,6 +62,8 @@ class Channel:
         self.single = False
         """Stop after every block."""
         self.override = 1.0
+        self.locked = False
+        """The axes may not move."""
         self.block = ("", 0)
         """Program and block in execution."""
         self.column = 0
@@ -74,13 +73,16 @@ class Channel:
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
         self._due_ns: int | None = None
-        self._settles_until_ns = 0
+        self._stands_ns = 0
+        """When the axes ought to have come to a stand."""
         self._holds = False
         """Stop: wait for Start as soon as the axes stand."""
         self._drops = False
         """The program is broken off as soon as the axes stand."""
         self._branches = False
         """The M function with a jump was acknowledged in time."""
+        self._sent = False
+        """Held between the functions before a path and the path itself."""
         self._deleted = False
         """A signal has deleted the path of the block with M26."""
         self._now_ns = 0
@@ -131,6 +133,11 @@ class Channel:
         return block.feed_mm_min or block.in_force.feed_mm_min, block.end_feed_mm_min or 0.0
 
     @property
+    def waits_for_functions(self) -> bool:
+        """An M function with halt has not been acknowledged."""
+        return self.phase is Phase.FUNCTIONS and self._due_ns is None
+
+    @property
     def target(self) -> Point | None:
         """Where the block in execution ends, in the program's coordinates; None: no program."""
         return None if self._entered is None else self._entered.target
@@ -163,7 +170,7 @@ class Channel:
         self._stretch.clear()
         self._stretch.stand(self._do.limits(), self._position())
         self.block, self._current = ("", 0), None
-        self._holds = self._drops = self._branches = self._deleted = False
+        self._holds = self._drops = self._branches = self._deleted = self._sent = False
         self.phase, self._due_ns = Phase.READY, now_ns
         self.advance(now_ns)
 
@@ -206,12 +213,28 @@ class Channel:
 
     def set_override(self, factor: float, now_ns: int) -> None:
         """Another override, 0 to 1.2."""
-        self._now_ns = now_ns
         self.override = factor
+        self._rescale(now_ns)
+
+    def lock(self, locked: bool, now_ns: int) -> None:
+        """P8701, P8702: the axes brake along the path, and wait until they may move again."""
+        self.locked = locked
+        self._rescale(now_ns)
+
+    def _rescale(self, now_ns: int) -> None:
+        """Another speed for the path under way; what stood for nothing else goes on."""
+        self._now_ns = now_ns
         if self.phase is Phase.PATH:
             self._stretch.replan(now_ns, scale=self._scale())
-        elif self.phase is Phase.HELD and not self._holds and self._stretch.begun and factor > 0.0:
+        elif self.phase is Phase.HELD and not self._holds and self._stretch.begun and self._scale() > 0.0:
             self._resume()
+
+    def set_feed(self, mm_min: float, now_ns: int) -> None:
+        """P8817: another feed for what is left of the block in execution; 0 and less: none. Rapid has no feed."""
+        self._now_ns = now_ns
+        block = self._stretch.first
+        if mm_min > 0.0 and block is not None and not block.rapid:
+            self._stretch.hasten(mm_min / 60.0, now_ns)
 
     def branch(self, now_ns: int) -> None:
         """The M function with a jump was acknowledged: its path is deleted, and the program goes on elsewhere."""
@@ -360,7 +383,11 @@ class Channel:
     # The path
 
     def _begin_path(self) -> None:
-        """A stretch begins with the first of the waiting blocks."""
+        """A stretch begins with the first of the waiting blocks, whose functions have been sent."""
+        self._sent = self._holds
+        if self._holds:
+            self.phase, self._due_ns = Phase.HELD, None
+            return
         block = self._ahead.blocks[0]
         if block.watched and self._do.watch.deletes(block):
             self._current = self._ahead.blocks.popleft()
@@ -430,6 +457,9 @@ class Channel:
 
     def _resume(self) -> None:
         """Go on where it was held."""
+        if self._sent:
+            self._begin_path()
+            return
         if not self._stretch.begun:
             self.phase, self._due_ns = Phase.READY, self._now_ns
             return
@@ -442,24 +472,23 @@ class Channel:
         return self._scale_of(self._stretch.first or (waiting[0] if waiting else None))
 
     def _scale_of(self, block: PathBlock | None) -> float:
-        return 1.0 if block is not None and not block.override else self.override
+        return 0.0 if self.locked else 1.0 if block is not None and not block.override else self.override
 
     # The end of a block
 
     def _settle(self) -> None:
         self.phase, self._due_ns = Phase.SETTLE, self._now_ns
-        longest = self._do.option(LONGEST_SETTLING) * MILLISECOND_NS or SETTLE_NS
-        self._settles_until_ns = self._now_ns + longest
+        self._stands_ns = self._now_ns
 
     def _look_settled(self, now_ns: int) -> None:
         """Whether the axes are in position is asked in every cycle, and at no other time: however time is cut."""
-        if self._do.settled():
-            self._after_stop()
-        elif now_ns >= self._settles_until_ns:
-            self._do.say(self.message(2022))
-            self._after_stop()
-        else:
+        unsettled = self._do.unsettled()
+        if any(now_ns - self._stands_ns < self._do.settling_ns(axis) for axis in unsettled):
             self._due_ns = now_ns + PERIOD_NS
+            return
+        for axis in unsettled:
+            self._do.say(self.message(2022, "XYZ"[axis]))
+        self._after_stop()
 
     def _after_stop(self) -> None:
         block = self._current
@@ -526,7 +555,7 @@ class Channel:
         self._ahead.end()
         self._stretch.clear()
         self._current = self._entered = None
-        self._holds = self._drops = False
+        self._holds = self._drops = self._sent = False
         self.phase, self._due_ns = Phase.IDLE, None
         self._do.ended(self.block if aborted else None)
 

@@ -32,7 +32,7 @@ from isel_twin.controller import (
     SerialFormat,
     Step,
 )
-from isel_twin.firmware.bwo900 import keys, memory
+from isel_twin.firmware.bwo900 import keys, memory, overrides
 from isel_twin.firmware.bwo900.axes import AXES, Axes
 from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.channel import Channel, Phase
@@ -42,12 +42,12 @@ from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, byte
+from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
 from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
-from isel_twin.firmware.bwo900.status import NUMBERS, cell, in_force, shown
+from isel_twin.firmware.bwo900.status import NUMBERS, at_power_on, cell, in_force, shown
 from isel_twin.firmware.bwo900.transfer import Receiver, end_of_file, parameter_file
 from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
@@ -56,8 +56,6 @@ __all__ = ["Control", "Mode"]
 
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
-AT_POWER_ON: Final = (8_579, 8_685, 8_687, 8_709)
-"""Parameters that say what is, and are 0 then: references, state of the program."""
 OVERWRITTEN: Final = 1106
 """Message of a file that is taken, and replaces one."""
 
@@ -102,6 +100,9 @@ class Control:
         """Where the last program was broken off."""
         self._starts = False
         """Start waits for power."""
+        self._asked: list[tuple[int, float | None]] = []
+        """Parameters that the program has written, and that ask for something."""
+        self._interpreter.on_write = self._ask
 
     def _services(self) -> Services:
         return Services(
@@ -114,7 +115,8 @@ class Control:
             parameter=self._write,
             say=self._say,
             text=self._show,
-            settled=self._axes.settled,
+            unsettled=self._axes.unsettled,
+            settling_ns=self._axes.settling_ns,
             limits=self._axes.limits,
             counts=self._counts,
             begun=self._block_begun,
@@ -152,9 +154,15 @@ class Control:
         """A parameter that a block writes as it is executed."""
         self._parameters.write(number, value)
         self._watch.written(number, value)
+        self._ask(number, value)
 
     def _option(self, number: int) -> int:
         return int(self._parameters.get(number))
+
+    def _ask(self, number: int, value: float | None) -> None:
+        """The program has written a parameter: what that asks for is done as soon as the channel has got to rest."""
+        if keys.wish(number, value, AXES) is not None:
+            self._asked.append((number, value))
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -191,6 +199,7 @@ class Control:
             times.append(self._hand.homing.next_ns)
         if self._hand.jog is not None:
             times.append(self._hand.jog.next_ns)
+        times.append(self._axes.next_look_ns)
         if self.run is not None and self._channel.run is None and self._hand.move is None:
             times.append(self.run.end_ns)
         known = [t for t in times if t is not None]
@@ -229,14 +238,16 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
-        for number in (*AT_POWER_ON, *(12_180 + AXIS_SIZE * axis for axis in range(AXES))):
-            self._parameters.write(number, 0.0)
+        for number, value in at_power_on(AXES):
+            self._parameters.write(number, value)
+        self._outgoing.acknowledge()
         self._outgoing.output("software_ok", 1)
         if self._flash_fault:
             self._outgoing.output("flash_fault", 1)
         for terminal, level in levels.items():
             self._plc.set_input(t_ns, terminal, level)
         self._plc.power_on(t_ns)
+        self._channel.override = overrides.factor(self._parameters, AXES)
         self._status()
 
     def receive(self, t_ns: int, data: bytes) -> None:
@@ -320,7 +331,11 @@ class Control:
         self._hand.advance(self._now_ns)
         self._start_at_rest()
         self._channel.advance(self._now_ns)
+        while self._asked:
+            self._written(*self._asked.pop(0), "P", 1)
         self._axes.follow((self._hand.move or self._channel).run)
+        if self._hand.homing is None and (axis := self._axes.late()) is not None:
+            self._lose(2001, "XYZ"[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
         if told := self._feeder.say():
@@ -364,10 +379,10 @@ class Control:
         elif hand.direction:
             hand.begin_jog(self._now_ns)
 
-    def _lose(self, number: int) -> None:
+    def _lose(self, number: int, detail: str = "") -> None:
         """Drives off, everything ends."""
         moving = self._channel.active or self._hand.move is not None
-        said = self._channel.message(number)
+        said = self._channel.message(number, detail)
         self._starts = False
         self._hand.cut()
         self._channel.cut(self._now_ns)
@@ -390,11 +405,13 @@ class Control:
     # ---- parameters that are keys -----------------------------------------------------------------------------------
 
     def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
-        """A parameter has been written from the line: some are keys."""
+        """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
         if area == "P" and channel == 1:
             self._watch.written(number, value)
-        wanted = keys.wish(number, value, AXES) if area == "P" and channel == 1 else None
-        if wanted is None:
+            self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
+        known = self._parameters.of_channel(number) if area == "q" else number if channel == 1 else None
+        wanted = None if known is None else keys.wish(known, value, AXES)
+        if wanted is None or (area == "q" and wanted[0] is not keys.Wish.OVERRIDE):
             return
         wish, given = wanted
         match wish:
@@ -415,17 +432,36 @@ class Control:
                 self._parameters.write(number, 0.0)
                 self._put_out(int(given))
             case keys.Wish.CLEAR:
-                self.messages.clear()
+                self._outgoing.acknowledge()
+                self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
-                self._channel.set_override(min(max(given, 0.0), 120.0) / 100.0, self._now_ns)
+                overrides.written(self._parameters, int(given))
+                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+            case keys.Wish.LOCK:
+                p = self._parameters
+                locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
+                if locked:
+                    self._hand.release(self._now_ns, everything=True)
+                self._channel.lock(locked, self._now_ns)
+            case keys.Wish.FEED:
+                self._channel.set_feed(given, self._now_ns)
+            case keys.Wish.MAP:
+                self._parameters.write(8_554, self._mapped(int(given)))
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
 
+    def _mapped(self, number: int) -> float | None:
+        """P8553: the q that a P is; None: there is no such P."""
+        try:
+            return float(self._parameters.address("P", number))
+        except ProgramError:
+            return None
+
     @property
     def _free(self) -> bool:
         """Whether axes may be moved without a program."""
-        return self.mode is Mode.HAND and not self._channel.active
+        return self.mode is Mode.HAND and not self._channel.active and not self._channel.locked
 
     def _move(self, key: int) -> None:
         if not self._hand.press(key, self._now_ns, free=self._free):

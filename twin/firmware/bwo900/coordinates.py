@@ -64,8 +64,13 @@ class Coordinates:
     # What changes them
 
     def g(self, number: int) -> None:
-        """A G function is in force now; `renew` before the next path."""
+        """A G function is in force now; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
         self.modal = self.modal.with_g(number)
+        if number == 45:
+            p = self._parameters
+            self.rotation = replace(self.rotation, u0=p.get(160), v0=p.get(161), angle_deg=p.get(163))
+        elif number == 46:
+            self.rotation = replace(self.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
 
     def written(self, number: int, value: float | None) -> None:
         """A parameter P has been written: those of the rotation turn at once."""
@@ -174,5 +179,6 @@ class Coordinates:
 
 
 def _plane_of(value: float, default: Plane) -> Plane:
-    """A plane as a parameter says: its axes, from 1, in the lower three bytes; 0: the default."""
-    return Plane(byte(value, 1) - 1, byte(value, 2) - 1, byte(value, 3) - 1) if value else default
+    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default for what is no plane."""
+    axes = [byte(value, number) - 1 for number in (1, 2, 3)]
+    return Plane(*axes) if sorted(axes) == [0, 1, 2] else default

@@ -47,7 +47,7 @@ class Feed:
         """Its file has begun to come."""
         self.given_up = False
         """Nobody will ask for more."""
-        self._lines = Lines()
+        self._lines = Lines(numbered=True)
         self._known: deque[tuple[str, int]] = deque()
         """Text and number of blocks, those that are forgotten left out."""
         self._texts: dict[int, str] = {}

@@ -20,7 +20,7 @@ Everything that it knows is in its attributes, so that a control is copied with 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import Final
@@ -35,14 +35,14 @@ from isel_twin.firmware.bwo900.frames import Frame
 from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
 from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
-from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs import Store
 from isel_twin.firmware.bwo900.reader import Reader
 from isel_twin.firmware.bwo900.said import Said, path_block
 from isel_twin.firmware.bwo900.stack import Goal, Level, Stack
 from isel_twin.firmware.bwo900.syntax import Block
 from isel_twin.firmware.bwo900.targets import Targets
-from isel_twin.firmware.bwo900.tools import Tools
+from isel_twin.firmware.bwo900.tools import ASKED, INFO, LOCK, Tools
 from isel_twin.firmware.bwo900.values import Values
 from isel_twin.firmware.bwo900.watch import DELETE, DELETED
 
@@ -50,6 +50,9 @@ __all__ = ["Interpreter", "Waiting"]
 
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
+START_FLAGS: Final = 8_807
+WITH_Z5, WITHOUT_TABLE = 0x01, 0x02
+"""Bits of P8807, byte 1: T needs Z5; T takes nothing from the table."""
 
 
 class Waiting(Enum):
@@ -74,6 +77,8 @@ class Interpreter:
             cycles = CYCLES
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
+        self.on_write: Callable[[int, float | None], None] | None = None
+        """Told of parameters P that programs write."""
         self._stack = Stack(store)
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
@@ -95,6 +100,8 @@ class Interpreter:
         self._kept: list[PathBlock] = []
         self._stale = self._measured = False
         """A block that was waited for has been executed; it had M00."""
+        self._changing = self._activating = False
+        """The block that is waited for changes the tool, activates its data."""
         self._lets_go = False
         """The block has said sc:0 or sc:100."""
         self._tool: int | None = None
@@ -117,6 +124,8 @@ class Interpreter:
         self._reset(position)
         self._stack.begin(program, place)
         self._skips = skips
+        if self._parameters.get(LOCK):
+            self._parameters.write(LOCK, 0.0)
         for number in _starting(self._parameters):
             self._coordinates.g(number)
         self._coordinates.renew()
@@ -249,7 +258,8 @@ class Interpreter:
         if block.skip and self._skips:
             return self._empty(block)
         try:
-            if block.wait is not None and not self._values.holds(block):
+            locked = self._parameters.get(LOCK) and block.word("T")
+            if locked or (block.wait is not None and not self._values.holds(block)):
                 level.place -= 1
                 self._waiting = Waiting.CONDITION
                 return self._waiting
@@ -265,10 +275,13 @@ class Interpreter:
         return self._ready.popleft() if self._ready else self._empty(block)
 
     def _refresh(self) -> None:
-        """What may have changed while a block was waited for; after M00 the tool's length, too."""
+        """What has changed while a block was waited for: the tool by M06; after M00 and Z6 its length counts anew."""
         self._stale = False
-        if self._measured:
-            self._coordinates.use_length(self._tools.length_mm)
+        if self._changing:
+            self._tools.change()
+        if self._measured or self._changing or self._activating:
+            self._activate_tool()
+        self._changing = self._activating = False
         self._coordinates.renew()
 
     def _empty(self, block: Block) -> PathBlock:
@@ -296,12 +309,12 @@ class Interpreter:
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
         self._stack.pop()
-        if level.change:
-            self._activate_tool()
-        if self._stack:
+        if not self._stack:
+            return self._nothing(level.program.name, stop=Stop.END)
+        if not level.change:
             return self._nothing(level.program.name, main=False)
-        self._tools.end()
-        return self._nothing(level.program.name, stop=Stop.END)
+        self._waiting, self._measured, self._activating = Waiting.EXECUTION, False, True
+        return self._nothing(level.program.name, main=False, stop=Stop.SYNCHRONISE)
 
     # One block
 
@@ -313,6 +326,9 @@ class Interpreter:
         jump = self._values.jump(block)
         said = Said(block, level.program.name, not self._stack.in_cycle, later, self._values.synchronises(block))
         self._reader.read(said)
+        waits = said.synchronises or said.jump is not None or (said.changes and said.call is not None)
+        if waits and self._coordinates.modal.radius != 40:
+            raise ProgramError(1229, "analysis would wait, with radius correction", block.column)
         goal = said.goal
         if jump is not None:
             goal = level.program.name, jump
@@ -326,12 +342,15 @@ class Interpreter:
     def _written(self, number: int, value: float | None) -> None:
         """What a parameter P does besides being kept."""
         self._coordinates.written(number, value)
-        if number == 8_045 and value == 1.0:
-            self._tools.change()
-        elif number == 8_047 and value == 1.0:
-            self._tools.put_back()
-        elif number == DELETE and not value:
+        self._tools.command(number, value)
+        if number == DELETE and not value:
             self._parameters.write(DELETED, 0.0)
+        if self.on_write is not None:
+            self.on_write(number, value)
+
+    def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
+        """The line has written a parameter P that may copy records of tools."""
+        self._tools.command(number, value, in_hand=in_hand)
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
@@ -373,6 +392,8 @@ class Interpreter:
             self._stack.go(goal)
         elif said.call is not None:
             self._stack.call(*said.call, change=said.changes)
+        if said.hidden:
+            self._stack.call("Z5", None, None, change=False)
         if said.passes is not None:
             level.open_loop(said.passes)
         if said.loops_back:
@@ -392,26 +413,33 @@ class Interpreter:
             if self._ready and self._ready[-1].stop is Stop.NONE:
                 self._ready[-1] = replace(self._ready[-1], stop=Stop.END)
             self._stack.clear()
-            self._tools.end()
 
     # Tools
 
     def _select(self, said: Said) -> None:
         """The tool of a T word, and M16."""
-        if said.tool is not None and said.tool != self._tool:
+        if said.tool is None:
+            return
+        flags = byte(self._parameters.get(START_FLAGS), 1)
+        self._parameters.write(INFO, 16.0 if said.activates else 6.0 if said.changes else 0.0)
+        if said.tool != self._tool and not flags & WITHOUT_TABLE:
             self._tools.request(said.tool)
-            self._tool = said.tool
-            if "Z5" in self._store and said.call is None:
-                said.call = ("Z5", None, None)
-        if said.activates and said.tool is not None:
+        self._tool = said.tool
+        said.parameters.append((ASKED, float(said.tool)))
+        if said.activates:
             self._tools.reckon(said.tool)
+        else:
+            said.parameters += self._tools.requested()
+        said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
 
     def _after(self, said: Said) -> None:
-        """What becomes true at the end of the block."""
+        """What becomes true at the end of the block; the tool that the PLC changes, when it says so."""
         changed = said.changes and said.call is None
-        if changed:
+        if changed and self._waiting is Waiting.EXECUTION:
+            self._changing = True
+        elif changed:
             self._tools.change()
-        if said.activates or said.length or changed:
+        if said.activates or said.length or (changed and not self._changing):
             self._activate_tool()
 
     def _activate_tool(self) -> None:

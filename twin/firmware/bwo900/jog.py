@@ -61,7 +61,7 @@ class Jog:
         way = far - here if kind == CONTINUOUS else sign * step_mm(p)
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
             raise ProgramError(2103 if sign > 0 else 2104, "XYZ"[axis])
-        fastest = min(p.given(8_754, limits.speed[axis] * 60.0) / 60.0, limits.speed[axis])
+        fastest = min(p.given(8_754, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
         speed = min(p.given(8_755, SPEED_MM_MIN) / 60.0, fastest)
         p.write(8_756, speed * 60.0)
         plan = at_rest(len(counts), period_ns, limits.rapid_acceleration[axis] * per_mm, ("jog", now_ns, axis))

@@ -22,6 +22,7 @@ from enum import Enum
 from typing import Final
 
 from isel_twin.controller import Key, KeyValue
+from isel_twin.firmware.bwo900.overrides import AXIS_OVERRIDE, is_override
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.parameters import Limits
 
@@ -89,7 +90,10 @@ class Wish(Enum):
     MOVE = "1 +, 2 -: move the axis; 0: the key is released"
     PUT_OUT = "all parameters as a file; 5: with their status"
     CLEAR = "the messages that stand"
-    OVERRIDE = "%"
+    OVERRIDE = "a parameter of an override"
+    LOCK = "the channel may not move, or may again"
+    FEED = "of the block in execution, mm/min"
+    MAP = "say which q a P is"
     REFERENCE = "reference run of an axis, from 0"
 
 
@@ -111,10 +115,20 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.PUT_OUT, given
         case 8_508:
             return Wish.CLEAR, given
-        case 11_310:
-            return Wish.OVERRIDE, value or 0.0
+        case 8_701 | 8_702:
+            return Wish.LOCK, given
+        case 8_817:
+            return Wish.FEED, value or 0.0
+        case 8_553:
+            return Wish.MAP, given
+    if is_override(number):
+        return Wish.OVERRIDE, number
     axis, offset = divmod(number - 12_000, AXIS_SIZE)
-    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and 0 <= axis < axes and given else None
+    if not 0 <= axis < axes:
+        return None
+    if offset == AXIS_OVERRIDE:
+        return Wish.OVERRIDE, number
+    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and given else None
 
 
 def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:

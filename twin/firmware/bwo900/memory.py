@@ -17,6 +17,7 @@ from isel_twin.firmware.bwo900.contour import Contour
 from isel_twin.firmware.bwo900.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.offset import Offset
+from isel_twin.firmware.bwo900.overrides import FACTORY_OVERRIDES
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs import Program, Store
 
@@ -77,7 +78,7 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
         except (ValueError, KeyError, TypeError, zlib.error, ProgramError):
             pass
     parameters = Parameters()
-    for number, value in FACTORY_FUNCTIONS.items():
+    for number, value in (FACTORY_FUNCTIONS | FACTORY_OVERRIDES).items():
         parameters.write(number, value)
     return parameters, Store(), flash is not None
 

@@ -1,19 +1,29 @@
 """What the control tells the outside: events in their order, outputs when they change, messages.
 
-A message is an event, stands until it is cleared, is kept in the history, and is in P8501, P8910 and P8911 (P8503 if it
-is only shown). One that is more than shown is a fault.
+A message is an event, stands until it is cleared, and is kept in the history. Its number is in P8500 to P8503, by its
+effect, until then; its axis in P8504 and P12197, its place in P8910 and P8911. One that is more than shown is a fault.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.controller import Event, Output, Remark
 from isel_twin.firmware.bwo900.messages import Effect, Message
-from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, Parameters
 
 __all__ = ["Outgoing"]
 
+CELLS: Final[Mapping[Effect, int]] = {
+    Effect.SYSTEM_ABORT: 8_500,
+    Effect.CHANNEL_ABORT: 8_501,
+    Effect.STOP: 8_502,
+    Effect.SHOWN: 8_503,
+}
+INTERPOLATOR: Final = (20, 21)
+"""Hundreds of the messages that are about an axis."""
+OF_AXIS, NUMBER_OF_AXIS = 8_504, 12_197
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -55,7 +65,11 @@ class Outgoing:
         del self.standing[:-MOST_MESSAGES]
         self.history.append((t_ns, said))
         del self.history[:-MOST_MESSAGES]
-        self._parameters.write(8_501 if said.effect is not Effect.SHOWN else 8_503, float(said.number))
+        self._parameters.write(CELLS[said.effect], float(said.number))
+        if said.number // 100 in INTERPOLATOR and said.detail[:1] and said.detail[:1] in "XYZ":
+            axis = "XYZ".index(said.detail[0])
+            self._parameters.write(OF_AXIS, axis + 1.0)
+            self._parameters.write(NUMBER_OF_AXIS + AXIS_SIZE * axis, float(said.number))
         if said.program:
             self._parameters.write(8_910, float(said.program[1:]))
             self._parameters.write(8_911, float(said.block))
@@ -64,8 +78,15 @@ class Outgoing:
         self.output("message", said.number)
         self.add(Remark(str(said)))
 
-    def clear(self) -> None:
-        """The operator has read them; the fault is over."""
+    def acknowledge(self) -> None:
+        """The operator has read them."""
         self.standing.clear()
+        cells = (*CELLS.values(), OF_AXIS, *(NUMBER_OF_AXIS + AXIS_SIZE * axis for axis in range(MACHINE_AXES)))
+        for number in cells:
+            self._parameters.write(number, 0.0)
+
+    def clear(self) -> None:
+        """The same, and the fault is over."""
+        self.acknowledge()
         self.fault = False
         self.output("message", 0)

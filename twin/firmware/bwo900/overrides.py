@@ -17,7 +17,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-__all__ = ["FACTORY_OVERRIDES", "HIGHEST", "factor", "is_override", "written"]
+__all__ = ["AXIS_OVERRIDE", "FACTORY_OVERRIDES", "HIGHEST", "factor", "is_override", "written"]
 
 FIRST: Final = 11_310
 COUNT: Final = 8
@@ -45,6 +45,8 @@ def is_override(number: int) -> bool:
 
 def written(parameters: Parameters, number: int) -> None:
     """A parameter of an override has been written: P11310 follows from P11311, and keeps within its limits."""
+    if not is_override(number):
+        return
     first = number - (number - FIRST) % SIZE
     if number - first == RAW and parameters.loaded(number):
         parameters.write(first, _from_raw(parameters, first, parameters.get(number)))

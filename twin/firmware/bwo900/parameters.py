@@ -22,6 +22,7 @@ __all__ = [
     "FACTORY",
     "LARGEST_Q",
     "LOADED",
+    "MACHINE_AXES",
     "REAL_TIME",
     "SYNCHRONISING",
     "Parameters",
@@ -35,7 +36,7 @@ SYNCHRONISING: Final = 0x08
 LARGEST_Q: Final = 59_999
 """60 000 parameters, the largest system."""
 AXIS_SIZE: Final = 200
-FIRST_LIVE: Final = 8_900
+FIRST_LIVE: Final = 8_559
 """Below it no parameter is worked out when it is asked for."""
 AXES: Final = 32
 MACHINE_AXES: Final = 3
@@ -113,6 +114,19 @@ class Parameters:
                 return int(values.get(base + block, 0)) + number - start
         return None
 
+    def of_channel(self, q: int) -> int | None:
+        """The P of channel 1 that is this q, where the control itself may look at it; None: none of those."""
+        first = self._of_channel(7_000, 1) or 0
+        if first <= q < first + FIXED:
+            return q - first + 7_000
+        if 1_000 <= q < 2_000:
+            return q + 10_000
+        for axis in range(MACHINE_AXES):
+            begin = self._of_channel(12_000 + AXIS_SIZE * axis, 1) or 0
+            if begin <= q < begin + AXIS_SIZE:
+                return q - begin + 12_000 + AXIS_SIZE * axis
+        return None
+
     def get(self, number: int, default: float = 0.0, area: str = "P") -> float:
         """The value, `default` if it is deleted."""
         return self._values.get(self.address(area, number), default)
@@ -187,10 +201,8 @@ class Parameters:
         if not 1 <= workspace <= int(self.given(171, 1, "q")):
             raise ProgramError(1240, f"workspace {workspace}")
         groups = int(self.get(172, 0, "q"))
-        numbers = [
-            self.zero_address(number, axis, workspace, group) for group in (range(1, groups + 1) if groups else (0,))
-        ]
-        return sum(self.get(p) for p in numbers)
+        those = range(1, groups + 1) if groups > 0 else (0,)
+        return sum(self.get(self.zero_address(number, axis, workspace, group)) for group in those)
 
     def zero_address(self, number: int, axis: int, workspace: int = 1, group: int = 0) -> int:
         """The P of an entry of the table of zero points (manual, 8.3, q170 to q174); axis from 0."""

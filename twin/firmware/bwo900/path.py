@@ -1,7 +1,7 @@
 """From blocks to pieces of a joined motion: limits of axes and path, corners, exact stops (manual 8.5, P8851 on).
 
     speed of a piece      the feed, the rapid speed of the axis with the longest way (G00), and what each axis can:
-                          v <= V_i / |d_i|,  d the direction
+                          v <= V_i / |d_i|,  d the direction; V_i = P12004, P12120, slope (P12136)
     acceleration          a <= A_i / |d_i|,  A_i = P12004 / P12008, or P12009 where that is longer and it is no G00
     on a circle           v^2 / R and the ramp share the acceleration of the plane's axes: each has 1 / sqrt 2 of it
                           P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from isel_twin.firmware.bwo900.blocks import BlockEnd, Correction, PathBlock
 from isel_twin.firmware.bwo900.elements import Arc, Element, Line, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.joined import Pieces
 
 __all__ = ["Limits", "Path", "circumradius", "corner_factor", "feed_factor", "positive"]
@@ -58,7 +58,9 @@ class Limits:
 
     increments_per_mm: tuple[float, ...]
     speed: Point
-    """mm/s"""
+    """mm/s, of paths."""
+    hand: Point
+    """mm/s, of moves without a program."""
     acceleration: Point
     """mm/s^2, with feed."""
     rapid_acceleration: Point
@@ -89,19 +91,22 @@ class Limits:
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
-        speed = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, speed, strict=True))
+        fastest = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
+        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, fastest, strict=True))
         second = tuple(
             min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
-            for a, v, f in zip(axes, speed, first, strict=True)
+            for a, v, f in zip(axes, fastest, first, strict=True)
         )
+        hand = tuple(_slope(p, a, v) for a, v in enumerate(fastest))
+        speed = tuple(min(v, positive(p.axis(a, 120, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
         exponent = p.get(8_851) if p.loaded(8_851) else 1.0
         return cls(
             increments_per_mm=tuple(increments_per_mm),
             speed=speed,
             acceleration=second,
             rapid_acceleration=first,
-            rapid=positive(p.get(8_816), max(speed) * MINUTE_S) / MINUTE_S,
+            hand=hand,
+            rapid=positive(p.get(8_816), max(fastest) * MINUTE_S) / MINUTE_S,
             corner=-1.0 if exponent == -1.0 else exponent or 1.0,
             deviation_mm=max(p.get(8_852), 0.0),
             kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
@@ -148,6 +153,16 @@ def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
         return 1.0
     part = min((reference - contour) / (reference - tool), 1.0)
     return max(1.0 + (limits.concave if concave else limits.convex) * part, SLOWEST)
+
+
+def _slope(p: Parameters, axis: int, fastest: float) -> float:
+    """What P12136 lets an axis do, mm/s: P12005 with byte 1, P12006 with byte 2, 10 and 20 % of P12004 unless set."""
+    asked = p.axis(axis, 136, 0.0)
+    most = fastest
+    for number, share in ((1, 0.1), (2, 0.2)):
+        if byte(asked, number) & 1:
+            most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
+    return most
 
 
 def _share(percent: float) -> float:

@@ -10,7 +10,6 @@ Two of a group in one block, numbers that are in no table, and what is not in th
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.blocks import Machine, Stop
@@ -116,9 +115,6 @@ class Reader:
             said.shifts = True
         if group == ZERO:
             said.zero_cleared = True
-        if number == 46:
-            coordinates = self._coordinates
-            coordinates.rotation = replace(coordinates.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
         self._coordinates.g(number)
 
     @property

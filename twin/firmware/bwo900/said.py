@@ -53,6 +53,8 @@ class Said:
     """Of an M function with a jump."""
     call: tuple[str, int | None, int | None] | None = None
     """A subprogram, its first and last block."""
+    hidden: bool = False
+    """T calls Z5."""
     passes: int | None = None
     """M24."""
     loops_back: bool = False

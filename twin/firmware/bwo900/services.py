@@ -39,8 +39,10 @@ class Services:
     parameter: Callable[[int, float | None], None]
     say: Callable[[Message], None]
     text: Callable[[object], None]
-    settled: Callable[[], bool]
-    """Whether all axes are within the exact-stop window."""
+    unsettled: Callable[[], list[int]]
+    """Axes that are not within their exact-stop windows."""
+    settling_ns: Callable[[int], int]
+    """How long an axis may take to get there."""
     limits: Callable[[], Limits]
     counts: Callable[[], tuple[int, ...]]
     begun: Callable[[int, PathBlock], None]

@@ -4,6 +4,7 @@
     P8945 .. P8981    its G functions                P9100 .. P9102    its G92
     P9300 .. P9381    the same of the block that is analysed, up to 400 further on; P9500 .. P9502 its G92
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
+    P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
 They are worked out when they are asked for, and are there at any time: without a program nothing is programmed (0, or
 deleted where the manual says so: cycles), and the G functions are those that a program begins with.
@@ -11,7 +12,7 @@ deleted where the manual says so: cycles), and the G functions are those that a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.channel import Channel
@@ -44,10 +45,12 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
 PLANE: Final = (51, 52, 53)
 EXECUTED: Final = (0, 1, 4, 5, 12, 13, 14, 34, 35, 36, 37, 38, 40, 41, 42, 79)
 ANALYSED: Final = (0, 1, 3, 4, 5, 34, 36, 79)
-AXIS_CELLS: Final = (150, 151, 152, 154, 155, 156, 157, 160, 170)
+AXIS_CELLS: Final = (135, 150, 151, 152, 154, 155, 156, 157, 160, 168, 170, 180, 185, 188)
+WAITING: Final = 8_559
 SHIFT_EXECUTED, SHIFT_ANALYSED = 9_100, 9_500
 
 NUMBERS: Final = (
+    WAITING,
     *sorted(8_900 + n for n in {*EXECUTED, *MODAL, *PLANE}),
     *sorted(9_300 + n for n in {*ANALYSED, *MODAL, *PLANE}),
     *(first + axis for first in (SHIFT_EXECUTED, SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
@@ -57,12 +60,29 @@ NUMBERS: Final = (
 _KNOWN: Final = frozenset(NUMBERS)
 
 
+def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
+    """What is written as power comes, by P: what the control is made of; references and programs, of which there are
+    none; commands and settings that do not outlive it."""
+    yield from ((8_550, 1.0), (8_551, float(axes)), (8_552, float(axes)))
+    yield from ((number, 0.0) for number in (8_579, 8_685, 8_687, 8_709))
+    yield from ((number, None) for number in (8_701, 8_702, 8_757, 8_758, 8_759, 8_880, 8_891, 8_893, 8_894))
+    for axis in range(axes):
+        first = 12_000 + AXIS_SIZE * axis
+        yield from ((first + 136, None), (first + 198, 1.0), (first + 199, axis + 1.0))
+
+
 class Seen(Protocol):
     """What an axis is at: `axis` from 0, mm and mm/s."""
 
     def set_mm(self, axis: int) -> float: ...
     def actual_mm(self, axis: int) -> float: ...
     def speed_mm_s(self, axis: int) -> float: ...
+    def actual_mm_s(self, axis: int) -> float: ...
+    def struck(self, axis: int, end: int) -> bool: ...
+    def at_limit(self, axis: int) -> tuple[bool, bool]: ...
+    def driven(self, axis: int) -> bool: ...
+    @property
+    def referenced(self) -> list[bool]: ...
 
 
 def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float | None:
@@ -72,6 +92,8 @@ def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) ->
     if number >= 12_000:
         axis, offset = divmod(number - 12_000, AXIS_SIZE)
         return _axis(axis, offset, interpreter, channel, seen)
+    if number == WAITING:
+        return float(channel.waits_for_functions)
     if number >= SHIFT_ANALYSED:
         return interpreter.in_force.frame.shift[number - SHIFT_ANALYSED]
     if number >= 9_300:
@@ -179,6 +201,21 @@ def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, se
             return shift
         case 160:
             return place - seen.actual_mm(axis)
+        case 168:
+            return 60.0 * seen.actual_mm_s(axis)
         case 170:
             return 60.0 * seen.speed_mm_s(axis)
+        case 135:
+            return _bytes(seen.struck(axis, 2), seen.struck(axis, 1))
+        case 180:
+            return _bytes(seen.referenced[axis], seen.struck(axis, 1))
+        case 185:
+            return _bytes(*seen.at_limit(axis))
+        case 188:
+            return float(seen.driven(axis))
     return place
+
+
+def _bytes(first: bool, second: bool) -> float:
+    """Two signals, each in a byte."""
+    return first + 256.0 * second

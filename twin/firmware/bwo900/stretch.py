@@ -202,8 +202,18 @@ class Stretch:
         self._plan = self._plan.remainder(self._serial, scale=scale)
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
+    def hasten(self, speed_mm_s: float, now_ns: int) -> None:
+        """Another wanted speed for what is left of its first block."""
+        if self._plan is None:
+            return
+        wanted = (self._entries[0].until - self._made, speed_mm_s)
+        if self.run is None:
+            self._plan = self._plan.replanned(self._plan.ticks, wanted=wanted)
+        else:
+            self.replan(now_ns, wanted=wanted)
+
     def replan(self, now_ns: int, **changes: object) -> None:
-        """Another future from the next tick on: `hold`, `drop`, `scale` or `append`, see Joined.replanned."""
+        """Another future from the next tick on: `hold`, `drop`, `scale`, `wanted`, `append`: see Joined.replanned."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return

@@ -1,9 +1,11 @@
 """Tools: the table, and the records that programs, PLC and path work with (manual 7.1; 8.3 q175 to q179).
 
     table (q175 ...) --- T ---> P8050 requested, PLC --- change ---> P8100 in the spindle, P8150 for the path
-                        `--- T .. M16 ------------------------------------------------------------^
+                        |--- T .. M16 ----------------------------------------------------------^
+                        `--- T, when its block is executed ---> P8200
 
-A record has 50 parameters: 0 group, 1 number, 10 radius, 11 length, 12 and 13 their corrections, 14 quadrant.
+A record has 50 parameters: 0 group, 1 its place in the table from 1, 8 whether its life is over, 10 radius, 11 length,
+12 and 13 their corrections, 14 quadrant. Records are copied by T, M06 and M16, and by commands: P8045 to P8047.
 """
 
 from __future__ import annotations
@@ -11,9 +13,9 @@ from __future__ import annotations
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["PATH", "REQUESTED", "SPINDLE", "Tools", "told"]
+__all__ = ["ASKED", "INFO", "LOCK", "PATH", "REQUESTED", "SPINDLE", "Tools", "told"]
 
 REQUESTED: Final = 8_050
 """First parameter of the record for the PLC: the tool that T has asked for."""
@@ -21,8 +23,19 @@ SPINDLE: Final = 8_100
 """Of the tool in the spindle."""
 PATH: Final = 8_150
 """Of the one that is reckoned with."""
+REAL_TIME: Final = 8_200
+"""Of the one that T has asked for in a block that has been executed."""
+LOCK: Final = 8_040
+"""1: a block with T waits."""
+TAKE, COPY, PUT_BACK = 8_045, 8_046, 8_047
+"""Commands."""
+ASKED: Final = 8_048
+"""T of a block that has been executed."""
+INFO: Final = 8_049
+"""Of a block with T: 6 with M06, 16 with M16."""
 SIZE: Final = 50
-GROUP, LIFE_SET, LIFE, RADIUS, LENGTH, RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 0, 6, 7, 10, 11, 12, 13, 14
+GROUP, NUMBER, PLACE, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 6, 7, 8, 10, 11
+RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 12, 13, 14
 SUB_RECORDS: Final = 8
 """Where the sub records of an entry begin."""
 TEACH_RADIUS: Final = 8_748
@@ -30,7 +43,7 @@ TEACH_RADIUS: Final = 8_748
 
 def told(number: int) -> bool:
     """Whether a parameter is one of those of a record that have a value without a tool, too: 0, as of T0."""
-    return REQUESTED <= number < PATH + SIZE and (number - REQUESTED) % SIZE <= QUADRANT
+    return REQUESTED <= number < REAL_TIME + SIZE and (number - REQUESTED) % SIZE <= QUADRANT
 
 
 class Tools:
@@ -60,22 +73,27 @@ class Tools:
         return first + SUB_RECORDS + (sub_record - 1) * ((size - SUB_RECORDS) // int(p.given(177, 1.0, "q")))
 
     def find(self, group: int) -> int:
-        """First parameter of the entry of a tool group.
+        """Place in the table, from 1, of a tool group that still lives.
 
         Raises ProgramError: M1225 no table, M1050 no such group, M1053 all its tools have lived their time.
         """
         p = self._parameters
-        count = int(p.get(176, 0.0, "q"))
-        if not p.loaded(175, "q") or count <= 0:
+        if not p.loaded(175, "q") or not self._count:
             raise ProgramError(1225)
         worn = False
-        for number in range(1, count + 1):
+        for number in range(1, self._count + 1):
             first = self.address(number)
             if p.loaded(first) and p.get(first) == group:
-                if not p.get(first + LIFE_SET) or p.get(first + LIFE) < p.get(first + LIFE_SET):
-                    return first
+                if p.get(first + WORN) != 1.0 and (
+                    not p.get(first + LIFE_SET) or p.get(first + LIFE) < p.get(first + LIFE_SET)
+                ):
+                    return number
                 worn = True
         raise ProgramError(1053 if worn else 1050, f"T{group}")
+
+    @property
+    def _count(self) -> int:
+        return max(int(self._parameters.get(176, 0.0, "q")), 0)
 
     def request(self, group: int) -> None:
         """T: the entry goes to the PLC's record; the tool in the spindle comes from there. Raises as `find` does."""
@@ -86,6 +104,12 @@ class Tools:
         else:
             self._fetch(self.find(group), REQUESTED)
 
+    def requested(self) -> list[tuple[int, float | None]]:
+        """What the record of real time becomes when the block of the last `request` is executed."""
+        p = self._parameters
+        values = (p.get(REQUESTED + n) if p.loaded(REQUESTED + n) else None for n in range(SIZE))
+        return [(REAL_TIME + n, value) for n, value in enumerate(values)]
+
     def reckon(self, group: int) -> None:
         """T with M16: the entry goes to the path's record. Raises as `find` does."""
         if group == 0:
@@ -94,18 +118,58 @@ class Tools:
             self._fetch(self.find(group), PATH)
 
     def change(self) -> None:
-        """The requested tool is in the spindle, and reckoned with: P8045 = 1, and the acknowledgement of M06."""
+        """M06 is acknowledged: the old tool is in the table again, the requested one in spindle and path."""
+        self.put_back()
         self.copy(REQUESTED, SPINDLE)
         self.copy(REQUESTED, PATH)
 
     def put_back(self) -> None:
-        """P8047: the spindle's record goes back into the table, and is cleared; nothing for T0."""
+        """The spindle's record goes back to its place in the table, and is cleared; nothing for T0."""
         group = int(self._parameters.get(SPINDLE))
-        if group:
-            first = self.find(group)
+        if not group:
+            return
+        number = self._entry(group)
+        if number is not None:
             for offset in range(self._size):
-                self._move(SPINDLE + offset, first + offset)
+                self._move(SPINDLE + offset, self.address(number) + offset)
         self._clear(SPINDLE)
+
+    def _entry(self, group: int) -> int | None:
+        """Place in the table of the tool in the spindle: what P8101 says, or else the first of its group."""
+        p = self._parameters
+        own = int(p.get(SPINDLE + NUMBER))
+        if 1 <= own <= self._count:
+            return own
+        return next((n for n in range(1, self._count + 1) if p.get(self.address(n)) == group), None)
+
+    def command(self, number: int, value: float | None, *, in_hand: bool = False) -> None:
+        """A parameter has been written: P8045 to P8047 copy records; the command is byte 1. in_hand: mode HAND."""
+        what = byte(value or 0.0, 1) if number in (TAKE, COPY, PUT_BACK) else 0
+        match number, what:
+            case (8_045, 1):
+                self.copy(REQUESTED, SPINDLE)
+                self.copy(REQUESTED, PATH)
+            case (8_045, 2):
+                self._take_real_time(in_hand=in_hand)
+            case (8_045, 10):
+                self.copy(REQUESTED, SPINDLE)
+            case (8_046, 1):
+                self.copy(SPINDLE, PATH)
+            case (8_046, 2):
+                self.copy(REQUESTED, PATH)
+            case (8_047, 1):
+                self.put_back()
+
+    def _take_real_time(self, *, in_hand: bool) -> None:
+        """P8045 = 2: the real time's record is in the spindle, its place in the magazine empty, and T free again."""
+        p = self._parameters
+        self.copy(REAL_TIME, SPINDLE)
+        p.write(LOCK, 0.0)
+        if in_hand:
+            self.copy(SPINDLE, PATH)
+        number = self._entry(int(p.get(SPINDLE)))
+        if number is not None:
+            p.write(self.address(number) + PLACE, 0.0)
 
     def end(self) -> None:
         """The program has ended or was broken off: the tool in the spindle is reckoned with."""
@@ -120,10 +184,12 @@ class Tools:
     def _size(self) -> int:
         return min(int(self._parameters.given(178, 20.0, "q")), SIZE)
 
-    def _fetch(self, first: int, target: int) -> None:
+    def _fetch(self, number: int, target: int) -> None:
+        """An entry of the table to a record, which says where it is from."""
         self._clear(target)
         for offset in range(self._size):
-            self._move(first + offset, target + offset)
+            self._move(self.address(number) + offset, target + offset)
+        self._parameters.write(target + NUMBER, float(number))
 
     def _clear(self, first: int) -> None:
         for offset in range(SIZE):

@@ -29,6 +29,8 @@ LINE_MODE: Final = 0x01
 """Of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)."""
 UNNUMBERED: Final = "P0"
 """A positioning block needs none either: it is typed at the panel on the original, in whole or in part (2.6.2)."""
+BLANK: Final = "".join(chr(code) for code in range(33))
+"""Characters that are nothing at the ends of a line: blanks, and signs of the end of another setting."""
 HANDSHAKE: Final = b"\x11\x13"
 """Xon and Xoff of a host: what is put out does not wait."""
 _LINE = re.compile(
@@ -94,7 +96,7 @@ class Receiver:
         if len(text) > MOST_LINE:
             yield self._skip(1113, f"line {self._number}: more than {MOST_LINE} characters")
             return
-        word = text.strip()
+        word = text.strip(BLANK)
         if not word:
             return
         if not self._kind:

@@ -102,7 +102,7 @@ def _circle_places(call: Call) -> tuple[float, int]:
     if travel is None and number is None:
         if not division:
             raise ProgramError(8125, "neither P124 nor P125 with P126 says where it ends")
-        number = int(360.0 / abs(division) + 1e-9)  # a full circle
+        number = _places(360.0, abs(division), 8125) - 1  # a full circle
         return division * (number - 1), number
     if travel is None:
         if division is None:
@@ -114,7 +114,7 @@ def _circle_places(call: Call) -> tuple[float, int]:
             raise ProgramError(8126, "neither P125 nor P126")
         if not division:
             raise ProgramError(8334)
-        return travel, int(abs(travel / division) + 1e-9) + 1
+        return travel, _places(abs(travel), abs(division), 8125)
     if division and number > 1 and abs(abs(division) * (number - 1) - abs(travel)) > AGREE_MM:
         raise ProgramError(8333, f"{number} places of {division:g} degrees are not {travel:g} degrees")
     return travel, number
@@ -155,10 +155,18 @@ def _ray(call: Call, base: int) -> _Ray:
             raise ProgramError(message + 7, f"neither P{base + 5} nor P{base + 6}")
         if not division:
             raise ProgramError(message + 5, f"P{base + 5} is 0")
-        number = int(size / division + 1e-9) + 1
+        number = _places(size, division, message + 5)
     elif division and number > 1 and abs(division * (number - 1) - size) > AGREE_MM:
         raise ProgramError(twice + 15, f"{number} places of {division:g} mm are not {size:g} mm")
     return _Ray(u, v, number)
+
+
+def _places(way: float, division: float, error: int) -> int:
+    """How many places there are on a way. Raises ProgramError if no number is so large."""
+    number = way / division
+    if not math.isfinite(number):
+        raise ProgramError(error, f"{way:g} in parts of {division:g}")
+    return int(number + 1e-9) + 1
 
 
 def _along(angle_deg: float, length: float) -> tuple[float, float]:

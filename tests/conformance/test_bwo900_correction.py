@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from conformance.rows import shows
 from firmware.bwo900.rolling import AXES, Piece, Points, contour, rolls, steps, words
 from firmware.bwo900.run import Analysed
 from hypothesis import HealthCheck, assume, given, settings
@@ -134,6 +135,7 @@ def possible(draw: st.DrawFn) -> Job:
     return pieces, side, radius
 
 
+@shows("bwo900-7.3-5")
 @given(jobs(), st.sampled_from(["G17", "G18", "G19"]), st.data())
 @settings(max_examples=3 * EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_a_tool_rolls_along_every_contour_it_can(job: Job, plane: str, data: st.DataObject) -> None:
@@ -162,6 +164,7 @@ def test_a_tool_rolls_along_every_contour_it_can(job: Job, plane: str, data: st.
     assert ends == pytest.approx(heights)
 
 
+@shows("bwo900-7.3-6")
 @given(possible())
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_backwards_with_the_other_side_it_is_the_same_path(job: Job) -> None:
@@ -177,6 +180,7 @@ def test_backwards_with_the_other_side_it_is_the_same_path(job: Job) -> None:
         assert flat(a) == pytest.approx(flat(b)[::-1], abs=NEAR)
 
 
+@shows("bwo900-7.3-7")
 @given(
     jobs(),
     st.sampled_from(["G17", "G18", "G19"]),
@@ -214,6 +218,7 @@ def away(element: Element, piece: Piece) -> tuple[float, float]:
     return float(first), float(last)
 
 
+@shows("bwo900-7.4-2")
 @given(jobs(), st.data())
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_another_radius_counts_from_the_end_of_the_next_element(job: Job, data: st.DataObject) -> None:
@@ -233,6 +238,7 @@ def test_another_radius_counts_from_the_end_of_the_next_element(job: Job, data: 
             assert away(block.elements[0], pieces[number]) == pytest.approx(expected, abs=NEAR)
 
 
+@shows("bwo900-7.3-4")
 @given(jobs(), st.data())
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_a_change_of_sides_goes_around_the_corner(job: Job, data: st.DataObject) -> None:
@@ -252,6 +258,7 @@ def test_a_change_of_sides_goes_around_the_corner(job: Job, data: st.DataObject)
         assert away(block.elements[0], pieces[number]) == pytest.approx((radius, radius), abs=NEAR)
 
 
+@shows("bwo900-8.5-8")
 @given(possible(), st.sampled_from([0.0, 30.0, 100.0, 179.0]))
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_outer_corners_are_prolonged_up_to_an_angle(job: Job, threshold: float) -> None:
@@ -285,6 +292,7 @@ def pieces_of(blocks: Sequence[PathBlock]) -> list[Piece]:
     return made
 
 
+@shows("bwo900-7.3-8")
 @given(jobs(), st.data())
 @settings(max_examples=2 * EXAMPLES, deadline=None, suppress_health_check=UNFIT)
 def test_corners_that_are_put_in_are_corrected_too(job: Job, data: st.DataObject) -> None:
@@ -325,6 +333,7 @@ def test_corners_that_are_put_in_are_corrected_too(job: Job, data: st.DataObject
         at = beside[0] + 1
 
 
+@shows("bwo900-7.3-9")
 @pytest.mark.parametrize(("g", "turn", "moved"), [("G41", 1.0, 17.0), ("G42", 1.0, 23.0), ("G42", -1.0, 17.0)])
 def test_full_circles(g: str, turn: float, moved: float) -> None:
     """A bore of 20 mm, by its centre line: in along X, once around, out again. Inside both corners cut 3 mm off."""
@@ -343,6 +352,7 @@ def test_full_circles(g: str, turn: float, moved: float) -> None:
         assert arc.start[:2] == pytest.approx((math.sqrt(17.0**2 - 3.0**2), turn * 3.0))
 
 
+@shows("bwo900-7.3-9")
 def test_full_circles_that_begin_tangentially() -> None:
     """In and out in quarters of a circle: the whole circle is made."""
     around = ["N20 G3 X20 Y0 I10 J0", "N30 X20 Y0 I0 J0", "N40 X10 Y10 I10 J0"]
