@@ -239,6 +239,7 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
+        self._parameters.write(1, float(AXES), "q")
         for number, value in at_power_on(AXES):
             self._parameters.write(number, value)
         self._outgoing.acknowledge()
@@ -525,6 +526,8 @@ class Control:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
+        for number in (8_688, 8_703):
+            self._parameters.write(number, float(mode))
         self._channel.single = mode is Mode.SINGLE
         if mode in (Mode.AUTO, Mode.SINGLE):
             self._feeder.automatic(self._started)
