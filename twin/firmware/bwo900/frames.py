@@ -22,6 +22,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from operator import add, mul, sub
+from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, Plane, Point
 
@@ -65,6 +67,9 @@ class Rotation:
         return u * cosine - v * sine, u * sine + v * cosine
 
 
+UNTURNED: Final = Rotation()
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """What is in force between program and machine; lengths in mm, one an axis. See the module."""
@@ -105,7 +110,7 @@ class Frame:
 
     def machine(self, program: Point) -> Point:
         """The place of the machine of a point of the program, correction included."""
-        point = tuple(a + b for a, b in zip(program, self.correction, strict=True))
+        point = tuple(map(add, program, self.correction))
         return self._outer(self._inner(point))
 
     def centre(self, program: tuple[float, float]) -> tuple[float, float]:
@@ -116,11 +121,10 @@ class Frame:
 
     def program(self, machine: Point) -> Point:
         """The point of the program that stands at a place of the machine: `machine` backwards."""
-        lengths = self.plane_length
-        point = tuple(a - b - c for a, b, c in zip(self.sensed(machine), self.zero, lengths, strict=True))
-        rotation = self.rotation or Rotation()
+        point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
+        rotation = self.rotation or UNTURNED
         if not self.shift_first:
-            point = tuple(a - b for a, b in zip(point, self.shift_mirrored, strict=True))
+            point = tuple(map(sub, point, self.shift_mirrored))
         u, v = self.plane.of(point)
         u, v = u - rotation.u0, v - rotation.v0
         u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
@@ -128,40 +132,45 @@ class Frame:
         u, v = back.turned(u, v)
         point = self.plane.into(point, u - rotation.du, v - rotation.dv)
         if self.shift_first:
-            point = tuple(a - b for a, b in zip(point, self.shift, strict=True))
-        return tuple(a - b for a, b in zip(point, self.correction, strict=True))
+            point = tuple(map(sub, point, self.shift))
+        return tuple(map(sub, point, self.correction))
 
     @property
     def plane_length(self) -> Point:
         """The tool length as a shift of all axes."""
-        return tuple(self.length if axis == self.plane.third else 0.0 for axis in range(self.axes))
+        third = self.plane.third
+        if not self.length or not 0 <= third < self.axes:
+            return (0.0,) * self.axes
+        return (*(0.0,) * third, self.length, *(0.0,) * (self.axes - third - 1))
 
     @property
     def shift_mirrored(self) -> Point:
         """G92 as it is added after rotation and mirror: mirrored with the axes of the plane (manual 4.21)."""
+        if not self.mirror_first and not self.mirror_second:
+            return self.shift
         u, v = self.plane.of(self.shift)
         return self.plane.into(self.shift, -u if self.mirror_first else u, -v if self.mirror_second else v)
 
     def _inner(self, point: Point) -> Point:
         """Rotation, mirror and G92."""
-        rotation = self.rotation or Rotation()
+        rotation = self.rotation or UNTURNED
         if self.shift_first:
-            point = tuple(a + b for a, b in zip(point, self.shift, strict=True))
+            point = tuple(map(add, point, self.shift))
         u, v = self.plane.of(point)
         u, v = rotation.turned(u + rotation.du, v + rotation.dv)
         u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
         point = self.plane.into(point, u + rotation.u0, v + rotation.v0)
         if not self.shift_first:
-            point = tuple(a + b for a, b in zip(point, self.shift_mirrored, strict=True))
+            point = tuple(map(add, point, self.shift_mirrored))
         return point
 
     def _outer(self, point: Point) -> Point:
         """Zero point and tool length, and the sense of each axis."""
-        return self.sensed(tuple(a + b + c for a, b, c in zip(point, self.zero, self.plane_length, strict=True)))
+        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
 
     def sensed(self, point: Point) -> Point:
         """A place with the sense of each axis; its own inverse."""
-        return point if self.senses is None else tuple(a * b for a, b in zip(point, self.senses, strict=True))
+        return point if self.senses is None else tuple(map(mul, point, self.senses))
 
 
 def polar(pole: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:

@@ -111,8 +111,8 @@ class Interpreter:
         self._watched = False
         """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._told = AT_REST
-        """What the last block has been told of what holds."""
+        self._told: tuple[object, InForce] = (None, AT_REST)
+        """What holds, and what the last block has been told of it: one for all until it changes."""
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
@@ -301,10 +301,10 @@ class Interpreter:
         user, called_by = stack.cycle or ("", None)
         number = int(user[1:]) if user else cycle
         feed = self._targets.feed_mm_min or 0.0
-        now = InForce(here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop)
-        if now != self._told:
-            self._told = now
-        return self._told
+        now = here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop
+        if now != self._told[0]:
+            self._told = now, InForce(*now)
+        return self._told[1]
 
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
