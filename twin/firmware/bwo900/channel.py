@@ -435,6 +435,8 @@ class Channel:
             self._fill()
         if self._ahead.blocks and self._open and not stretch.held:
             chosen = joining(self._ahead.blocks, stretch.last, self._halts, self._do)
+            if not chosen:
+                return
             try:
                 stretch.append(chosen, self._now_ns)
             except ProgramError as error:

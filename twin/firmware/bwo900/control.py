@@ -93,6 +93,7 @@ class Control:
             hand=self._hand,
             feeder=self._feeder,
             watch=self._watch,
+            function=self._plc.function,
         )
         self._interpreter.on_write = self._operating.ask
 
@@ -149,6 +150,7 @@ class Control:
         if broken is not None:
             self._plc.forget()
         self._operating.ended(broken)
+        self._outgoing.add(FlashWrite(self._memory.image()))
 
     def _write(self, number: int, value: float | None) -> None:
         """A parameter that a block writes as it is executed."""

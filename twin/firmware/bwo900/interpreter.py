@@ -359,8 +359,18 @@ class Interpreter:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
-        """The line has written a parameter P that may copy records of tools."""
+        """The line has written a parameter P that may copy records of tools, or exchange and turn axes."""
         self._tools.command(number, value, in_hand=in_hand)
+        if 8_880 <= number <= 8_892:
+            self._coordinates.renew()
+
+    def forget_in_hand(self) -> None:
+        """HAND: the mirror of axes ends (P8892), and their exchange if it is to (P8880 = 2)."""
+        p = self._parameters
+        for number in (8_892, *((8_880,) if p.get(8_880) == 2.0 else ())):
+            if p.loaded(number):
+                p.write(number, None)
+                self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""

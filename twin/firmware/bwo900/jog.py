@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.path import Limits
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
-__all__ = ["Jog"]
+__all__ = ["Jog", "step_on"]
 
 CONTINUOUS, STEP = 1, 2
 FURTHEST_MM: Final = 10_000.0
@@ -34,6 +34,19 @@ def step_mm(parameters: Parameters) -> float:
         return step
     place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM)) - 1
     return parameters.get(8_763 + place, STEPS_MM[place])
+
+
+def step_on(parameters: Parameters) -> None:
+    """P8761: the next step of the table that is not 0; the first one comes behind the last."""
+    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM))
+    for _ in STEPS_MM:
+        place = place % len(STEPS_MM) + 1
+        step = parameters.get(8_762 + place, STEPS_MM[place - 1])
+        if step > 0.0:
+            parameters.write(8_762, float(place))
+            parameters.write(8_760, step)
+            break
+    parameters.write(8_761, 0.0)
 
 
 class Jog:

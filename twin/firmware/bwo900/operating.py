@@ -9,6 +9,7 @@ the channel has come to rest (`ask`, `answer`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
@@ -19,6 +20,7 @@ from isel_twin.firmware.bwo900.channel import Channel, Phase
 from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.jog import step_on
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -60,10 +62,13 @@ class Operating:
         hand: Hand,
         feeder: Feeder,
         watch: Watch,
+        function: Callable[[int, int], None],
     ) -> None:
+        """function: sends an M function to the PLC, at a time."""
         self._parameters, self._store = parameters, store
         self._interpreter, self._channel, self._outgoing, self._axes = interpreter, channel, outgoing, axes
         self._power, self._hand, self._feeder, self._watch = power, hand, feeder, watch
+        self._function = function
         self.mode = Mode.HAND
         self.starts = False
         """Start waits for power, or for what moves in HAND."""
@@ -134,6 +139,10 @@ class Operating:
                 override = overrides.factor(self._parameters, AXES)
                 self._channel.set_override(override, self._now_ns)
                 self._hand.scale(override, self._now_ns)
+            case keys.Wish.FUNCTION:
+                self._send_in_hand(int(given))
+            case keys.Wish.NEXT_STEP:
+                step_on(self._parameters)
             case keys.Wish.LOCK:
                 p = self._parameters
                 locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
@@ -147,6 +156,15 @@ class Operating:
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
+
+    def _send_in_hand(self, code: int) -> None:
+        """P8690: an M function to the PLC."""
+        if not self._free:
+            self._say(message(1321, detail="an M function"))
+        elif not 0 <= code <= keys.HIGHEST_FUNCTION:
+            self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
+        else:
+            self._function(self._now_ns, code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
@@ -207,6 +225,7 @@ class Operating:
             self.starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+            self._interpreter.forget_in_hand()
         elif self.mode is Mode.HAND:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)

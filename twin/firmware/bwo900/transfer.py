@@ -151,6 +151,9 @@ class Receiver:
             yield ProgramError(1105, f"{kind} is being carried out")
             return
         if kind in self._store:
+            if int(self._parameters.get(11_178)) & 1:
+                yield ProgramError(1107, kind)
+                return
             yield ProgramError(1106, kind)
         self._store[kind] = program
         self.changed = True
