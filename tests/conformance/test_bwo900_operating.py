@@ -66,7 +66,7 @@ def test_one_channel_and_three_axes() -> None:
     assert said(run("P1|N10 G0 X5 A5|N20 M30", q113=float(ord("A") | 4 << 16 | 4 << 24))) == [1216]
     desk = fresh(referenced=False)
     desk.send(file("D", "K2:P1: 5"))
-    assert said(desk) == [1305]
+    assert said(desk) == [1112]
 
 
 @shows("bwo900-1.5-4")
@@ -689,7 +689,7 @@ REFUSED = [
     (file("D", "K1:P500: abc"), 1111),
     (file("D", "K1:P500: 9 S:$123456789"), 1111),
     (file("D", "K1:P500 = 9"), 1111),
-    (file("D", "K2:P500: 9"), 1305),
+    (file("D", "K2:P500: 9"), 1112),
     (file("D", "K1:P5500: 9"), 1302),
     (parameters(p8683=3), 1322),
     (parameters(p8683=8), 1009),

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from enum import Enum
 from typing import Final
@@ -442,12 +443,16 @@ class Interpreter:
             return
         flags = byte(self._parameters.get(START_FLAGS), 1)
         self._parameters.write(INFO, 16.0 if said.activates else 6.0 if said.changes else 0.0)
+        word = said.block.word("T")
+        column = word.column if word else 0
         if said.tool != self._tool and not flags & WITHOUT_TABLE:
-            self._tools.request(said.tool)
+            with _at(column):
+                self._tools.request(said.tool)
         self._tool = said.tool
         said.parameters.append((ASKED, float(said.tool)))
         if said.activates:
-            self._tools.reckon(said.tool)
+            with _at(column):
+                self._tools.reckon(said.tool)
         else:
             said.parameters += self._tools.requested()
         said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
@@ -550,6 +555,16 @@ class Interpreter:
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
         self._ready.clear()
         return True
+
+
+@contextmanager
+def _at(column: int) -> Iterator[None]:
+    """What is wrong is wrong with the word there."""
+    try:
+        yield
+    except ProgramError as error:
+        error.column = error.column or column
+        raise
 
 
 def _starting(p: Parameters) -> Iterator[int]:
