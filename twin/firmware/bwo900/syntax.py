@@ -286,7 +286,7 @@ class _Parser:
         if len(m) > MOST["M"]:
             raise ProgramError(1222, f"more than {MOST['M']} M functions", m[MOST["M"]].column)
         if parameters > MOST["P"]:
-            raise ProgramError(1208)
+            raise ProgramError(1208, f"{parameters} of them", 1)
         seen: dict[str, int] = {}
         for word in words:
             name = word.name if word.name[0] != "S" else "S"
