@@ -449,7 +449,6 @@ K1:P8683: 1
 K1:P12130: 1
 <35>
 <4>
-<20 s>
 ! x == 0 +- 0.01 mm
 ! auto == 0
 """
@@ -459,7 +458,7 @@ def test_a_job_of_lines_goes_on_within_a_file(program, capsys) -> None:
     """A control in the middle of a file has dealt with all that came, and waits for its host."""
     assert call("run", program(BY_LINES), *CONTROL, "--json") == 0
     *lines, summary = ran(capsys)
-    assert [line["ok"] for line in lines] == [True] * 8
+    assert [line["ok"] for line in lines] == [True] * 7
     assert summary["time_ns"] < 60e9
 
 
