@@ -206,8 +206,8 @@ class Control:
     def idle(self) -> bool:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
-        asked = self._power.until_ns is not None or not self._plc.idle
-        return not (working or self._hand.move is not None or asked or self._receiver.busy)
+        asked = self._power_due_ns is not None or not self._plc.idle
+        return not (working or self._hand.move is not None or asked)
 
     @property
     def mode(self) -> Mode:
