@@ -237,7 +237,7 @@ def test_a_lens_that_leaves_no_room() -> None:
 
 
 def test_moves_across_the_plane_between_a_corner_s_paths() -> None:
-    """They are blocks without a path in the plane: at the beginning of what is put in; with G123 at the middle point."""
+    """They are blocks without a path in the plane: at the beginning of what is put in; with G123 in its middle."""
     for words, place in (("P71:5 P70:--", (15, 0)), ("P70:5 P71:--", (15, 0))):
         blocks = corrected(f"N10 G1 F100 G12 {words} X20\nN15 P500:1\nN17 Z-3\nN20 Y20\nN30 M30")
         assert [block.number for block in blocks if block.elements] == [10, 17, 20]
