@@ -845,7 +845,7 @@ def test_a_resolution_that_is_none() -> None:
         ("K1:P 5: " + "9" * 330, 1111),
         ("K1:P 5: nan", 1111),
         ("K1:P 5: 1.2.3", 1111),
-        ("K2:P 5: 1", 1305),
+        ("K2:P 5: 1", 1112),
     ],
 )
 def test_lines_that_are_no_parameters(line: str, number: int) -> None:

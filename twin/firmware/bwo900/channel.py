@@ -344,7 +344,14 @@ class Channel:
     def _break_off(self, error: ProgramError, block: PathBlock) -> None:
         """The path of a block cannot be made."""
         self._do.say(
-            message(error.number, program=block.program, block=block.number, column=block.column, detail=error.detail)
+            message(
+                error.number,
+                program=block.program,
+                block=block.number,
+                column=block.column,
+                detail=error.detail,
+                infos=error.infos,
+            )
         )
         self._end(aborted=True)
 

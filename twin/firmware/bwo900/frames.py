@@ -7,6 +7,7 @@
       mirror                       G61, G62: after the rotation, about its origin
       + zero point                 G53 to G59 ...
       + tool length                along the third axis of the plane
+      sense of each axis           P8892
     = machine position
 
 In the plane (u, v) with the origin (U0, V0) of the rotation, E and (dU, dV) with what has been added to them:
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from operator import add, sub
+from operator import add, mul, sub
 from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, Plane, Point
@@ -90,17 +91,22 @@ class Frame:
     """The zero point in force."""
     length: float = 0.0
     """Tool length, along the third axis of the plane."""
+    senses: Point | None = None
+    """P8892: -1 for axes that run the other way; None: none does."""
+    order: tuple[int, ...] = (0, 1, 2)
+    """The machine's axis of each axis of the program (P8880)."""
 
     @property
     def mirrored(self) -> bool:
-        """One of G61 and G62: circles turn, and radius corrections lie, the other way."""
-        return self.mirror_first != self.mirror_second
+        """One of G61 and G62, or of the plane's axes turned: circles turn, and corrections lie, the other way."""
+        other = self.senses is not None and self.senses[self.plane.first] != self.senses[self.plane.second]
+        return (self.mirror_first != self.mirror_second) != other
 
     @property
     def bare(self) -> Frame:
         """G66: nothing of it, for one block."""
         nothing = (0.0,) * self.axes
-        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing)
+        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
 
     def machine(self, program: Point) -> Point:
         """The place of the machine of a point of the program, correction included."""
@@ -115,7 +121,7 @@ class Frame:
 
     def program(self, machine: Point) -> Point:
         """The point of the program that stands at a place of the machine: `machine` backwards."""
-        point = tuple(map(sub, map(sub, machine, self.zero), self.plane_length))
+        point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
         rotation = self.rotation or UNTURNED
         if not self.shift_first:
             point = tuple(map(sub, point, self.shift_mirrored))
@@ -159,8 +165,12 @@ class Frame:
         return point
 
     def _outer(self, point: Point) -> Point:
-        """Zero point and tool length."""
-        return tuple(map(add, map(add, point, self.zero), self.plane_length))
+        """Zero point and tool length, and the sense of each axis."""
+        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
+
+    def sensed(self, point: Point) -> Point:
+        """A place with the sense of each axis; its own inverse."""
+        return point if self.senses is None else tuple(map(mul, point, self.senses))
 
 
 def polar(pole: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:

@@ -62,9 +62,9 @@ class Operating:
         hand: Hand,
         feeder: Feeder,
         watch: Watch,
-        function: Callable[[int], None],
+        function: Callable[[int, int], None],
     ) -> None:
-        """function: sends an M function to the PLC."""
+        """function: sends an M function to the PLC, at a time."""
         self._parameters, self._store = parameters, store
         self._interpreter, self._channel, self._outgoing, self._axes = interpreter, channel, outgoing, axes
         self._power, self._hand, self._feeder, self._watch = power, hand, feeder, watch
@@ -138,7 +138,9 @@ class Operating:
                 self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
-                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+                override = overrides.factor(self._parameters, AXES)
+                self._channel.set_override(override, self._now_ns)
+                self._hand.scale(override, self._now_ns)
             case keys.Wish.FUNCTION:
                 self._send_in_hand(int(given))
             case keys.Wish.NEXT_STEP:
@@ -164,7 +166,7 @@ class Operating:
         elif not 0 <= code <= keys.HIGHEST_FUNCTION:
             self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
         else:
-            self._function(code)
+            self._function(self._now_ns, code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
@@ -194,6 +196,7 @@ class Operating:
         """All parameters as a file, 5 with their status."""
         live = self._parameters.live
         assert live is not None
+        self._rest()
         for number in NUMBERS:
             self._parameters.write(number, live(number))
         self._reply(parameter_file(self._parameters, status=kind == 5))
@@ -224,6 +227,7 @@ class Operating:
             self.starts = False
             self._channel.abort(self._now_ns)
             self._outgoing.clear()
+            self._interpreter.forget_in_hand()
         elif self.mode is Mode.HAND:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
@@ -235,6 +239,12 @@ class Operating:
             self._feeder.automatic(self._started)
         else:
             self._feeder.end()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Without a program HAND has coordinates of its own."""
+        if self._free:
+            self._interpreter.hand(self._axes.position)
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -305,6 +315,7 @@ class Operating:
         self._feeder.end()
         if self._parameters.get(8_686):
             self._parameters.write(8_686, 0.0)
+        self._rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):

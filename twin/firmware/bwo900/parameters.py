@@ -148,7 +148,7 @@ class Parameters:
             now = self.live(number)
             value = value if now is None else now
         if value is None:
-            raise ProgramError(1300, f"{area}{number}")
+            raise ProgramError(1300, f"{area}{number}", infos=(number, 0 if area == "q" else channel))
         return value
 
     def write(self, number: int, value: float | None, area: str = "P", channel: int = 1) -> None:

@@ -185,10 +185,14 @@ def shown(axis: int, frame: Frame) -> float:
 
 
 def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
-    goal = channel.target
+    goal, frame = channel.target, in_force(interpreter, channel)
+    if offset in (154, 155, 156):
+        axis = frame.order[axis]
     programmed = (interpreter.program_position if goal is None else goal)[axis]
-    shift = shown(axis, in_force(interpreter, channel))
+    shift = shown(axis, frame)
     place = seen.set_mm(axis)
+    if offset in (151, 154, 156) and frame.senses is not None:
+        place *= frame.senses[axis]
     match offset:
         case 152:
             return seen.actual_mm(axis)
