@@ -62,9 +62,9 @@ class Operating:
         hand: Hand,
         feeder: Feeder,
         watch: Watch,
-        function: Callable[[int, int], None],
+        function: Callable[[int], None],
     ) -> None:
-        """function: sends an M function to the PLC, at a time."""
+        """function: sends an M function to the PLC."""
         self._parameters, self._store = parameters, store
         self._interpreter, self._channel, self._outgoing, self._axes = interpreter, channel, outgoing, axes
         self._power, self._hand, self._feeder, self._watch = power, hand, feeder, watch
@@ -166,7 +166,7 @@ class Operating:
         elif not 0 <= code <= keys.HIGHEST_FUNCTION:
             self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
         else:
-            self._function(self._now_ns, code)
+            self._function(code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
