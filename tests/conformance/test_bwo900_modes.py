@@ -412,7 +412,7 @@ def test_what_is_put_out_can_be_read_in() -> None:
         case("bwo900-9.3-1", ("X5", "N10"), 1110),
         case("bwo900-9.3-2", ("D", "P1 = 5"), 1111),
         case("bwo900-9.3-3", ("P1", "N10 X" + "1" * 500), 1113),
-        case("bwo900-9.3-4", ("D", "K3:P1: 5"), 1305),
+        case("bwo900-9.3-4", ("D", "K3:P1: 5"), 1112),
     ],
 )
 def test_messages_about_files(lines: tuple[str, ...], number: int) -> None:

@@ -344,7 +344,14 @@ class Channel:
     def _break_off(self, error: ProgramError, block: PathBlock) -> None:
         """The path of a block cannot be made."""
         self._do.say(
-            message(error.number, program=block.program, block=block.number, column=block.column, detail=error.detail)
+            message(
+                error.number,
+                program=block.program,
+                block=block.number,
+                column=block.column,
+                detail=error.detail,
+                infos=error.infos,
+            )
         )
         self._end(aborted=True)
 
@@ -435,6 +442,8 @@ class Channel:
             self._fill()
         if self._ahead.blocks and self._open and not stretch.held:
             chosen = joining(self._ahead.blocks, stretch.last, self._halts, self._do)
+            if not chosen:
+                return
             try:
                 stretch.append(chosen, self._now_ns)
             except ProgramError as error:

@@ -59,7 +59,10 @@ class Contour:
         if first.three_points:
             done = self._pair(first, block)
             return [done[0], *between, *self._begin(replace(done[1], three_points=False))]
-        a, put, b = _corner(first, block)
+        try:
+            a, put, b = _corner(first, block)
+        except ProgramError as error:
+            raise error.at(first.program, first.number, first.column) from None
         before = replace(first, elements=(*first.elements[:-1], a))
         after = replace(block, start=put.start, elements=(put, b, *block.elements[1:]))
         return [before, *between, *self._begin(after)]
@@ -68,7 +71,7 @@ class Contour:
         """Nothing comes that a corner could wait for. Raises ProgramError M1226 if one does."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
-            raise ProgramError(1226, f"N{first.number}: the next path is missing")
+            raise ProgramError(1226, "the next path is missing").at(first.program, first.number, first.column)
         return []
 
     def _begin(self, block: PathBlock) -> list[PathBlock]:

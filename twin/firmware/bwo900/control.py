@@ -93,6 +93,7 @@ class Control:
             hand=self._hand,
             feeder=self._feeder,
             watch=self._watch,
+            function=self._plc.function,
         )
         self._interpreter.on_write = self._operating.ask
 
@@ -149,6 +150,7 @@ class Control:
         if broken is not None:
             self._plc.forget()
         self._operating.ended(broken)
+        self._outgoing.add(FlashWrite(self._memory.image()))
 
     def _write(self, number: int, value: float | None) -> None:
         """A parameter that a block writes as it is executed."""
@@ -249,11 +251,11 @@ class Control:
         self.advance(t_ns)
         for error in self._receiver.take(data):
             if lost := self._feeder.failed:
-                self._say(message(error.number, program=lost, detail=error.detail))
+                self._say(message(error.number, program=lost, detail=error.detail, infos=error.infos))
                 self._channel.abort(t_ns)
                 self._feeder.end()
                 continue
-            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            self._say(message(error.number, detail=error.detail, infos=error.infos, effect=Effect.SHOWN))
             self._outgoing.fault = self.fault or error.number != OVERWRITTEN
         if self._receiver.changed and not self._receiver.busy:
             self._receiver.changed = False
@@ -282,7 +284,7 @@ class Control:
             self._power.faulty[axis] = level
             if level:
                 self._axes.referenced[axis] = False
-                self._lose(2001)
+                self._lose(2001, "XYZ"[axis])
         elif terminal.startswith("limit") and before and not level:
             self._limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:

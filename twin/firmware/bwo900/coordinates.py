@@ -86,6 +86,15 @@ class Coordinates:
         self._length = length_mm
         self.renew()
 
+    def without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
+        """HAND: a zero point, a plane, the tool's length, and nothing else. Raises ProgramError M1240, M1302."""
+        nothing = (0.0,) * len(self.names)
+        self.modal = START.with_g(zero).with_g(plane)
+        self.rotation, self.shift, self.correction = Rotation(), nothing, nothing
+        self._length = length_mm
+        self.renew()
+        self.stand(position)
+
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self.position = tuple(position) + self.position[len(position) :]

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from enum import Enum
 from typing import Final
@@ -32,7 +33,7 @@ from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element, Point
 from isel_twin.firmware.bwo900.expressions import whole
 from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
+from isel_twin.firmware.bwo900.groups import GROUPS, PLANE, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -230,6 +231,16 @@ class Interpreter:
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self._coordinates.stand(position)
+
+    def hand(self, position: Point) -> None:
+        """HAND: its zero point (P8758) and plane (P8757) are those of what is shown. position: of the axes, mm."""
+        zero, plane = int(self._parameters.get(8_758)), int(self._parameters.get(8_757))
+        plane = plane if GROUPS.get(plane) == PLANE else 17
+        length = self._tools.length_mm
+        try:
+            self._coordinates.without_program(zero if zero in ZERO_POINTS else 153, plane, length, position)
+        except ProgramError:  # the table of zero points is not where it ought to be
+            self._coordinates.without_program(153, plane, length, position)
 
     # ---- analysis ---------------------------------------------------------------------------------------------------
 
@@ -432,12 +443,16 @@ class Interpreter:
             return
         flags = byte(self._parameters.get(START_FLAGS), 1)
         self._parameters.write(INFO, 16.0 if said.activates else 6.0 if said.changes else 0.0)
+        word = said.block.word("T")
+        column = word.column if word else 0
         if said.tool != self._tool and not flags & WITHOUT_TABLE:
-            self._tools.request(said.tool)
+            with _at(column):
+                self._tools.request(said.tool)
         self._tool = said.tool
         said.parameters.append((ASKED, float(said.tool)))
         if said.activates:
-            self._tools.reckon(said.tool)
+            with _at(column):
+                self._tools.reckon(said.tool)
         else:
             said.parameters += self._tools.requested()
         said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
@@ -540,6 +555,16 @@ class Interpreter:
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]
         self._ready.clear()
         return True
+
+
+@contextmanager
+def _at(column: int) -> Iterator[None]:
+    """What is wrong is wrong with the word there."""
+    try:
+        yield
+    except ProgramError as error:
+        error.column = error.column or column
+        raise
 
 
 def _starting(p: Parameters) -> Iterator[int]:

@@ -33,7 +33,7 @@ class Lines:
         line. Raises ProgramError: M1113 too long, M1111 no number or more than ten digits, M1290 numbers that do not
         rise."""
         if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}")
+            raise ProgramError(1113, f"line {number}", infos=(number,))
         text = line.rstrip()
         if not text.strip() or text.lstrip().startswith(";"):
             return None
@@ -44,12 +44,12 @@ class Lines:
         found = _NUMBER.match(text)
         if found is None:
             if self._numbered:
-                raise ProgramError(1111, f"line {number}: {text[:20]!r}; a block begins with N or /N")
+                raise ProgramError(1111, f"line {number}: {text[:20]!r}; a block begins with N or /N", infos=(number,))
             return text, -1
         if len(found[1].lstrip("0")) > MOST_DIGITS:
-            raise ProgramError(1111, f"line {number}: N{found[1][:20]}; allowed: {MOST_DIGITS} digits")
+            raise ProgramError(1111, f"line {number}: N{found[1][:20]}; allowed: {MOST_DIGITS} digits", infos=(number,))
         if int(found[1]) <= self.highest:
-            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}")
+            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}", infos=(number, int(found[1])))
         self.highest = int(found[1])
         return text, self.highest
 

@@ -27,7 +27,8 @@ class Effect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly."""
+    """A message as it is given. program, block, column: where; 0: nowhere, not known. detail: what exactly; infos: the
+    numbers that P8505 on are given with it."""
 
     number: int
     effect: Effect
@@ -36,6 +37,7 @@ class Message:
     block: int = 0
     column: int = 0
     detail: str = ""
+    infos: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         place = " ".join(
@@ -52,22 +54,36 @@ class Message:
 
 
 class ProgramError(Exception):
-    """A program cannot go on: a message, and the column where known (from 1)."""
+    """A program cannot go on: a message, and the column where known (from 1); infos: for P8505 on."""
 
-    def __init__(self, number: int, detail: str = "", column: int = 0) -> None:
+    def __init__(self, number: int, detail: str = "", column: int = 0, infos: tuple[float, ...] = ()) -> None:
         super().__init__(f"M{number}: {detail}")
-        self.number, self.detail, self.column = number, detail, column
+        self.number, self.detail, self.column, self.infos = number, detail, column, infos
+        self.place: tuple[str, int] | None = None
+        """Program and block, where it is not the one that is analysed."""
 
-    def __reduce__(self) -> tuple[type[ProgramError], tuple[int, str, int]]:
-        return (ProgramError, (self.number, self.detail, self.column))
+    def at(self, program: str, block: int, column: int) -> ProgramError:
+        """The same, about this block."""
+        self.place, self.column = (program, block), column
+        return self
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (ProgramError, (self.number, self.detail, self.column, self.infos), {"place": self.place})
 
 
 def message(
-    number: int, *, program: str = "", block: int = 0, column: int = 0, detail: str = "", effect: Effect | None = None
+    number: int,
+    *,
+    program: str = "",
+    block: int = 0,
+    column: int = 0,
+    detail: str = "",
+    infos: tuple[float, ...] = (),
+    effect: Effect | None = None,
 ) -> Message:
     """The message of that number; one that is not in the table breaks the channel off, as those of cycles do."""
     known = MESSAGES.get(number) or Message(number, Effect.CHANNEL_ABORT, "message of a cycle or of the PLC")
-    said = replace(known, program=program, block=block, column=column, detail=detail)
+    said = replace(known, program=program, block=block, column=column, detail=detail, infos=infos)
     return said if effect is None else replace(said, effect=effect)
 
 
@@ -85,20 +101,13 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     1111: (_A, "a line that has been read makes no sense"),
     1112: (_A, "there is no such channel"),
     1113: (_A, "a line of more than 400 characters"),
-    1114: (_A, "the check character is missing"),
-    1115: (_A, "wrong check character"),
-    1151: (_KA, "tool radius too large"),
     1152: (_KA, "radius of a circle too small"),
     1153: (_KA, "tool radius correction: approach or departure impossible"),
-    1154: (_KA, "tool radius correction impossible for a line"),
-    1155: (_KA, "tool radius correction impossible for a circle"),
     1156: (_KA, "tool radius correction: the circles do not meet"),
     1157: (_KA, "too many blocks without a path"),
     1158: (_KA, "G12 impossible"),
-    1159: (_KA, "no path"),
     1202: (_KA, "number too large"),
     1203: (_KA, "division by zero"),
-    1207: (_KA, "too many axes"),
     1208: (_KA, "more than 32 parameters in a block"),
     1209: (_KA, "more than 10 brackets inside each other"),
     1210: (_KA, "a bracket is missing"),
@@ -106,16 +115,13 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     1212: (_KA, "root of a negative number"),
     1213: (_KA, "function without a value"),
     1214: (_KA, "no operation of a parameter"),
-    1215: (_KA, "syntax"),
     1216: (_KA, "unknown axis"),
     1217: (_KA, "M25 without M24"),
     1218: (_KA, "M24"),
     1219: (_KA, "call of a subprogram"),
     1220: (_KA, "too many subprograms inside each other"),
-    1221: (_KA, "parameter without a value"),
     1222: (_KA, "too many functions in a block"),
     1223: (_KA, "contour"),
-    1224: (_KA, "there is no such spindle"),
     1225: (_KA, "no tool group is defined"),
     1226: (_KA, "contour: the next block with a path is missing"),
     1227: (_KA, "number of an M function too large"),
@@ -126,31 +132,23 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     1232: (_KA, "G or M functions that exclude each other"),
     1233: (_KA, "circle without R and without I, J, K"),
     1234: (_KS, "radius smaller than half the chord; it is corrected"),
-    1235: (_KA, "spline impossible"),
     1237: (_KA, "circle dynamics: the allowed deviation is larger than the radius"),
     1238: (_KA, "centre does not fit start and end"),
     1240: (_KA, "no valid workspace is defined (P8555)"),
     1249: (_KA, "wrong start state (P8830, P8853)"),
     1252: (_KA, "program not found"),
     1255: (_KA, "block not found"),
-    1256: (_A, "the memory for programs is full"),
-    1257: (_KA, "fed program: too much or too little"),
-    1258: (_KA, "fed program: blocks do not follow each other"),
     1268: (_KA, "fed program: no room for what comes; the line's handshake is P11176"),
     1269: (_KA, "not possible in a program that is fed"),
-    1271: (_KA, "a block without a number"),
     1290: (_A, "block numbers do not rise"),
     1300: (_KA, "parameter deleted or never set"),
     1302: (_KA, "number of a parameter too large"),
-    1304: (_KA, "parameter is write-protected"),
     1305: (_KA, "there is no such channel"),
     1307: (_KA, "unknown symbol"),
     1321: (_KA, "the control is not in HAND"),
     1322: (_KA, "the control is not in AUTO"),
     2001: (_SA, "following error too large"),
-    2010: (_SA, "a drive has switched itself off"),
     2022: (_A, "an axis does not get into position"),
-    2052: (_KA, "coordinates are not defined"),
     2101: (_KA, "hardware limit +"),
     2102: (_KA, "hardware limit -"),
     2103: (_KA, "software limit +"),
@@ -158,12 +156,8 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     2110: (_A, "approach the reference point"),
     3001: (_SA, "emergency stop"),
     3002: (_SA, "drives off"),
-    3501: (_A, "change to AUTO is locked"),
-    3502: (_A, "start is locked"),
     8001: (_KA, "the pocket cannot be milled with this tool"),
-    8003: (_KA, "corner radius too small"),
     8004: (_KA, "corner radius too large"),
-    8005: (_KA, "tool radius is not valid"),
     8006: (_KA, "sequence of a cycle"),
     8007: (_KA, "radius of the pocket smaller than the tool's"),
     8008: (_KA, "radius drilled and infeed are more than that of the pocket"),
@@ -183,7 +177,6 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     8032: (_KA, "not valid: feed (P32)"),
     8033: (_KA, "not valid: depth (P33)"),
     8034: (_KA, "not valid: approach plane (P34)"),
-    8035: (_KA, "not valid: retract plane (P35)"),
     8036: (_KA, "not valid: number of strokes (P36)"),
     8037: (_KA, "not valid: first stroke (P37)"),
     8038: (_KA, "not valid: safety distance (P38)"),
@@ -192,14 +185,12 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     8103: (_KA, "not valid: angle of ray 1 (P103)"),
     8104: (_KA, "not valid: length of ray 1 (P104)"),
     8105: (_KA, "not valid: division of ray 1 (P105)"),
-    8106: (_KA, "not valid: number of places on ray 1 (P106)"),
     8107: (_KA, "division or number of places is missing on ray 1 (P105, P106)"),
     8110: (_KA, "not valid: X of A to C (P110)"),
     8111: (_KA, "not valid: Y of A to C (P111)"),
     8113: (_KA, "not valid: angle of ray 2 (P113)"),
     8114: (_KA, "not valid: length of ray 2 (P114)"),
     8115: (_KA, "not valid: division of ray 2 (P115)"),
-    8116: (_KA, "not valid: number of places on ray 2 (P116)"),
     8117: (_KA, "division or number of places is missing on ray 2 (P115, P116)"),
     8120: (_KA, "not valid: X of the circle's centre (P120)"),
     8121: (_KA, "not valid: Y of the circle's centre (P121)"),
@@ -211,24 +202,12 @@ _TEXTS: Final[Mapping[int, tuple[Effect, str]]] = {
     8300: (_KA, "no spindle speed is programmed"),
     8301: (_KA, "no spindle direction is given"),
     8302: (_KA, "spindle speed is 0"),
-    8303: (_KA, "the spindle does not reach its speed"),
-    8309: (_KA, "said twice: division of ray 1 and number of places (P105, P106)"),
-    8310: (_KA, "said twice: division of ray 1 and its end (P105)"),
     8311: (_KA, "said twice: length of ray 1 and its end (P104)"),
-    8313: (_KA, "said twice: length of ray 1 and its division (P104, P105)"),
     8315: (_KA, "said twice: division of ray 1 and number of places (P105, P106)"),
-    8316: (_KA, "number of places is 0 (P106)"),
-    8320: (_KA, "said twice: division of ray 2 and its end (P115)"),
     8321: (_KA, "said twice: length of ray 2 and its end (P114)"),
-    8323: (_KA, "said twice: length of ray 2 and its division (P114, P115)"),
     8325: (_KA, "said twice: division of ray 2 and number of places (P115, P116)"),
-    8326: (_KA, "number of places is 0 (P116)"),
-    8332: (_KA, "travel angle and division angle do not agree (P124, P125)"),
     8333: (_KA, "said twice: division angle and number of places (P125, P126)"),
     8334: (_KA, "division angle is 0 (P125)"),
-    8335: (_KA, "division angle is 1 (P125)"),
-    8336: (_KA, "number of places is 0 (P126)"),
-    8337: (_KA, "number of places is 1 (P126)"),
 }
 
 MESSAGES: Final[Mapping[int, Message]] = {

@@ -289,11 +289,17 @@ def _between(last: _Last, end: Point, share: float) -> Element:
         d = heading(moved, plane, 0.0)
         (u, v), (begin_u, begin_v) = plane.of(end), plane.of(last.begin)
         if (u - begin_u) * d[0] + (v - begin_v) * d[1] < -NEAR_MM:
-            raise ProgramError(1223, "the path is too short for the tool's radius")
+            raise _too_short(last, "path")
         return Line(last.begin, end)
     if share < last.share - NEAR:
-        raise ProgramError(1223, "the arc is too short for the tool's radius")
+        raise _too_short(last, "arc")
     return replace(moved, start=last.begin, end=end, sweep_rad=(share - last.share) * moved.sweep_rad)
+
+
+def _too_short(last: _Last, what: str) -> ProgramError:
+    block = last.open.block
+    error = ProgramError(1223, f"the {what} is too short for the tool's radius")
+    return error.at(block.program, block.number, block.column)
 
 
 def _moved(point: Point, plane: Plane, place: UV) -> Point:

@@ -9,6 +9,7 @@ the channel has come to rest (`ask`, `answer`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
@@ -19,6 +20,7 @@ from isel_twin.firmware.bwo900.channel import Channel, Phase
 from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.jog import step_on
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.outgoing import Outgoing
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -60,10 +62,13 @@ class Operating:
         hand: Hand,
         feeder: Feeder,
         watch: Watch,
+        function: Callable[[int, int], None],
     ) -> None:
+        """function: sends an M function to the PLC, at a time."""
         self._parameters, self._store = parameters, store
         self._interpreter, self._channel, self._outgoing, self._axes = interpreter, channel, outgoing, axes
         self._power, self._hand, self._feeder, self._watch = power, hand, feeder, watch
+        self._function = function
         self.mode = Mode.HAND
         self.starts = False
         """Start waits for power, or for what moves in HAND."""
@@ -131,7 +136,13 @@ class Operating:
                 self._parameters.write(number, 0.0)
             case keys.Wish.OVERRIDE:
                 overrides.written(self._parameters, int(given))
-                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
+                override = overrides.factor(self._parameters, AXES)
+                self._channel.set_override(override, self._now_ns)
+                self._hand.scale(override, self._now_ns)
+            case keys.Wish.FUNCTION:
+                self._send_in_hand(int(given))
+            case keys.Wish.NEXT_STEP:
+                step_on(self._parameters)
             case keys.Wish.LOCK:
                 p = self._parameters
                 locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
@@ -145,6 +156,15 @@ class Operating:
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
+
+    def _send_in_hand(self, code: int) -> None:
+        """P8690: an M function to the PLC."""
+        if not self._free:
+            self._say(message(1321, detail="an M function"))
+        elif not 0 <= code <= keys.HIGHEST_FUNCTION:
+            self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
+        else:
+            self._function(self._now_ns, code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
@@ -174,6 +194,7 @@ class Operating:
         """All parameters as a file, 5 with their status."""
         live = self._parameters.live
         assert live is not None
+        self._rest()
         for number in NUMBERS:
             self._parameters.write(number, live(number))
         self._reply(parameter_file(self._parameters, status=kind == 5))
@@ -214,6 +235,12 @@ class Operating:
             self._feeder.automatic(self._started)
         else:
             self._feeder.end()
+        self._rest()
+
+    def _rest(self) -> None:
+        """Without a program HAND has coordinates of its own."""
+        if self._free:
+            self._interpreter.hand(self._axes.position)
 
     # ---- programs ---------------------------------------------------------------------------------------------------
 
@@ -284,6 +311,7 @@ class Operating:
         self._feeder.end()
         if self._parameters.get(8_686):
             self._parameters.write(8_686, 0.0)
+        self._rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
         for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):

@@ -1,7 +1,8 @@
 """What the control tells the outside: events in their order, outputs when they change, messages.
 
 A message is an event, stands until it is cleared, and is kept in the history. Its number is in P8500 to P8503, by its
-effect, until then; its axis in P8504 and P12197, its place in P8910 and P8911. One that is more than shown is a fault.
+effect, until then; its axis in P8504 and P12197, its place in P8910 and P8911, and in P8505 to P8507 what else there is
+to know: a line of a file, a parameter and its channel. One that is more than shown is a fault.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ CELLS: Final[Mapping[Effect, int]] = {
 INTERPOLATOR: Final = (20, 21)
 """Hundreds of the messages that are about an axis."""
 OF_AXIS, NUMBER_OF_AXIS = 8_504, 12_197
+INFOS: Final = (8_505, 8_506, 8_507)
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -70,6 +72,9 @@ class Outgoing:
             axis = "XYZ".index(said.detail[0])
             self._parameters.write(OF_AXIS, axis + 1.0)
             self._parameters.write(NUMBER_OF_AXIS + AXIS_SIZE * axis, float(said.number))
+        for number, info in zip(INFOS, (*said.infos, 0.0, 0.0, 0.0), strict=False):
+            if info or self._parameters.get(number):
+                self._parameters.write(number, float(info))
         if said.program:
             self._parameters.write(8_910, float(said.program[1:]))
             self._parameters.write(8_911, float(said.block))

@@ -211,4 +211,7 @@ class Targets:
         return self._about(frame, (u, v), end, turn)
 
     def _note(self, said: Said, number: int, detail: str) -> None:
-        self.notes.append(message(number, program=said.program, block=said.block.number or 0, detail=detail))
+        block = said.block
+        self.notes.append(
+            message(number, program=said.program, block=block.number or 0, column=block.column, detail=detail)
+        )

@@ -25,6 +25,9 @@ __all__ = ["EOT", "Receiver", "end_of_file", "parameter_file"]
 
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
+OPTIONS: Final = 11_178
+PROTECTED: Final = 0x01
+"""Bit of P11178: programs are not overwritten (M1107)."""
 LINE_MODE: Final = 0x01
 """Of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)."""
 UNNUMBERED: Final = "P0"
@@ -109,7 +112,7 @@ class Receiver:
             try:
                 self._builder.add(self._number, text)
             except ProgramError as error:
-                yield self._skip(error.number, error.detail)
+                yield self._skip(error.number, error.detail, error.infos)
 
     def _begin(self, word: str) -> Iterator[ProgramError]:
         if word in ("D", "D+"):
@@ -125,11 +128,11 @@ class Receiver:
         else:
             yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
 
-    def _skip(self, number: int, detail: str) -> ProgramError:
+    def _skip(self, number: int, detail: str, infos: tuple[float, ...] = ()) -> ProgramError:
         if isinstance(self._builder, Feed):
             self._builder.give_up()
         self._kind, self._builder = "?", None
-        return ProgramError(number, detail)
+        return ProgramError(number, detail, infos=infos or (self._number,))
 
     def _end_of_file(self) -> Iterator[ProgramError]:
         kind, self._kind = self._kind, ""
@@ -151,14 +154,20 @@ class Receiver:
             yield ProgramError(1105, f"{kind} is being carried out")
             return
         if kind in self._store:
+            if int(self._parameters.get(OPTIONS)) & PROTECTED:
+                yield ProgramError(1107, kind)
+                return
             yield ProgramError(1106, kind)
         self._store[kind] = program
         self.changed = True
 
+    def _wrong(self, what: str) -> ProgramError:
+        return ProgramError(1111, f"line {self._number}: {what}", infos=(self._number,))
+
     def _parameter(self, word: str) -> Iterator[ProgramError]:
         match = _LINE.fullmatch(word)
         if match is None:
-            yield ProgramError(1111, f"line {self._number}: {word[:40]!r}")
+            yield self._wrong(f"{word[:40]!r}")
             return
         text, area = match["value"], match["area"]
         channel, number = int(match["channel"] or 1), int(match["number"])
@@ -171,7 +180,7 @@ class Receiver:
         except OverflowError:
             value = math.inf
         if value is not None and not math.isfinite(value):
-            yield ProgramError(1111, f"line {self._number}: {word[:40]!r} is too large a number")
+            yield self._wrong(f"{word[:40]!r} is too large a number")
             return
         try:
             self._parameters.write(number, value, area, channel)
@@ -179,7 +188,8 @@ class Receiver:
                 status = int(match["status"], 16) | (LOADED if value is not None else 0)
                 self._parameters.set_status(number, status, area, channel, add=match["how"] == "|")
         except ProgramError as error:
-            yield error
+            no_channel = error.number == 1305
+            yield ProgramError(1112, error.detail, infos=(self._number,)) if no_channel else error
             return
         self.changed = True
         self._written(number, value, area, channel)
