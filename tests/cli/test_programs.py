@@ -441,3 +441,29 @@ def test_parameters_alone_are_loaded_and_kept(program, capsys, tmp_path: Path) -
     flash = tmp_path / "flash.bin"
     assert call("run", program(TABLE), *CONTROL, "--flash", flash) == 0
     assert call("run", program(CUTS), *CONTROL, "--flash", flash) == 0
+
+
+BY_LINES = """# parameters line by line, and what they have done
+D
+K1:P8683: 1
+K1:P12130: 1
+<35>
+<4>
+! x == 0 +- 0.01 mm
+! auto == 0
+"""
+
+
+def test_a_job_of_lines_goes_on_within_a_file(program, capsys) -> None:
+    """A control in the middle of a file has dealt with all that came, and waits for its host."""
+    assert call("run", program(BY_LINES), *CONTROL, "--json") == 0
+    *lines, summary = ran(capsys)
+    assert [line["ok"] for line in lines] == [True] * 7
+    assert summary["time_ns"] < 60e9
+
+
+def test_an_order_that_is_no_file_is_over_at_once() -> None:
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    assert twin.query("G0 X5") == ""
+    assert twin.time_ns == 0
+    assert "M1110" in twin.remarks[-1][1]

@@ -93,7 +93,7 @@ class Control:
             hand=self._hand,
             feeder=self._feeder,
             watch=self._watch,
-            function=self._plc.function,
+            function=self._send,
         )
         self._interpreter.on_write = self._operating.ask
 
@@ -206,8 +206,8 @@ class Control:
     def idle(self) -> bool:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
-        asked = self._power.until_ns is not None or not self._plc.idle
-        return not (working or self._hand.move is not None or asked or self._receiver.busy)
+        asked = self._power_due_ns is not None or not self._plc.idle
+        return not (working or self._hand.move is not None or asked)
 
     @property
     def mode(self) -> Mode:
@@ -235,6 +235,7 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
+        self._parameters.write(1, float(AXES), "q")
         for number, value in at_power_on(AXES):
             self._parameters.write(number, value)
         self._outgoing.acknowledge()
@@ -405,7 +406,11 @@ class Control:
         self._outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
     def _function(self, function: Machine) -> None:
-        self._plc.function(self._now_ns, function.code)
+        self._send(function.code)
+
+    def _send(self, code: int) -> None:
+        """An M function to the PLC."""
+        self._plc.function(self._now_ns, code)
 
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 
