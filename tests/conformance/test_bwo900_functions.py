@@ -521,3 +521,21 @@ def test_a_loop_of_paths_that_are_deleted_at_once_takes_time() -> None:
     desk.finish()
     assert 100 < value(desk, 500) < 1_000
     assert mm(desk)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("bits", "pre", "post", "halt", "jump"),
+    [
+        case("bwo900-6.2-18", 0x01, 1, 0, False, False),
+        case("bwo900-6.2-18", 0x02, 0, 1, False, False),
+        case("bwo900-6.2-18", 0x03, 1, 1, False, False),
+        case("bwo900-6.2-18", 0x07, 1, 1, True, False),
+        case("bwo900-6.2-18", 0x10, 1, 0, True, True),
+        case("bwo900-6.2-18", 0x12, 1, 0, True, True),
+    ],
+)
+def test_before_after_or_both(bits: int, pre: int, post: int, halt: bool, jump: bool) -> None:
+    done = analysed(f"N10 G0 X5 M50{'.20' if jump else ''}|N20 M30", p11062=float(bits << 16))
+    block = done.blocks[0]
+    assert ([f.code for f in block.pre], [f.code for f in block.post]) == ([50] * pre, [50] * post)
+    assert {(f.halt, f.jump) for f in (*block.pre, *block.post)} == {(halt, jump)}
