@@ -280,3 +280,13 @@ def test_a_circle_through_three_points_behind_a_rounding() -> None:
     made = path(corrected("N10 G1 F100 G12 P71:2 X10\nN20 G123 Y20\nN30 X30 Y30\nN40 M30"))
     assert [type(element) for element in made] == [Line, Arc, Arc, Arc]
     assert (made[1].end[:2], made[2].start[:2], made[2].end[:2]) == ((10.0, 2.0), (10.0, 2.0), (10.0, 20.0))
+
+
+def test_a_rounding_between_a_line_and_a_circle() -> None:
+    """About (70, 40) with 50 mm, 10 mm put in from outside: its centre is 60 mm away and 10 mm below the line."""
+    made = path(corrected("N10 G1 F100 G12 P71:10 X40\nN20 G3 X110 Y10 I70 J40\nN30 M30"))
+    away = math.sqrt(60.0**2 - 50.0**2)
+    assert isinstance(made[1], Arc)
+    assert made[1].centre == pytest.approx((70.0 - away, -10.0))
+    assert made[1].start[:2] == pytest.approx((70.0 - away, 0.0))
+    assert made[1].end[:2] == pytest.approx((70.0 - away * 50.0 / 60.0, 40.0 - 50.0 * 50.0 / 60.0))
