@@ -290,3 +290,11 @@ def test_a_rounding_between_a_line_and_a_circle() -> None:
     assert made[1].centre == pytest.approx((70.0 - away, -10.0))
     assert made[1].start[:2] == pytest.approx((70.0 - away, 0.0))
     assert made[1].end[:2] == pytest.approx((70.0 - away * 50.0 / 60.0, 40.0 - 50.0 * 50.0 / 60.0))
+
+
+@pytest.mark.parametrize(("x", "turn"), [(20, 1), (-20, -1)])
+def test_the_side_of_the_middle_point_is_the_sense(x: float, turn: int) -> None:
+    """(0, 100), (20, 110), (0, 120): to the left, about (7.5, 110)."""
+    made = path(corrected(f"N5 G0 X0 Y100 F100\nN10 G123 X{x} Y110\nN20 X0 Y120\nN30 M30"))
+    assert all(isinstance(arc, Arc) and arc.sweep_rad * turn > 0.0 for arc in made[1:])
+    assert all(isinstance(arc, Arc) and arc.centre == pytest.approx((7.5 * turn, 110.0)) for arc in made[1:])
