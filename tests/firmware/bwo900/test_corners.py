@@ -298,3 +298,11 @@ def test_the_side_of_the_middle_point_is_the_sense(x: float, turn: int) -> None:
     made = path(corrected(f"N5 G0 X0 Y100 F100\nN10 G123 X{x} Y110\nN20 X0 Y120\nN30 M30"))
     assert all(isinstance(arc, Arc) and arc.sweep_rad * turn > 0.0 for arc in made[1:])
     assert all(isinstance(arc, Arc) and arc.centre == pytest.approx((7.5 * turn, 110.0)) for arc in made[1:])
+
+
+@pytest.mark.parametrize("between", ["N40 M28.2", "/N40 P1:1", "N40 M24.2\nN41 M25", "N40 T0 M16", "N40 M8"])
+def test_what_stands_between_the_elements_of_a_corner_does_not_change_it(between: str) -> None:
+    """Subprograms that return, skipped blocks, loops, tools of the same radius: the inner corner at (28, 2) stays."""
+    text = f"P1\nN10 F100\nN20 G41 G1 X10\nN30 X30\n{between}\nN50 Y20\nN60 G40 X0\nN70 M30\nP2\nN10 P2:1\nN20 M30"
+    tool = {"p8748": -2.0}
+    assert ends(corrected(text, **tool)) == [(10, 2, 0), (28, 2, 0), (28, 20, 0), (0, 20, 0)]
