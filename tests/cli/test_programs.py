@@ -420,3 +420,50 @@ def test_a_program_may_be_longer_than_a_job(program, capsys, monkeypatch) -> Non
     assert call("run", program(LONG), *CONTROL, "--json") == 0
     assert call("run", program("@07\n" * 26), "--plant", "kinematic") == 2
     assert "is longer than 0 MiB; cut it into several" in capsys.readouterr().err
+
+
+TABLE = "D\nK1:P21000: 1\nP21010: 2.5\n#\n"
+"""The tool table has tool 1, with a radius of 2.5 mm."""
+CUTS = "P1\nN10 G0 X10 T1 M16\nN20 M30\n#\n"
+
+
+@pytest.mark.parametrize("text", [TABLE + CUTS, CUTS + TABLE, CUTS.replace("#\n", "") + TABLE.replace("#\n", "")])
+def test_parameters_beside_a_program_are_loaded_with_it(program, capsys, text) -> None:
+    """Without them T1 is M1050."""
+    assert call("run", program(text), *CONTROL, "--json") == 0
+    first, second, *_ = ran(capsys)
+    assert {first["command"], second["command"]} == {"P1, 2 blocks", "D, 2 lines"}
+    assert call("run", program(text), "--plant", "kinematic") == 2
+    assert call("run", program(CUTS), *CONTROL) == 1
+
+
+def test_parameters_alone_are_loaded_and_kept(program, capsys, tmp_path: Path) -> None:
+    flash = tmp_path / "flash.bin"
+    assert call("run", program(TABLE), *CONTROL, "--flash", flash) == 0
+    assert call("run", program(CUTS), *CONTROL, "--flash", flash) == 0
+
+
+BY_LINES = """# parameters line by line, and what they have done
+D
+K1:P8683: 1
+K1:P12130: 1
+<35>
+<4>
+! x == 0 +- 0.01 mm
+! auto == 0
+"""
+
+
+def test_a_job_of_lines_goes_on_within_a_file(program, capsys) -> None:
+    """A control in the middle of a file has dealt with all that came, and waits for its host."""
+    assert call("run", program(BY_LINES), *CONTROL, "--json") == 0
+    *lines, summary = ran(capsys)
+    assert [line["ok"] for line in lines] == [True] * 7
+    assert summary["time_ns"] < 60e9
+
+
+def test_an_order_that_is_no_file_is_over_at_once() -> None:
+    twin = Twin("4030-servo", "bwo900", "kinematic")
+    assert twin.query("G0 X5") == ""
+    assert twin.time_ns == 0
+    assert "M1110" in twin.remarks[-1][1]

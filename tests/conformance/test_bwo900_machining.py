@@ -201,7 +201,66 @@ def test_spirals_in_every_layer(block: str, centre: int, floors: list[int], radi
     assert all(crossed == pytest.approx(radii) for crossed in found.values())
 
 
+@shows("bwo900-5.2-4")
+def test_g73_step_by_step() -> None:
+    """Contour in all layers, up, rows in all layers (Z44), up, the last contour with half the feed, back with F."""
+    found = moves(done(f"{MILL}|N20 G73 X52,5 Y37,5 Z1 P14:-- {POCKETS['G73']}|N30 M30"))
+
+    def around(left: float, low: float, right: float, high: float, z: float, feed: float) -> list[object]:
+        return [((x, y, z), feed) for x, y in ((right, low), (right, high), (left, high), (left, low))]
+
+    begin: list[object] = [((52.5, 37.5, 1.0), RAPID), ((24.5, 24.0, 1.0), RAPID)]
+    for floor in (-2.0, -4.0, -5.0):
+        begin += [((24.5, 24.0, floor), 2500.0), *around(24.5, 24.0, 80.5, 51.0, floor, 2500.0)]
+    begin.append(((24.5, 24.0, 1.0), RAPID))
+    assert found[: len(begin)] == begin
+    end: list[object] = [((23.5, 23.0, 1.0), RAPID), ((23.5, 23.0, -5.0), 1250.0)]
+    end += [*around(23.5, 23.0, 81.5, 52.0, -5.0, 1250.0), ((23.5, 23.0, 1.0), 2500.0), ((52.5, 37.5, 1.0), 2500.0)]
+    assert found[-len(end) :] == end
+    between = found[len(begin) : -len(end)]
+    assert list(dict.fromkeys(place[2] for place, feed in between if feed)) == [-2.0, -4.0, -5.0]
+    rows = [place for place, feed in between if feed and place[2] == -2.0]
+    assert [y for _, y, _ in rows[1::2]] == [28.5, 33.0, 37.5, 42.0, 46.5], "P16 apart, forth and back"
+
+
+@shows("bwo900-5.2-16")
+def test_finishing_begins_where_p16_says() -> None:
+    """P20 goes the way of P16: of G73 from S1 or S2, of G75 in the same sense."""
+    words = "P11:65 P12:35 P13:5 P14:11 P15:1,5 P17:2 P19:1 P20:1"
+    for infeed, corner in (("4,2", (31.0, 23.5)), ("-4,2", (74.0, 51.5))):
+        found = moves(done(f"{MILL}|N20 G73 X52,5 Y37,5 Z1 P16:{infeed} {words}|N30 M30"))
+        down = next(place for place, feed in found if feed == 1250.0)
+        assert down == (*corner, -5.0)
+    for infeed, sense in (("4,1", -1), ("-4,1", 1)):
+        program = done(f"{MILL}|N20 G75 X48 Y48 Z1 {POCKETS['G75'].replace('4,1', infeed)}|N30 M30")
+        fine = [b.elements[0] for b in program.path if b.feed_mm_min == 1250.0]
+        assert {math.copysign(1, e.sweep_rad) for e in fine if isinstance(e, Arc)} == {sense}
+
+
+@shows("bwo900-5.2-5")
+@pytest.mark.parametrize("cycle", ["G74", "G75"])
+def test_a_drilled_pocket_begins_at_p11_and_p16(cycle: str) -> None:
+    words = "P11:10 P13:31 P14:30 P15:1 P16:4 P17:8 P19:1 P20:1"
+    found = moves(done(f"{MILL}|N20 {cycle} X50 Y50 Z1 {words}|N30 M30"))
+    assert found[:3] == [((50.0, 50.0, 1.0), RAPID), ((50.0, 50.0, -8.0), 2500.0), ((64.0, 50.0, -8.0), 2500.0)]
+
+
 # 5.3 Drilling
+
+
+@pytest.mark.parametrize(
+    ("spoken", "number"),
+    [
+        case("bwo900-5.3-6", "M03", 8300),
+        case("bwo900-5.3-6", "S0 M03", 8302),
+        case("bwo900-5.3-6", "S1200", 8301),
+        case("bwo900-5.3-6", "S1200 M05", 8301),
+    ],
+)
+@pytest.mark.parametrize("cycle", HOLES)
+def test_a_spindle_that_does_not_turn(cycle: str, spoken: str, number: int) -> None:
+    assert refused(f"N10 G00 Z100 {spoken}|N20 {cycle} X5 {HOLES[cycle]}|N30 M30") == number
+    done(f"N10 G00 Z100|N20 {cycle} X5 {HOLES[cycle]} S1200 M04|N30 M30")
 
 
 @shows("bwo900-5.3-10")

@@ -392,6 +392,82 @@ def test_the_tool_s_length_counts_in_hand() -> None:
     assert (value(desk, 12_550), value(desk, 12_554)) == (25.0, 20.0)
 
 
+@shows("bwo900-2.6.1-6")
+def test_the_override_acts_in_hand() -> None:
+    """As on the printed screen, a tenth of it: 1000 set, override 45, 450 actual."""
+    desk = fresh(p8750=1, p8751=1, p8755=1000, p11310=45)
+    desk.send(parameters(p8752=1))
+    way = 0.0
+    for percent in (45, 100, 20, 0, 120):
+        desk.send(parameters(p11310=percent))
+        desk.run(0.5)
+        before = mm(desk)[0]
+        desk.run(1.0)
+        assert value(desk, 8756) == pytest.approx(10.0 * percent)
+        assert mm(desk)[0] - before == pytest.approx(1000.0 / 60.0 * percent / 100.0, abs=2e-3)
+        way = mm(desk)[0]
+    desk.send(parameters(p8752=0))
+    desk.finish()
+    assert way < mm(desk)[0] < way + 2.0
+    assert (said(desk), mm(desk)[1:]) == ([], (0.0, 0.0))
+
+
+@pytest.mark.parametrize("percents", [(45,), (0, 100), (100, 10), (10, 100), (50, 0, 120), (120, 0, 0, 5)])
+@shows("bwo900-2.6.1-6", "bwo900-2.6.1-2")
+def test_a_step_is_whole_whatever_the_override(percents: tuple[float, ...]) -> None:
+    desk = fresh(p8750=2, p8751=2, p8755=1000, p11310=percents[0])
+    desk.send(parameters(p8752=1))
+    first = desk.ticks
+    for percent in percents[1:]:
+        desk.run(0.2)
+        desk.send(parameters(p11310=percent))
+    desk.finish()
+    assert mm(desk) == (0.0, 10.0, 0.0)
+    assert desk.steps_since(first).delta[:, 1].min() >= 0
+
+
+@pytest.mark.parametrize("how", [{"p8752": 0}, {"p8684": 0}, {"p8705": 1}, {"p8683": 2}])
+@shows("bwo900-2.6.1-6")
+def test_what_waits_for_the_override_can_be_given_up(how: dict[str, float]) -> None:
+    desk = fresh(p8750=1, p8751=1, p11310=0)
+    desk.send(parameters(p8752=1))
+    desk.run(0.5)
+    desk.send(parameters(**how))
+    desk.finish()
+    desk.send(parameters(p11310=100))
+    desk.run(1.0)
+    assert mm(desk)[0] == 0.0
+
+
+@shows("bwo900-2.6.1-7")
+def test_zero_point_and_plane_in_hand() -> None:
+    """The program's own zero point, shift and plane are none of HAND's; G54 has 100, 200, 300, the tool is 5 long."""
+    table = {"p20003": 100, "p20004": 200, "p20005": 300, "p20006": 50, "p21000": 1, "p21010": 0, "p21011": 5}
+    desk = fresh("P1|N10 T1 M06|N20 G18 G55 G0 X-40|N30 G92 X7|N40 M30", **table)
+    start(desk)
+    desk.finish()
+
+    def shown() -> list[float]:
+        return [value(desk, n) for n in (12_154, 12_354, 12_554)]
+
+    desk.send(parameters(p8683=1))
+    assert mm(desk) == (10.0, 0.0, 0.0)
+    assert shown() == [10.0, 0.0, -5.0]
+    desk.send(parameters(p8758=54))
+    assert shown() == [-90.0, -200.0, -305.0]
+    desk.send(parameters(p8757=19))
+    assert shown() == [-95.0, -200.0, -300.0]
+    desk.send(parameters(p20003=90))
+    assert shown() == [-85.0, -200.0, -300.0]
+    desk.send(parameters(p8758=99, p8757=0))
+    assert shown() == [10.0, 0.0, -5.0]
+    desk.send(parameters(p8758=54))
+    desk.power_cycle()
+    desk.send(REFERENCE)
+    desk.finish()
+    assert shown() == [0.0, 0.0, -5.0]
+
+
 @shows("bwo900-2.6.1-5")
 def test_no_positions_are_taken_over() -> None:
     desk = fresh(p8758=54)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from conformance.bwo900_desk import file, fresh, mm, parameters, put_out, said, start, value
+from conformance.bwo900_desk import T1, file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
 from isel_twin.firmware.bwo900.path import circumradius
@@ -75,7 +75,7 @@ def test_the_feed_of_the_point_of_contact(turn: str, centre: float) -> None:
 )
 def test_feed_dynamics_that_make_no_sense(values: dict[str, float]) -> None:
     """It is off, or at the ends of -100 to 100 %, and the program comes to its end (Z82)."""
-    text = "P1|N10 F1200 tr:2|N20 G41 G1 X10|N30 G3 X20 Y10 I10 J10|N35 G2 X30 Y20 I30 J10|N40 G1 X40|N50 M30"
+    text = "P1|N10 F6000 tr:2|N20 G41 G1 X10|N30 G3 X20 Y10 I10 J10|N35 G2 X30 Y20 I30 J10|N40 G1 X40|N50 M30"
     desk = fresh(text, **values)
     start(desk)
     desk.finish(300.0)
@@ -272,6 +272,7 @@ class Lagging:
         ({"p12216": -1}, 32.0, True),
         ({"p12212": 4000}, 63.0, False),  # sqrt(1 / 4000) mm
         ({"p12212": 4000}, 64.0, True),
+        ({"p12217": 5}, 32.0, True),  # the coarse window is another one
     ],
 )
 def test_the_exact_stop_waits_for_every_axis(values: dict[str, float], lag: float, waits: bool) -> None:
@@ -361,7 +362,7 @@ def test_a_short_lag_is_forgiven() -> None:
         desk.run(0.04)
     assert said(desk) == []
     drives.lag = (-9000.0, 0.0, 0.0)
-    desk.run(0.07)
+    desk.run(0.08)
     assert said(desk) == [2001]
 
 
@@ -698,3 +699,343 @@ def test_slope_in_hand() -> None:
     desk.send(parameters(p8752=1))
     desk.run(1.0)
     assert value(desk, 8756) == 600.0
+
+
+# Parameters in the middle of a motion, over a power cut, and without sense
+
+LINES = "P1|N10 G1 F3000 X40|N20 G8 X60|N30 X100|N40 M30"
+
+
+@pytest.mark.parametrize(
+    ("values", "later"),
+    [
+        ({"p12004": 600}, 600),
+        ({"p12136": 1}, 600),
+        ({"p12120": 900}, 900),
+        ({"p8815": 1500}, 1500),
+        ({"p8818": 50}, 1500),
+        ({"p12008": 1000, "p12009": 0}, 3000),
+        ({"p12013": 1}, 3000),
+    ],
+)
+def test_limits_count_from_the_next_standstill_on(values: dict[str, float], later: float) -> None:
+    """Z87: N20 joins N10 and ends with an exact stop; N30 is planned anew."""
+    desk = fresh(LINES)
+    first = desk.ticks
+    start(desk)
+    desk.run(0.4)
+    desk.send(parameters(**values))
+    desk.finish(60.0)
+    places, speeds = moved(desk, first)
+    assert speeds[places[:, 0] < 58].max() == pytest.approx(3000.0, abs=31.0)
+    assert speeds[places[:, 0] > 62].max() == pytest.approx(later, abs=31.0)
+    assert (mm(desk)[0], said(desk)) == (100.0, [])
+
+
+CHANGES = (
+    (0.30, {"p11310": 70}),
+    (0.55, {"p8817": 1800}),
+    (0.70, {"p12004": 2400, "p12008": 100}),
+    (0.90, {"p8702": 1}),
+    (1.30, {"p8702": 0}),
+    (1.50, {"p12136": 1, "p8851": 3, "p8857": 0.01}),
+    (1.70, {"p11311": 200}),
+    (2.10, {"p8818": 40, "p12018": 700, "p12016": 0.001}),
+    (2.50, {"p8684": 0}),
+    (2.90, {"p8815": 700, "p12030": 500}),
+    (3.00, {"p8684": 1}),
+)
+
+
+def test_changes_take_effect_at_the_same_moment_however_time_is_cut() -> None:
+    ways = []
+    for cut in (None, 0.0013, 0.05):
+        desk = fresh(
+            "P1|N10 G1 F3000 X40|N20 X60 Y20|N30 G0 X80|N35 G3 F2000 X90 Y30 R10|N40 G1 G8 Y60|N50 X0 Y0|N60 M30"
+        )
+        for when, values in CHANGES:
+            desk.at(when, lambda desk=desk, values=values: desk.send(parameters(**values)))  # type: ignore[misc]
+        first = desk.ticks
+        start(desk)
+        for _ in range(round(4.0 / cut) if cut else 0):
+            desk.run(cut or 0.0)
+        desk.run(4.0 if cut is None else 0.0)
+        desk.finish(200.0)
+        ways.append((desk.steps_since(first).delta.tobytes(), [text for _, text in desk.remarks], mm(desk)))
+    assert ways[0] == ways[1] == ways[2]
+    assert ways[0][2] == (0.0, 0.0, 0.0)
+
+
+def test_the_control_is_the_same_after_a_power_cut() -> None:
+    """All that files, keys and programs have set; but for what ends with the mains."""
+    desk = fresh("P1|N10 P500:7 P8851:2 P20003:1.5 P12020:40|N20 G54 G1 F600 X5|N30 M30", p8848=30, p12010=1, q171=2)
+    desk.send(file("D+", "K1:P 700: 5 S:$30000009", "q 40: 3"))
+    for name, given in (("override", 45.0), ("skip", True), ("program", 1), ("axis", "y"), ("step", 0.5)):
+        desk.controller.press(desk.time_ns, name, given)
+    start(desk)
+    desk.finish()
+    desk.send(parameters(p8702=1, p12136=1))
+    before = put_out(desk)
+    keys = dict(desk.controller.key_values)
+    desk.power_cycle()
+    after = put_out(desk)
+    ends = {q_of(n) for n in (8_702, 12_136, 8_683, 8_688, 8_703, 8_579, 8_709, *(12_180 + 200 * a for a in range(3)))}
+    places = {q_of(12_000 + 200 * a + n) for a in range(3) for n in (150, 151, 152, 154, 155, 156, 157, 185)}
+    changed = {q for q in before | after if before.get(q) != after.get(q)}
+    assert changed <= ends | places | {q_of(9_369), q_of(8_969)}
+    assert desk.controller.key_values == keys | {"mode": "hand"}
+    assert after[q_of(500)] == 7
+
+
+WRONG = ("0", "-1", "--", "1" + "0" * 30, "0.5", "-0.5", "65535.5", "1000000000")
+MOVED_BY = (
+    *(8_806, 8_810, 8_815, 8_816, 8_818, 8_830, 8_843, 8_845, 8_848, 8_849, 8_850, 8_851, 8_852, 8_853, 8_857, 8_858),
+    *(8_859, 8_555, 8_556, 8_650, 8_748, 8_754, 8_755, 11_310, 11_311, 11_312, 11_313, 11_314, 11_370, 12_004, 12_005),
+    *(12_006, 12_008, 12_009, 12_010, 12_012, 12_013, 12_016, 12_017, 12_018, 12_020, 12_024, 12_025, 12_030, 12_031),
+    *(12_040, 12_120, 12_125, 12_136, 8_701, 8_702, 8_817),
+)
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_parameters_without_sense_in_a_file_a_program_and_real_time(wrong: str) -> None:
+    """A message or the default, never an exception; whatever is left can be broken off."""
+    text = "P1|N10 G54 G0 X5 T2 M16|N20 G1 F1200 G41 Y5|N25 X12 Y9|N30 G3 X20 Y17 I12 J17|N40 G40 G1 X22 G4.0.1|N50 M30"
+    first = WRONG.index(wrong)
+    for place, number in list(enumerate(MOVED_BY))[first % 2 :: 2]:
+        desk = fresh(text, **T1)
+        line = f"K1:P {number}: {wrong}"
+        kind = (place // 2 + first) % 3
+        if kind == 0:
+            desk.send(file("D", line))
+            start(desk)
+        elif kind == 1:
+            start(desk)
+            desk.run(0.4)
+            desk.send(file("D", line))
+        else:
+            desk.send(file("D+", f"K1:P {number}: 1 S:$00000005"))
+            desk.send(
+                file("P2", "N10 G1 F1200 X5", f"N20 P{number}:{wrong} X8", "N30 G54 G0 X12 G1", "N40 Y5", "N50 M30")
+            )
+            start(desk, 2)
+        desk.run(3.0)
+        desk.send(parameters(p8683=1, p8701=1, p8702=0, p11313=120, p11310=100))
+        desk.send(parameters(p8750=2, p8751=3, p8760=1, p8752=1))
+        desk.run(0.5)
+        assert desk.controller.serial_format.data_bits == 8
+
+
+def test_a_resolution_that_is_none() -> None:
+    """1e30 increments a mm, in the middle of a program and then in HAND: 1000 (Z88)."""
+    desk = fresh("P1|N10 G1 F1200 X5|N20 X8|N30 M30")
+    start(desk)
+    desk.run(0.2)
+    desk.send(file("D", "K1:P 12012: 1" + "0" * 30))
+    desk.finish()
+    desk.send(parameters(p8683=1, p8750=2, p8751=1, p8760=1, p8752=1))
+    desk.finish()
+    assert mm(desk)[0] == 9.0
+
+
+@pytest.mark.parametrize(
+    ("line", "number"),
+    [
+        ("q 60000: 1", 1302),
+        ("K1:P 10500: 1", 1302),
+        ("K1:P 5: " + "9" * 330, 1111),
+        ("K1:P 5: nan", 1111),
+        ("K1:P 5: 1.2.3", 1111),
+        ("K2:P 5: 1", 1112),
+    ],
+)
+def test_lines_that_are_no_parameters(line: str, number: int) -> None:
+    desk = fresh(referenced=False, p5=3)
+    desk.send(file("D", line))
+    assert (said(desk), value(desk, 5)) == ([number], 3)
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [({"q110": 0}, "X"), ({"q111": 88}, "Y"), ({"q102": -5}, "X"), ({"q103": 1e9}, "X"), ({"q112": 5}, "Z")]
+    + [({"q152": q152}, "Y") for q152 in (-1, 0, 1e9, 0x030301, 0x050201)],
+)
+def test_descriptors_without_sense_are_those_of_a_new_control(values: dict[str, float], name: str) -> None:
+    """No letter, the same letter twice, a block of parameters that does not fit (Z88)."""
+    desk = fresh(f"P1|N10 G0 {name}5|N20 M30", **values)
+    start(desk)
+    desk.finish()
+    assert (mm(desk)["XYZ".index(name)], said(desk)) == (5.0, [])
+
+
+# Locks, files, keys of HAND
+
+
+@shows("bwo900-8.4-4", "bwo900-8.4-5")
+@pytest.mark.parametrize(
+    ("values", "refused"),
+    [
+        ({}, False),
+        ({"p8510": 2}, True),
+        ({"p8510": 1}, False),  # another lock
+        ({"p8510": 2, "p8511": 2}, False),
+        ({"p11008": 1, "p11018": 2}, True),
+        ({"p11009": 1, "p11019": 2}, True),
+        ({"p11008": 0, "p11018": 2}, False),
+        ({"p8510": 2, "p11008": -1, "p11018": 2}, False),
+    ],
+)
+def test_locks_of_parameters(values: dict[str, float], refused: bool) -> None:
+    """P500 belongs to lock 2."""
+    desk = fresh("P1|N10 P499:1 P501:1|N20 P500:7|N30 M30", **values)
+    desk.send(file("D+", "K1:P 500: 5 S:$00020001"))
+    start(desk)
+    desk.finish()
+    assert said(desk) == ([1304] if refused else [])
+    assert value(desk, 500) == (5 if refused else 7)
+    desk.send(parameters(p500=9))
+    assert value(desk, 500) == 9
+
+
+@shows("bwo900-8.1-2")
+@pytest.mark.parametrize("content", ["0", "--"])
+@pytest.mark.parametrize(("number", "speed"), [(8_815, 1200), (8_816, 6000), (8_818, 1200), (12_120, 1200)])
+def test_nothing_and_deleted_mean_the_default(number: int, speed: float, content: str) -> None:
+    desk = fresh(f"P1|N10 {'G0' if number == 8_816 else 'G1 F1200'} X80|N20 M30")
+    desk.send(file("D", f"K1:P {number}: 50"))
+    desk.send(file("D", f"K1:P {number}: {content}"))
+    assert feeds(desk)[1].max() == pytest.approx(speed, abs=31.0)
+
+
+@shows("bwo900-8.6-10")
+def test_programs_may_be_protected() -> None:
+    desk = fresh("P1|N10 G0 X5|N20 M30", p11178=1)
+    desk.send(file("P1", "N10 G0 X7", "N20 M30"))
+    desk.send(file("P2", "N10 G0 X9", "N20 M30"))
+    assert said(desk) == [1107]
+    start(desk)
+    desk.finish()
+    assert mm(desk)[0] == 5.0
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk)[0] == 9.0
+
+
+@shows("bwo900-8.5-46")
+def test_the_next_step() -> None:
+    """10, 1, 0.1, 0.01, 0.001, and 10 again: steps of 0 are passed over."""
+    desk = fresh(referenced=False)
+    seen = []
+    for _ in range(6):
+        desk.send(parameters(p8761=1))
+        seen.append((value(desk, 8762), value(desk, 8760), value(desk, 8761)))
+    assert seen == [(2, 1, 0), (3, 0.1, 0), (4, 0.01, 0), (5, 0.001, 0), (1, 10, 0), (2, 1, 0)]
+
+
+@shows("bwo900-8.5-47")
+def test_m_functions_in_hand() -> None:
+    desk = fresh("P1|N10 G1 F600 X20|N20 M30")
+    desk.send(parameters(p8690=3))
+    desk.run(0.1)
+    assert desk.outputs["spindle"] == 1
+    desk.send(parameters(p8690=5))
+    desk.run(0.1)
+    assert desk.outputs["spindle"] == 0
+    desk.send(parameters(p8690=1234))
+    assert said(desk) == [1227]
+    start(desk)
+    desk.run(0.5)
+    desk.send(parameters(p8690=3))
+    desk.finish()
+    assert (said(desk), desk.outputs["spindle"]) == ([1227, 1321], 0)
+
+
+@shows(
+    "bwo900-8.5-72",
+    "bwo900-8.5-73",
+    "bwo900-8.5-74",
+    "bwo900-8.5-75",
+    "bwo900-8.7-21",
+    "bwo900-8.7-22",
+    "bwo900-8.7-23",
+)
+def test_what_the_plc_may_not_ask_for() -> None:
+    """Z89: kept, without effect."""
+    values = {"p8706": 0, "p8710": 1, "p8820": 1, "p8828": 1, "p8870": 1, "p12111": 5, "p12132": 1, "p12137": 1}
+    desk = fresh("P1|N10 G0 X5|N20 M30", **values)
+    desk.run(1.0)
+    assert mm(desk) == (0.0, 0.0, 0.0)
+    start(desk)
+    desk.finish()
+    assert (mm(desk)[0], said(desk), [value(desk, int(n[1:])) for n in values]) == (5.0, [], list(values.values()))
+
+
+# Corners, ends of rapid, what the control is at
+
+
+@shows("bwo900-8.5-15")
+@pytest.mark.parametrize(
+    ("exponent", "factor"), [("0", 0.5), ("--", 0.5), ("2", 0.25), ("-1", 1.0), ("-2", 0.5), ("0.5", 0.7071)]
+)
+def test_corner_dynamics(exponent: str, factor: float) -> None:
+    """At 120 degrees between the lines cos(60) = 0.5; -1 is off, other negative numbers are none (Z88)."""
+    desk = fresh("P1|N10 G1 F1200 X20|N20 X30 Y17.3205|N30 M30")
+    desk.send(file("D", f"K1:P 8851: {exponent}"))
+    places, speeds = feeds(desk)
+    corner = np.sort(speeds[np.hypot(places[:, 0] - 20, places[:, 1]) < 0.3])[1]
+    assert corner == pytest.approx(1200.0 * factor, abs=60.0)
+
+
+@shows("bwo900-8.5-16")
+@pytest.mark.parametrize(("kind", "slowest"), [(0, 0), (1, 0), (2, 1200), (3, 0), (-1, 0)])
+def test_the_end_of_rapid(kind: float, slowest: float) -> None:
+    """P8858 = 2 does not stop; a number that is none means an exact stop (Z88)."""
+    places, speeds = feeds(fresh("P1|N10 G0 X20|N20 X40|N30 M30", p8858=kind, p8816=1200))
+    passing = speeds[(places[:, 0] > 19.5) & (places[:, 0] < 20.5)]
+    assert passing.min() == pytest.approx(slowest, abs=60.0)
+
+
+@shows("bwo900-8.5-17")
+@pytest.mark.parametrize("mode", [1, 2, 4])
+def test_the_mode_is_told(mode: int) -> None:
+    """P8683 is the wish, P8703 what the PLC makes of it, P8688 what is."""
+    desk = fresh(referenced=False)
+    assert cells(desk, 8_688, 8_703) == [1, 1]
+    desk.send(parameters(p8683=mode))
+    assert cells(desk, 8_688, 8_703) == [mode, mode]
+    desk.send(parameters(p8703=1))
+    assert cells(desk, 8_688) == [1]
+    desk.send(parameters(p8683=mode))
+    desk.power_cycle()
+    assert cells(desk, 8_688, 8_703, 8_683) == [1, 1, 1]
+
+
+@shows("bwo900-8.5-18")
+def test_the_plc_s_start_and_stop() -> None:
+    desk = fresh("P1|N10 G1 F600 X10|N20 M30")
+    desk.send(parameters(p8800=1, p8703=2, p8704=1))
+    desk.run(0.4)
+    assert value(desk, 8685) == 2
+    desk.send(parameters(p8704=0))
+    desk.run(0.5)
+    assert value(desk, 8685) == 1
+    desk.send(parameters(p8704=1))
+    desk.finish()
+    assert mm(desk)[0] == 10.0
+
+
+@shows("bwo900-8.2-1")
+def test_the_number_of_axes() -> None:
+    assert put_out(fresh(referenced=False, q1=7))[1] == 7
+    desk = fresh(referenced=False, q1=7)
+    desk.power_cycle()
+    assert put_out(desk)[1] == 3
+
+
+@shows("bwo900-8.5-19")
+def test_messages_of_the_correction_are_not_suppressed() -> None:
+    """P8844 (Z25): a circle smaller than the tool is a message all the same."""
+    text = "P1|N10 G1 F600 tr:15 X5|N20 G41 X10|N30 X30|N40 G3 X40 Y10 R10|N50 G1 Y30|N60 M30"
+    desk = fresh(text, p8844=3)
+    start(desk)
+    desk.finish()
+    assert len(said(desk)) == 1

@@ -762,8 +762,65 @@ def test_the_window_of_exact_stops(increments: float, limit: float, waits: bool)
     assert mm(desk)[0] == 20.0
 
 
-@shows("bwo900-8.5-90", "bwo900-8.5-91", "bwo900-8.7-90")
-def test_axes_are_not_exchanged_and_not_mirrored_and_all_interpolate() -> None:
-    """P8881 = $0106, P8882 = $0601; P8892; P8893 with P12113."""
-    desk = run("P1|N10 G28 F3000 X10 Y5|N20 X20|N30 M30", p8881=0x0103, p8882=0x0301, p8892=1, p8893=1, p12113=5)
+EXCHANGED = {"p8880": 1, "p8881": 0x0103, "p8882": 0x0301}
+"""Ways of axis 1 lead to axis 3, and the other way round."""
+
+
+@shows("bwo900-8.5-90")
+def test_axes_are_exchanged() -> None:
+    desk = run("P1|N10 G0 X10 Y5 Z2 M01|N20 P500:P12154 P501:P12554 P502:P12151|N30 M30", **EXCHANGED)
+    assert mm(desk) == (2.0, 5.0, 10.0)
+    assert [value(desk, number) for number in (500, 501, 502)] == [10.0, 2.0, 2.0]
+    near(analysed("N10 G0 X10 Z2|N30 M30", **{**EXCHANGED, "p8880": 0}).points, [(10, 0, 2)])
+    near(analysed("N10 G0 X10 Z2|N30 M30", p8880=1, p8881=0x0103).points, [(10, 0, 2)])  # no exchange: Z is left over
+
+
+@shows("bwo900-8.5-92")
+def test_zero_points_stay_with_their_axes_and_shifts_go_with_the_words() -> None:
+    done = analysed("N10 G54 G0 X10 Z2|N20 G92 X5|N30 X1 Z2|N40 G53 G44 X7|N50 X1 Z2|N60 M30", p20003=100, **EXCHANGED)
+    near(done.points, [(102, 0, 10), (102, 0, 6), (2, 0, 8)])
+
+
+@shows("bwo900-8.5-90")
+@pytest.mark.parametrize(
+    ("g", "text", "way"),
+    [("G18", "G3 Z10 X10 K0 I10", (0, 2)), ("G17", "G3 X10 Y10 I0 J10", (2, 1)), ("G19", "G3 Y10 Z10 J0 K10", (1, 0))],
+)
+def test_circles_of_exchanged_axes(g: str, text: str, way: tuple[int, int]) -> None:
+    """A quarter about (0, 10) of the plane's axes, wherever they are now."""
+    (arc,) = elements(f"N10 F500 {g} {text}|N20 M30", **EXCHANGED)
+    assert isinstance(arc, Arc)
+    middle = arc.point(0.5)
+    assert (middle[way[0]], middle[way[1]]) == pytest.approx((10 * math.sqrt(0.5), 10 - 10 * math.sqrt(0.5)))
+
+
+@shows("bwo900-8.5-91", "bwo900-8.5-93")
+def test_axes_are_mirrored_about_where_they_are() -> None:
+    """The printed display of 150 becomes -150, and a positive way leads to -; HAND ends it."""
+    desk = fresh("P1|N10 G0 X150 M01|N20 P500:P12154|N30 M30", "P2|N10 G91 G0 X1 Y1|N20 M30", p12040=100)
+    start(desk)
+    desk.finish()
+    assert (mm(desk)[0], value(desk, 500)) == (150.0, 150.0)
+    desk.send(parameters(p8892=1))
+    assert (value(desk, 12154), value(desk, 12151), value(desk, 12150)) == (-150.0, -150.0, 150.0)
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk)[:2] == (149.0, 1.0)
+    desk.send(parameters(p8683=1))
+    assert value(desk, 12154) == 149.0
+
+
+@shows("bwo900-8.5-91")
+def test_circles_and_corrections_of_mirrored_axes() -> None:
+    done = analysed("N5 F500 tr:2|N10 G2 X10 Y10 I10 J0|N20 G1 G41 X30|N30 M30", p8892=1)
+    (arc,) = done.path[0].elements
+    assert isinstance(arc, Arc)
+    assert (arc.centre, math.degrees(arc.sweep_rad)) == (pytest.approx((-10, 0)), pytest.approx(90.0))
+    assert done.path[1].correction.side == -1
+    near(done.points, [(-10, 10), (-30, 10)])
+
+
+@shows("bwo900-8.7-90")
+def test_all_axes_interpolate() -> None:
+    desk = run("P1|N10 G28 F3000 X10 Y5|N20 X20|N30 M30", p8893=1, p12113=5)
     assert mm(desk) == (20.0, 5.0, 0.0)

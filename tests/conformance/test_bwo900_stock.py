@@ -63,7 +63,7 @@ def pockets(draw: st.DrawFn, cycle: str) -> tuple[dict[int, float], float]:
         values[14] = round(radius * draw(shares(1.0, 8.0)) + allowance + abs(values[16]), 3)
         if draw(st.booleans()):  # drilled: nothing stays between it and the first circle
             values[16] = math.copysign(min(abs(values[16]), radius), values[16])
-            values[11] = round((values[14] - abs(values[16])) * draw(shares(0.0, 0.9)), 3)
+            values[11] = round((values[14] - allowance - abs(values[16])) * draw(shares(0.0, 0.9)), 3)
     return values, radius
 
 

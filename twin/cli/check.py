@@ -25,7 +25,7 @@ INTERVAL_NS = 10_000_000
 
 
 def check(
-    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line.")],
+    *jobs: Annotated[Path, Parameter(help="Files of controller commands, one a line, or programs.")],
     settings: Annotated[
         Path | None, Parameter(help="File of bounds; without it isel-twin.toml beside each job, or above.")
     ] = None,

@@ -40,7 +40,7 @@ MOST_SAMPLES = 100_000_000
 
 
 def run(
-    job: Annotated[Path, Parameter(help='File of controller commands, one a line; "-" is standard input.')],
+    job: Annotated[Path, Parameter(help='Controller commands, one a line, or a program; "-" is standard input.')],
     /,
     *,
     machine: MachineName = TwinCall.machine,
@@ -62,7 +62,7 @@ def run(
     jobs: Annotated[int, Parameter(help="Processes that share the repetitions of --robust.")] = 1,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
-    """Run a file of controller commands in virtual time.
+    """Run a file of controller commands, or a program of the controller's, in virtual time.
 
     A line is sent as the controller's language has it (an iMC's with a carriage return) and its reply awaited. "# "
     begins a comment. <253> is the byte 253, <0.5s> lets time pass, and text before a <...> is sent as it stands. So
@@ -71,10 +71,13 @@ def run(
     `=> 2` behind a command says what must be answered (`*` anything, `none` nothing, `=> 0 within 5 s`), and a line
     `! x == 50 +- 0.03 mm` what must be so after it; docs/hosts.md lists what can be expected.
 
+    A program of a controller that runs programs (DIN 66025, see docs/bwo900.md) is loaded, the axes are referenced, it
+    is started, and its blocks are told as they are made.
+
     Ctrl-C ends the job; what has happened by then is written. So does a command that is not over after --timeout.
 
     Exit code 0 if every command was accepted ("0", or a longer answer to a query) or answered as expected, every
-    condition met and no step lost, else 1. With
+    condition met, a program at its end and no step lost, else 1. With
     --robust 20, only if 20 repetitions with another power-on position, supply (5 %), friction (20 %) and masses (10 %),
     all drawn from --seed, end as the job itself does: what happens near stall is luck.
     """

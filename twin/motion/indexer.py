@@ -110,6 +110,25 @@ class Indexer:
         third = Phase(second.t + cruise, second.s + sign * v * cruise, sign * v, -sign * a)
         return self._with(axis, k, [first, second, third, Phase(third.t + rise, target, 0.0)])
 
+    def towards(self, axis: int, k: int, target: float, speed: float) -> Indexer:
+        """On to the place that the axis is on its way to, at another speed, above 0.
+
+        v^2 = min(speed^2, a way + u^2 / 2)         u, v: the speed now, the one to be held
+        way = |v^2 - u^2| / 2a + cruise + v^2 / 2a
+        """
+        t, s, velocity = self._state(axis, k)
+        way, u, a = abs(target - s), abs(velocity), self.acceleration
+        if velocity == 0.0 or way == 0.0:
+            return self.to(axis, k, target, speed)
+        sign = math.copysign(1.0, velocity)
+        v = min(speed, max(math.sqrt(a * way + u * u / 2.0), 0.0)) if speed > u else speed
+        turn, change = abs(v - u) / a, abs(v * v - u * u) / (2.0 * a)
+        cruise = max(way - change - v * v / (2.0 * a), 0.0) / v
+        first = Phase(t, s, velocity, sign * math.copysign(a, v - u))
+        second = Phase(t + turn, s + sign * change, sign * v)
+        third = Phase(second.t + cruise, second.s + sign * v * cruise, sign * v, -sign * a)
+        return self._with(axis, k, [first, second, third, Phase(third.t + v / a, target, 0.0)])
+
     def _state(self, axis: int, k: int) -> tuple[float, float, float]:
         t = self._time_s(k)
         return (t, *_phase(self.phases[axis], t).at(t))

@@ -1,6 +1,7 @@
 """BWO 900: a CNC that runs DIN 66025 programs on servo axes, after its manual.
 
     control.py      host, inputs and clock: implements isel_twin.controller.Controller; ports.py, outgoing.py, power.py
+    operating.py    modes, Start, Stop, parameters that are keys
     axes.py         where the axes stand and may go; hand.py: moves without a program (jog.py, homing.py)
     transfer.py     programs and parameters over the line; programs.py, parameters.py, memory.py: what is kept
     syntax.py       blocks read; expressions.py

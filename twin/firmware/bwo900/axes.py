@@ -27,6 +27,8 @@ INCREMENTS_PER_MM: Final = 1_000.0
 """P12012 over P12013 where nobody has set them."""
 SETTLE_MS: Final = 3_000.0
 """P12018 where nobody has set it."""
+COARSEST, FINEST = 1e-3, 1e6
+"""Increments per mm that a measuring system may have."""
 PULSES: Final = 5_000
 """Increments from zero pulse to zero pulse."""
 
@@ -45,6 +47,8 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
+        self._known: tuple[int, Limits] | None = None
+        """The limits, and the revision of the parameters that they are of."""
 
     # Where they are
 
@@ -131,11 +135,16 @@ class Axes:
 
     def limits(self) -> Limits:
         """What axes and path can, as the parameters are now."""
+        revision = self._parameters.revision
+        if self._known is None or self._known[0] != revision:
+            self._known = revision, Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+        return self._known[1]
+
+    def _resolution(self, axis: int) -> float:
+        """Increments per mm: P12012 / P12013, unless that is none."""
         p = self._parameters
-        per_mm = [
-            positive(p.axis(a, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(a, 13, 0.0), 1.0) for a in range(AXES)
-        ]
-        return Limits.of(p, per_mm)
+        per_mm = positive(p.axis(axis, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(axis, 13, 0.0), 1.0)
+        return per_mm if COARSEST <= per_mm <= FINEST else INCREMENTS_PER_MM
 
     def unsettled(self) -> list[int]:
         """Axes that are not within the exact-stop window: P12016 mm, or one increment's root."""

@@ -8,6 +8,7 @@
 
     power.py      drives on and off        axes.py   where the axes stand     hand.py   moves without a program
     outgoing.py   events and messages      channel.py   the program           feeder.py   programs that are fed
+    operating.py  modes, Start, Stop, and what else the operator asks for
 
 Modes: HAND 1, AUTO 2, single block 4, positioning 8. A program starts in AUTO or single block, with all axes referenced
 and the drives on.
@@ -16,7 +17,6 @@ and the drives on.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import IntEnum
 from functools import partial
 from typing import Any, Final
 
@@ -40,33 +40,22 @@ from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.hand import Hand
 from isel_twin.firmware.bwo900.interpreter import Interpreter
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
-from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Effect, Message, message
+from isel_twin.firmware.bwo900.operating import Mode, Operating
 from isel_twin.firmware.bwo900.outgoing import Outgoing
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.power import Power
-from isel_twin.firmware.bwo900.restart import find
 from isel_twin.firmware.bwo900.services import Services
-from isel_twin.firmware.bwo900.status import NUMBERS, at_power_on, cell, in_force, shown
-from isel_twin.firmware.bwo900.transfer import Receiver, end_of_file, parameter_file
+from isel_twin.firmware.bwo900.status import at_power_on, cell, in_force, shown
+from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
-__all__ = ["Control", "Mode"]
+__all__ = ["Control"]
 
-POSITIONED: Final = "P0"
-"""The program whose first block a positioning block is."""
 OVERWRITTEN: Final = 1106
 """Message of a file that is taken, and replaces one."""
-
-
-class Mode(IntEnum):
-    """P8683, P8703."""
-
-    HAND = 1
-    AUTO = 2
-    SINGLE = 4
-    POSITIONING = 8
 
 
 class Control:
@@ -93,16 +82,20 @@ class Control:
         self._watch = Watch(self._parameters, self._levels, self._places, self._executed)
         self._channel = Channel(self._interpreter, self._services(), partial(memory.filters, self._parameters))
         self._now_ns = 0
-        self.mode = Mode.HAND
-        self._began_at: tuple[float, ...] = (0.0,) * AXES
-        """Where the axes stood as the last program was started."""
-        self._broken = ""
-        """Where the last program was broken off."""
-        self._starts = False
-        """Start waits for power."""
-        self._asked: list[tuple[int, float | None]] = []
-        """Parameters that the program has written, and that ask for something."""
-        self._interpreter.on_write = self._ask
+        self._operating = Operating(
+            self._parameters,
+            self._store,
+            interpreter=self._interpreter,
+            channel=self._channel,
+            outgoing=self._outgoing,
+            axes=self._axes,
+            power=self._power,
+            hand=self._hand,
+            feeder=self._feeder,
+            watch=self._watch,
+            function=self._send,
+        )
+        self._interpreter.on_write = self._operating.ask
 
     def _services(self) -> Services:
         return Services(
@@ -150,19 +143,23 @@ class Control:
     def _executed(self) -> tuple[str, int]:
         return self._channel.block
 
+    def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
+        self._operating.written(number, value, area, channel)
+
+    def _program_ended(self, broken: tuple[str, int] | None) -> None:
+        if broken is not None:
+            self._plc.forget()
+        self._operating.ended(broken)
+        self._outgoing.add(FlashWrite(self._memory.image()))
+
     def _write(self, number: int, value: float | None) -> None:
         """A parameter that a block writes as it is executed."""
         self._parameters.write(number, value)
         self._watch.written(number, value)
-        self._ask(number, value)
+        self._operating.ask(number, value)
 
     def _option(self, number: int) -> int:
         return int(self._parameters.get(number))
-
-    def _ask(self, number: int, value: float | None) -> None:
-        """The program has written a parameter: what that asks for is done as soon as the channel has got to rest."""
-        if keys.wish(number, value, AXES) is not None:
-            self._asked.append((number, value))
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -209,16 +206,16 @@ class Control:
     def idle(self) -> bool:
         held = self._channel.phase is Phase.HELD
         working = self._channel.active and not held
-        asked = self._power.until_ns is not None or not self._plc.idle
-        return not (working or self._hand.move is not None or asked or self._receiver.busy)
+        asked = self._power_due_ns is not None or not self._plc.idle
+        return not (working or self._hand.move is not None or asked)
+
+    @property
+    def mode(self) -> Mode:
+        return self._operating.mode
 
     @property
     def unfinished(self) -> str:
-        if self._channel.phase is Phase.HELD:
-            program, number = self._channel.block
-            wanted = "Start" if self._channel.override > 0.0 else "an override above 0 %"
-            return f"{program} N{number} waits for {wanted}"
-        return self._broken
+        return self._operating.unfinished
 
     @property
     def clear_to_send(self) -> bool:
@@ -238,6 +235,7 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
+        self._parameters.write(1, float(AXES), "q")
         for number, value in at_power_on(AXES):
             self._parameters.write(number, value)
         self._outgoing.acknowledge()
@@ -268,11 +266,11 @@ class Control:
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self.advance(t_ns)
         if name == keys.OUTPUT:
-            self._put_out_programs(int(value))
+            self._operating.put_out_programs(int(value))
             return
         for number, wanted in keys.writes(name, value):
             self._parameters.write(number, wanted)
-            self._written(number, wanted, "P", 1)
+            self._operating.written(number, wanted, "P", 1)
         self._outgoing.add(FlashWrite(self._memory.image()))
         self._settle()
 
@@ -293,9 +291,9 @@ class Control:
         elif terminal == PROBE:
             self._watch.touched()
         elif terminal == "e0.1" and level and not before:
-            self._start()
+            self._operating.start()
         elif terminal == "e0.2" and not level and before:
-            self._stop()
+            self._operating.stop()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -329,10 +327,9 @@ class Control:
             self._powered()
         self._plc.advance(self._now_ns)
         self._hand.advance(self._now_ns)
-        self._start_at_rest()
+        self._operating.start_at_rest()
         self._channel.advance(self._now_ns)
-        while self._asked:
-            self._written(*self._asked.pop(0), "P", 1)
+        self._operating.answer()
         self._axes.follow((self._hand.move or self._channel).run)
         if self._hand.homing is None and (axis := self._axes.late()) is not None:
             self._lose(2001, "XYZ"[axis])
@@ -370,7 +367,7 @@ class Control:
         power.until_ns = None
         wants, hand.wants = hand.wants, []
         if not power.ready:
-            self._starts = False
+            self._operating.starts = False
             self._say(message(power.missing))
             return
         power.switch(on=True)
@@ -383,7 +380,7 @@ class Control:
         """Drives off, everything ends."""
         moving = self._channel.active or self._hand.move is not None
         said = self._channel.message(number, detail)
-        self._starts = False
+        self._operating.starts = False
         self._hand.cut()
         self._channel.cut(self._now_ns)
         self._axes.follow(None)
@@ -402,205 +399,18 @@ class Control:
         self._hand.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
 
-    # ---- parameters that are keys -----------------------------------------------------------------------------------
-
-    def _written(self, number: int, value: float | None, area: str, channel: int) -> None:
-        """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
-        if area == "P" and channel == 1:
-            self._watch.written(number, value)
-            self._interpreter.command(number, value, in_hand=self.mode is Mode.HAND)
-        known = self._parameters.of_channel(number) if area == "q" else number if channel == 1 else None
-        wanted = None if known is None else keys.wish(known, value, AXES)
-        if wanted is None or (area == "q" and wanted[0] is not keys.Wish.OVERRIDE):
-            return
-        wish, given = wanted
-        match wish:
-            case keys.Wish.MODE:
-                self._set_mode(int(given))
-            case keys.Wish.START:
-                self._start()
-            case keys.Wish.STOP:
-                self._stop()
-            case keys.Wish.ABORT:
-                self._starts = False
-                self._hand.brake(self._now_ns)
-                self._channel.abort(self._now_ns)
-                self._parameters.write(number, 0.0)
-            case keys.Wish.MOVE:
-                self._move(int(given))
-            case keys.Wish.PUT_OUT:
-                self._parameters.write(number, 0.0)
-                self._put_out(int(given))
-            case keys.Wish.CLEAR:
-                self._outgoing.acknowledge()
-                self._parameters.write(number, 0.0)
-            case keys.Wish.OVERRIDE:
-                overrides.written(self._parameters, int(given))
-                self._channel.set_override(overrides.factor(self._parameters, AXES), self._now_ns)
-            case keys.Wish.LOCK:
-                p = self._parameters
-                locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
-                if locked:
-                    self._hand.release(self._now_ns, everything=True)
-                self._channel.lock(locked, self._now_ns)
-            case keys.Wish.FEED:
-                self._channel.set_feed(given, self._now_ns)
-            case keys.Wish.MAP:
-                self._parameters.write(8_554, self._mapped(int(given)))
-            case keys.Wish.REFERENCE:
-                self._parameters.write(number, 0.0)
-                self._refer(int(given))
-
-    def _mapped(self, number: int) -> float | None:
-        """P8553: the q that a P is; None: there is no such P."""
-        try:
-            return float(self._parameters.address("P", number))
-        except ProgramError:
-            return None
-
-    @property
-    def _free(self) -> bool:
-        """Whether axes may be moved without a program."""
-        return self.mode is Mode.HAND and not self._channel.active and not self._channel.locked
-
-    def _move(self, key: int) -> None:
-        if not self._hand.press(key, self._now_ns, free=self._free):
-            return
-        if self._power.there:
-            self._hand.begin_jog(self._now_ns)
-        else:
-            self._power.request(self._now_ns)
-
-    def _refer(self, axis: int) -> None:
-        if self._hand.refer(axis, free=self._free) and self._power.until_ns is None:
-            self._power.request(self._now_ns)
-
-    def _put_out(self, kind: int) -> None:
-        """All parameters as a file, 5 with their status."""
-        for number in NUMBERS:
-            self._parameters.write(number, self._cell(number))
-        self._reply(parameter_file(self._parameters, status=kind == 5))
-
-    def _put_out_programs(self, number: int) -> None:
-        """A program P as a file, 0: all programs and cycles in one."""
-        names = [f"P{number}"] if number else sorted(self._store)
-        if number and names[0] not in self._store:
-            self._say(message(1252, detail=names[0], effect=Effect.SHOWN))
-            return
-        self._reply("".join(self._store[name].file for name in names))
-
-    def _reply(self, text: str) -> None:
-        """A file goes out."""
-        sign = bytes([end_of_file(self._parameters)])
-        self._outgoing.add(Reply(b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"))
-
-    def _set_mode(self, given: int) -> None:
-        try:
-            mode = Mode(given)
-        except ValueError:
-            self._say(message(1322, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
-            return
-        if Mode.POSITIONING in (mode, self.mode) and Mode.HAND not in (mode, self.mode) and mode is not self.mode:
-            self._say(message(1009))
-            return
-        if mode is Mode.HAND:
-            self._starts = False
-            self._channel.abort(self._now_ns)
-            self._outgoing.clear()
-        elif self.mode is Mode.HAND:
-            self._interpreter.take_over_functions()
-        self._hand.release(self._now_ns, everything=True)
-        self.mode = mode
-        self._channel.single = mode is Mode.SINGLE
-        if mode in (Mode.AUTO, Mode.SINGLE):
-            self._feeder.automatic(self._started)
-        else:
-            self._feeder.end()
-
-    # ---- programs ---------------------------------------------------------------------------------------------------
-
-    def _start(self) -> None:
-        """Start: the program of P8800, or on with the one that is held."""
-        if self._channel.active:
-            self._channel.go_on(self._now_ns)
-            return
-        if self.mode is Mode.HAND:
-            self._say(message(1322, detail="Start"))
-            return
-        if not all(self._axes.referenced):
-            missing = "".join(name for name, known in zip("XYZ", self._axes.referenced, strict=True) if not known)
-            self._say(message(1008, detail=missing))
-            return
-        self._starts = True
-        if not self._power.there:
-            self._power.request(self._now_ns)
-        else:
-            self._start_at_rest()
-
-    def _start_at_rest(self) -> None:
-        """The program that is to start begins when nothing moves any more that HAND has begun."""
-        if self._starts and self._hand.move is None and self._power.until_ns is None:
-            self._starts = False
-            self._begin_program()
-
-    def _stop(self) -> None:
-        """Stop: of a program, or of what moves in HAND."""
-        self._starts = False
-        self._hand.brake(self._now_ns)
-        self._channel.stop(self._now_ns)
-
-    @property
-    def _started(self) -> str:
-        """The program that Start starts."""
-        return f"P{int(self._parameters.get(8_800))}"
-
-    def _begin_program(self) -> None:
-        p = self._parameters
-        positioning = self.mode is Mode.POSITIONING
-        name = POSITIONED if positioning else self._started
-        block = None if positioning else int(p.get(8_801)) or None
-        self._outgoing.fault = False
-        try:
-            again = bool(p.get(8_804) and p.get(8_802))
-            if not positioning:
-                self._feeder.start(name, from_the_middle=again or block is not None)
-            self._began_at = self._began_at if again else self._axes.position
-            self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
-            if again:
-                find(
-                    self._interpreter,
-                    f"P{int(p.get(8_802))}",
-                    int(p.get(8_803)),
-                    self._axes.position,
-                    self._parameters.write,
-                )
-        except ProgramError as error:
-            self._say(message(error.number, program=name, detail=error.detail))
-            return
-        self._channel.single = self.mode is Mode.SINGLE
-        self._broken = ""
-        self._channel.start(self._now_ns)
-
     def _block_begun(self, t_ns: int, block: PathBlock) -> None:
         text = self._store.text(block.program, block.number)
         counts = self._axes.counts_at(t_ns)
         plane = (block.plane.first, block.plane.second)
         self._outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
-    def _program_ended(self, broken: tuple[str, int] | None) -> None:
-        """M30, or the last block: None; or broken off in a block."""
-        self._feeder.end()
-        if broken is not None:
-            self._plc.forget()
-        if self._parameters.get(8_686):
-            self._parameters.write(8_686, 0.0)
-        name, block = broken or ("", 0)
-        self._broken = f"{name} N{block} is broken off" if broken else ""
-        for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
-            self._parameters.write(number, float(value or 0))
-
     def _function(self, function: Machine) -> None:
-        self._plc.function(self._now_ns, function.code)
+        self._send(function.code)
+
+    def _send(self, code: int) -> None:
+        """An M function to the PLC."""
+        self._plc.function(self._now_ns, code)
 
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 

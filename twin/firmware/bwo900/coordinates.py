@@ -47,8 +47,8 @@ class Coordinates:
 
     def reset(self, position: Point, length_mm: float) -> None:
         """A program begins. position: of the axes, machine coordinates. length_mm: of the tool."""
-        self.names = {name: axis for axis, (name, _) in enumerate(self._parameters.axes)}
-        axes = len(self.names)
+        self._letters = tuple(name for name, _ in self._parameters.axes)
+        axes = len(self._letters)
         self.modal = START
         self._planes = {number: self._plane(number) for number in (17, 18, 19)}
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
@@ -85,6 +85,15 @@ class Coordinates:
         """The tool in use has this length."""
         self._length = length_mm
         self.renew()
+
+    def without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
+        """HAND: a zero point, a plane, the tool's length, and nothing else. Raises ProgramError M1240, M1302."""
+        nothing = (0.0,) * len(self.names)
+        self.modal = START.with_g(zero).with_g(plane)
+        self.rotation, self.shift, self.correction = Rotation(), nothing, nothing
+        self._length = length_mm
+        self.renew()
+        self.stand(position)
 
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
@@ -140,10 +149,17 @@ class Coordinates:
         moving = set(targets) | ({plane.first, plane.second} if turned else set())
         return tuple(place[axis] if axis in moving else now for axis, now in enumerate(self.position))
 
+    def logical(self, axis: int) -> int:
+        """The axis of the program that is this one of the machine (P8880)."""
+        return self.frame.order.index(axis)
+
     def _frame_now(self) -> Frame:
-        modal, axes = self.modal, len(self.names)
+        modal, axes = self.modal, len(self._letters)
         nothing = (0.0,) * axes
+        order = _exchanged(self._parameters, axes)
+        self.names = {name: order[axis] for axis, name in enumerate(self._letters)}
         plane = self._planes[modal.plane] if modal.plane < 100 else self._free_plane(modal.plane)
+        plane = Plane(*(order[axis] for axis in (plane.first, plane.second, plane.third)))
         bound = modal.coordinates == 47
         zero = nothing if bound or modal.zero == 153 else self._zero_point(modal.zero)
         return Frame(
@@ -157,7 +173,15 @@ class Coordinates:
             shift=nothing if bound else self.shift,
             zero=zero,
             length=0.0 if bound else self._length,
+            senses=self._senses(order),
+            order=order,
         )
+
+    def _senses(self, order: tuple[int, ...]) -> Point | None:
+        """P8892: a bit for each axis of the program that runs the other way."""
+        turned = int(self._parameters.get(8_892))
+        senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
+        return senses if -1.0 in senses else None
 
     def _zero_point(self, number: int) -> Point:
         """G54 to G59, G154 and on, of the workspace; 0 for axes that P8556 leaves out."""
@@ -166,7 +190,7 @@ class Coordinates:
         entry = rest - 53 + 6 * hundred
         workspace, mask = int(p.given(8_555, 1.0)), int(p.get(8_556))
         return tuple(
-            0.0 if mask >> axis & 1 else p.zero_point(entry, axis, workspace) for axis in range(len(self.names))
+            0.0 if mask >> axis & 1 else p.zero_point(entry, axis, workspace) for axis in range(len(self._letters))
         )
 
     def _plane(self, number: int) -> Plane:
@@ -178,7 +202,22 @@ class Coordinates:
         return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
 
 
+def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
+    """The machine's axis of each axis of the program: P8880 1 or 2, P8881 to P8889 each from (byte 2) to (byte 1).
+
+    What makes no exchange of all is none.
+    """
+    order = list(range(axes))
+    if p.get(8_880) in (1.0, 2.0):
+        for number in range(8_881, 8_890):
+            value = p.get(number)
+            source, target = byte(value, 2) - 1, byte(value, 1) - 1
+            if 0 <= source < axes:
+                order[source] = target
+    return tuple(order) if sorted(order) == list(range(axes)) else tuple(range(axes))
+
+
 def _plane_of(value: float, default: Plane) -> Plane:
-    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default for what is no plane."""
-    axes = [byte(value, number) - 1 for number in (1, 2, 3)]
+    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default if that is none."""
+    axes = tuple(byte(value, number) - 1 for number in (1, 2, 3))
     return Plane(*axes) if sorted(axes) == [0, 1, 2] else default

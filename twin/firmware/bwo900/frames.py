@@ -7,6 +7,7 @@
       mirror                       G61, G62: after the rotation, about its origin
       + zero point                 G53 to G59 ...
       + tool length                along the third axis of the plane
+      sense of each axis           P8892
     = machine position
 
 In the plane (u, v) with the origin (U0, V0) of the rotation, E and (dU, dV) with what has been added to them:
@@ -21,6 +22,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from operator import add, mul, sub
+from typing import Final
 
 from isel_twin.firmware.bwo900.elements import XY, Plane, Point
 
@@ -64,6 +67,9 @@ class Rotation:
         return u * cosine - v * sine, u * sine + v * cosine
 
 
+UNTURNED: Final = Rotation()
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """What is in force between program and machine; lengths in mm, one an axis. See the module."""
@@ -85,21 +91,26 @@ class Frame:
     """The zero point in force."""
     length: float = 0.0
     """Tool length, along the third axis of the plane."""
+    senses: Point | None = None
+    """P8892: -1 for axes that run the other way; None: none does."""
+    order: tuple[int, ...] = (0, 1, 2)
+    """The machine's axis of each axis of the program (P8880)."""
 
     @property
     def mirrored(self) -> bool:
-        """One of G61 and G62: circles turn, and radius corrections lie, the other way."""
-        return self.mirror_first != self.mirror_second
+        """One of G61 and G62, or of the plane's axes turned: circles turn, and corrections lie, the other way."""
+        other = self.senses is not None and self.senses[self.plane.first] != self.senses[self.plane.second]
+        return (self.mirror_first != self.mirror_second) != other
 
     @property
     def bare(self) -> Frame:
         """G66: nothing of it, for one block."""
         nothing = (0.0,) * self.axes
-        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing)
+        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
 
     def machine(self, program: Point) -> Point:
         """The place of the machine of a point of the program, correction included."""
-        point = tuple(a + b for a, b in zip(program, self.correction, strict=True))
+        point = tuple(map(add, program, self.correction))
         return self._outer(self._inner(point))
 
     def centre(self, program: tuple[float, float]) -> tuple[float, float]:
@@ -110,11 +121,10 @@ class Frame:
 
     def program(self, machine: Point) -> Point:
         """The point of the program that stands at a place of the machine: `machine` backwards."""
-        lengths = self.plane_length
-        point = tuple(a - b - c for a, b, c in zip(machine, self.zero, lengths, strict=True))
-        rotation = self.rotation or Rotation()
+        point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
+        rotation = self.rotation or UNTURNED
         if not self.shift_first:
-            point = tuple(a - b for a, b in zip(point, self.shift_mirrored, strict=True))
+            point = tuple(map(sub, point, self.shift_mirrored))
         u, v = self.plane.of(point)
         u, v = u - rotation.u0, v - rotation.v0
         u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
@@ -122,36 +132,45 @@ class Frame:
         u, v = back.turned(u, v)
         point = self.plane.into(point, u - rotation.du, v - rotation.dv)
         if self.shift_first:
-            point = tuple(a - b for a, b in zip(point, self.shift, strict=True))
-        return tuple(a - b for a, b in zip(point, self.correction, strict=True))
+            point = tuple(map(sub, point, self.shift))
+        return tuple(map(sub, point, self.correction))
 
     @property
     def plane_length(self) -> Point:
         """The tool length as a shift of all axes."""
-        return tuple(self.length if axis == self.plane.third else 0.0 for axis in range(self.axes))
+        third = self.plane.third
+        if not self.length or not 0 <= third < self.axes:
+            return (0.0,) * self.axes
+        return (*(0.0,) * third, self.length, *(0.0,) * (self.axes - third - 1))
 
     @property
     def shift_mirrored(self) -> Point:
         """G92 as it is added after rotation and mirror: mirrored with the axes of the plane (manual 4.21)."""
+        if not self.mirror_first and not self.mirror_second:
+            return self.shift
         u, v = self.plane.of(self.shift)
         return self.plane.into(self.shift, -u if self.mirror_first else u, -v if self.mirror_second else v)
 
     def _inner(self, point: Point) -> Point:
         """Rotation, mirror and G92."""
-        rotation = self.rotation or Rotation()
+        rotation = self.rotation or UNTURNED
         if self.shift_first:
-            point = tuple(a + b for a, b in zip(point, self.shift, strict=True))
+            point = tuple(map(add, point, self.shift))
         u, v = self.plane.of(point)
         u, v = rotation.turned(u + rotation.du, v + rotation.dv)
         u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
         point = self.plane.into(point, u + rotation.u0, v + rotation.v0)
         if not self.shift_first:
-            point = tuple(a + b for a, b in zip(point, self.shift_mirrored, strict=True))
+            point = tuple(map(add, point, self.shift_mirrored))
         return point
 
     def _outer(self, point: Point) -> Point:
-        """Zero point and tool length."""
-        return tuple(a + b + c for a, b, c in zip(point, self.zero, self.plane_length, strict=True))
+        """Zero point and tool length, and the sense of each axis."""
+        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
+
+    def sensed(self, point: Point) -> Point:
+        """A place with the sense of each axis; its own inverse."""
+        return point if self.senses is None else tuple(map(mul, point, self.senses))
 
 
 def polar(pole: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:

@@ -6,6 +6,7 @@ Both wait for the power of the drives: `wants` and `direction` say what is to be
 from __future__ import annotations
 
 from isel_twin.controller import CounterSet
+from isel_twin.firmware.bwo900 import overrides
 from isel_twin.firmware.bwo900.axes import AXES, Axes
 from isel_twin.firmware.bwo900.homing import Homing
 from isel_twin.firmware.bwo900.jog import Jog
@@ -44,7 +45,7 @@ class Hand:
         if self.jog is not None:
             self.jog.advance(now_ns)
             self._axes.follow(self.jog.run)
-            if self.jog.run is None:
+            if self.jog.over:
                 self.jog = None
 
     def cut(self) -> None:
@@ -68,6 +69,11 @@ class Hand:
         if self.jog is not None:
             self.jog.release(now_ns, everything=everything)
 
+    def scale(self, override: float, now_ns: int) -> None:
+        """Another override, for the key that is held and for steps."""
+        if self.jog is not None:
+            self.jog.scale(override, now_ns)
+
     def press(self, key: int, now_ns: int, *, free: bool) -> bool:
         """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program let it. Returns whether one is to begin."""
         if self.jog is not None:
@@ -86,7 +92,8 @@ class Hand:
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
-            jog = Jog(self._parameters, axes.limits(), axes.counts, sign, PERIOD_NS, now_ns)
+            override = overrides.factor(self._parameters, AXES)
+            jog = Jog(self._parameters, axes.limits(), axes.counts, sign, PERIOD_NS, now_ns, override=override)
         except ProgramError as error:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return

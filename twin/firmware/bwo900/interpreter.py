@@ -33,7 +33,7 @@ from isel_twin.firmware.bwo900.cycles.moves import Moves
 from isel_twin.firmware.bwo900.elements import Element, Point
 from isel_twin.firmware.bwo900.expressions import whole
 from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import GROUPS, ZERO
+from isel_twin.firmware.bwo900.groups import GROUPS, PLANE, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -112,8 +112,8 @@ class Interpreter:
         self._watched = False
         """A block with M26 has not been executed yet: nothing with a path is analysed."""
         self._skips = False
-        self._told = AT_REST
-        """What the last block has been told of what holds."""
+        self._told: tuple[object, InForce] = (None, AT_REST)
+        """What holds, and what the last block has been told of it: one for all until it changes."""
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
         """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
@@ -220,17 +220,30 @@ class Interpreter:
         self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
-        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
+        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made.
+
+        Raises ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere.
+        """
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise
-            if goal is not None:
-                self._stack.go(goal)
             self._jump_to = self._otherwise = None
+            if goal is not None and self._stack:
+                self._stack.go(goal)
 
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
         self._coordinates.stand(position)
+
+    def hand(self, position: Point) -> None:
+        """HAND: its zero point (P8758) and plane (P8757) are those of what is shown. position: of the axes, mm."""
+        zero, plane = int(self._parameters.get(8_758)), int(self._parameters.get(8_757))
+        plane = plane if GROUPS.get(plane) == PLANE else 17
+        length = self._tools.length_mm
+        try:
+            self._coordinates.without_program(zero if zero in ZERO_POINTS else 153, plane, length, position)
+        except ProgramError:  # the table of zero points is not where it ought to be
+            self._coordinates.without_program(153, plane, length, position)
 
     # ---- analysis ---------------------------------------------------------------------------------------------------
 
@@ -303,10 +316,10 @@ class Interpreter:
         user, called_by = stack.cycle or ("", None)
         number = int(user[1:]) if user else cycle
         feed = self._targets.feed_mm_min or 0.0
-        now = InForce(here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop)
-        if now != self._told:
-            self._told = now
-        return self._told
+        now = here.modal, here.frame, feed, stack.depth, stack.caller, number, called_by, stack.loop
+        if now != self._told[0]:
+            self._told = now, InForce(*now)
+        return self._told[1]
 
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
@@ -351,8 +364,18 @@ class Interpreter:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
-        """The line has written a parameter P that may copy records of tools."""
+        """The line has written a parameter P that may copy records of tools, or exchange and turn axes."""
         self._tools.command(number, value, in_hand=in_hand)
+        if 8_880 <= number <= 8_892:
+            self._coordinates.renew()
+
+    def forget_in_hand(self) -> None:
+        """HAND: the mirror of axes ends (P8892), and their exchange if it is to (P8880 = 2)."""
+        p = self._parameters
+        for number in (8_892, *((8_880,) if p.get(8_880) == 2.0 else ())):
+            if p.loaded(number):
+                p.write(number, None)
+                self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
         """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
@@ -523,7 +546,10 @@ class Interpreter:
         """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
         if not self._watched or self._waiting is not Waiting.EXECUTION or not self._stack or self._stack.top.over:
             return False
-        block = self._stack.top.program.block(self._stack.top.place)
+        try:
+            block = self._stack.top.program.block(self._stack.top.place)
+        except ProgramError:  # said when its turn comes
+            return False
         moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
         return not moves and (self._supervises or bool(block.calls))
 

@@ -1,6 +1,7 @@
 """HAND: one axis moved by its keys, as far as they are held or by one step (manual 8.5, P8750 to P8769).
 
-P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754    P8760 step, mm
+P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756)
+P8760 step, mm
 P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
 """
 
@@ -16,7 +17,7 @@ from isel_twin.firmware.bwo900.path import Limits
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
-__all__ = ["Jog"]
+__all__ = ["Jog", "step_on"]
 
 CONTINUOUS, STEP = 1, 2
 FURTHEST_MM: Final = 10_000.0
@@ -35,13 +36,34 @@ def step_mm(parameters: Parameters) -> float:
     return parameters.get(8_763 + place, STEPS_MM[place])
 
 
+def step_on(parameters: Parameters) -> None:
+    """P8761: the next step of the table that is not 0; the first one comes behind the last."""
+    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM))
+    for _ in STEPS_MM:
+        place = place % len(STEPS_MM) + 1
+        step = parameters.get(8_762 + place, STEPS_MM[place - 1])
+        if step > 0.0:
+            parameters.write(8_762, float(place))
+            parameters.write(8_760, step)
+            break
+    parameters.write(8_761, 0.0)
+
+
 class Jog:
     """A move in HAND."""
 
     def __init__(
-        self, parameters: Parameters, limits: Limits, counts: Sequence[int], sign: int, period_ns: int, now_ns: int
+        self,
+        parameters: Parameters,
+        limits: Limits,
+        counts: Sequence[int],
+        sign: int,
+        period_ns: int,
+        now_ns: int,
+        *,
+        override: float = 1.0,
     ) -> None:
-        """counts: where the axes stand, increments. sign: +1, -1.
+        """counts: where the axes stand, increments. sign: +1, -1. override: of the speed, 0: it waits.
 
         Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
         """
@@ -63,10 +85,15 @@ class Jog:
             raise ProgramError(2103 if sign > 0 else 2104, "XYZ"[axis])
         fastest = min(p.given(8_754, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
         speed = min(p.given(8_755, SPEED_MM_MIN) / 60.0, fastest)
-        p.write(8_756, speed * 60.0)
-        plan = at_rest(len(counts), period_ns, limits.rapid_acceleration[axis] * per_mm, ("jog", now_ns, axis))
-        plan = plan.to(axis, 0, float(round(way * per_mm)), speed * per_mm)
-        self.run: SetPointRun | None = SetPointRun(plan, period_ns, now_ns)
+        self._parameters, self._speed, self._per_mm = p, speed, per_mm
+        self._acceleration, self._axes = limits.rapid_acceleration[axis] * per_mm, len(counts)
+        self._left = float(round(way * per_mm))
+        """Way that is left where the present run began."""
+        self._override = 0.0
+        self.over = False
+        """It has come to its end."""
+        self.run: SetPointRun | None = None
+        self.scale(override, now_ns)
 
     @property
     def next_ns(self) -> int | None:
@@ -75,14 +102,43 @@ class Jog:
 
     def advance(self, now_ns: int) -> None:
         """Let time pass."""
-        if self.run is not None and now_ns >= self.run.end_ns:
-            self.run = None
+        run = self.run
+        if run is not None and now_ns >= run.end_ns:
+            self._left -= float(run.displacement(run.end_ns)[self.axis])
+            self.run, self.over = None, self._released or self._override > 0.0
+
+    _released = False
+
+    def scale(self, override: float, now_ns: int) -> None:
+        """Another override: the axis goes on at that speed; 0 holds it."""
+        if self._released:
+            return
+        self._override = override
+        self._parameters.write(8_756, override * self._speed * 60.0)
+        speed, run = override * self._speed * self._per_mm, self.run
+        if run is None:
+            if override > 0.0:
+                plan = at_rest(self._axes, self._period_ns, self._acceleration, ("jog", now_ns, self.axis))
+                self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), self._period_ns, now_ns)
+            return
+        assert isinstance(run.plan, Indexer)
+        tick = self._tick(run, now_ns)
+        changed = (
+            run.plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else run.plan.braked(self.axis, tick)
+        )
+        self.run = replace(run, plan=changed)
+
+    def _tick(self, run: SetPointRun, now_ns: int) -> int:
+        return max(0, -((run.start_ns - now_ns) // self._period_ns))
 
     def release(self, now_ns: int, *, everything: bool = False) -> None:
         """The key is released: brake, unless it is a step; everything: a step as well."""
         run = self.run
-        if run is None or (self._kind == STEP and not everything):
+        if self._kind == STEP and not everything:
+            return
+        self._released = True
+        if run is None:
+            self.over = True
             return
         assert isinstance(run.plan, Indexer)
-        tick = max(0, -((run.start_ns - now_ns) // self._period_ns))
-        self.run = replace(run, plan=run.plan.braked(self.axis, tick))
+        self.run = replace(run, plan=run.plan.braked(self.axis, self._tick(run, now_ns)))

@@ -36,6 +36,7 @@ MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 
 PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
 KIND, AXIS, MOVE, STEP = 8_750, 8_751, 8_752, 8_760
 OUTPUT: Final = "output"
+HIGHEST_FUNCTION: Final = 999
 CONTINUOUS, BY_STEPS = 1.0, 2.0
 
 KEYS: Final[Mapping[str, Key]] = {
@@ -91,6 +92,8 @@ class Wish(Enum):
     PUT_OUT = "all parameters as a file; 5: with their status"
     CLEAR = "the messages that stand"
     OVERRIDE = "a parameter of an override"
+    FUNCTION = "an M function, in HAND"
+    NEXT_STEP = "the next step of the table"
     LOCK = "the channel may not move, or may again"
     FEED = "of the block in execution, mm/min"
     MAP = "say which q a P is"
@@ -115,6 +118,10 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
             return Wish.PUT_OUT, given
         case 8_508:
             return Wish.CLEAR, given
+        case 8_690 if value is not None:
+            return Wish.FUNCTION, given
+        case 8_761 if given == 1:
+            return Wish.NEXT_STEP, given
         case 8_701 | 8_702:
             return Wish.LOCK, given
         case 8_817:

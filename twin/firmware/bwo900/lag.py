@@ -20,7 +20,7 @@ from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["LagWatch", "window_mm"]
 
-LOOK_NS: Final = 10 * MILLISECOND_NS
+LOOK_NS: Final = 25 * MILLISECOND_NS
 MORE_PERCENT: Final = 50.0
 LONGEST_MS: Final = 50.0
 COARSE: Final = 8.0
@@ -45,6 +45,26 @@ class LagWatch:
         self._ought = [0.0] * MACHINE_AXES
         self._since_ns: list[int | None] = [None] * MACHINE_AXES
         """Since when the lag of an axis is more than allowed."""
+        self._known: tuple[int, list[tuple[float, float, float, float]]] | None = None
+        """Settings, and the revision of the parameters that they are of."""
+
+    def _settings(self, per_mm: Sequence[float]) -> Sequence[tuple[float, float, float, float]]:
+        """Of each axis: KV in 1/s, P12024 in %, P12025 in ms, coarse window in mm."""
+        p = self._parameters
+        if self._known is None or self._known[0] != p.revision:
+            self._known = (
+                p.revision,
+                [
+                    (
+                        positive(p.axis(axis, 20, 0.0), KV_1_S),
+                        positive(p.axis(axis, 24, 0.0), MORE_PERCENT),
+                        p.axis(axis, 25, 0.0),
+                        positive(p.axis(axis, 17, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
+                    )
+                    for axis in range(MACHINE_AXES)
+                ],
+            )
+        return self._known[1]
 
     def begin(self, now_ns: int, counts: Sequence[int]) -> None:
         """Something begins to move, all axes at rest."""
@@ -67,15 +87,12 @@ class LagWatch:
         self.due_ns = now_ns + LOOK_NS
         passed_s, self._last_ns = (now_ns - self._last_ns) / SECOND_NS, now_ns
         before, self._counts = self._counts, tuple(counts)
-        p, late = self._parameters, None
-        for axis in range(MACHINE_AXES):
-            gain = positive(p.axis(axis, 20, 0.0), KV_1_S) * passed_s
+        late = None
+        for axis, (kv, more, longest_ms, coarse_mm) in enumerate(self._settings(per_mm)):
+            gain = kv * passed_s
             left = math.exp(-gain)
             self._ought[axis] = self._ought[axis] * left + (counts[axis] - before[axis]) * (1.0 - left) / gain
-            longest_ms = p.axis(axis, 25, 0.0)
-            more = positive(p.axis(axis, 24, 0.0), MORE_PERCENT) / 100.0
-            window = positive(p.axis(axis, 17, 0.0), COARSE * window_mm(p, axis, per_mm[axis])) * per_mm[axis]
-            allowed = (1.0 + more) * abs(self._ought[axis]) + window
+            allowed = (1.0 + more / 100.0) * abs(self._ought[axis]) + coarse_mm * per_mm[axis]
             if longest_ms == OFF or abs(lag[axis]) <= allowed:
                 self._since_ns[axis] = None
                 continue

@@ -73,7 +73,7 @@ KEPT: Final = 4 << 20
 """Bytes of a program that is fed if it is linear; shorter ones, and others, are kept in the memory."""
 PIECE: Final = 1 << 16
 """Characters of a text that are made ready at a time."""
-MARKS: Final = frozenset("PZ#%\x04")
+MARKS: Final = frozenset("PZD#%\x04")
 """What a line begins with that is no block, or may be none."""
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
 _ROW = re.compile(r"[^\r\n]*[^\s][^\r\n]*")
@@ -88,8 +88,9 @@ SHOWN: Final = 40
 """Characters of a line that is told."""
 _KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
 """A block, or a remark, and hardly anything else."""
-_JOB = re.compile(r"\s*(?:D\+?\s*$|[<#!])")
-"""How a job begins: parameters, bytes, a remark."""
+_JOB = re.compile(r"\s*[<#!]")
+"""How a job begins: bytes, a remark."""
+_PARAMETERS: Final = ("D", "D+")
 _PARAMETER = re.compile(r"\s*(?:K\d+\s*:?\s*)?([Pq])\s*(\d+)\s*:\s*(\S+)")
 
 
@@ -155,8 +156,9 @@ class Bwo900Language:
     def claims(self, text: str) -> bool:
         """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
         rows = [row[0] for row in islice(_significant(text), SURE)]
-        known = all(program_name(row) or row.strip() in (END, "\x04") or _KNOWN.match(row) for row in rows)
-        return known and any(_KNOWN.match(row) for row in rows)
+        plain = (END, "\x04", *_PARAMETERS)
+        known = all(program_name(row) or row.strip() in plain or _is_known(row) for row in rows)
+        return known and any(map(_is_known, rows))
 
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
         """See RunsPrograms: a text that does not begin as a job does. The first program is started; if it is too
@@ -169,9 +171,11 @@ class Bwo900Language:
             encoded(text)  # or say now that it cannot be sent
         files = list(_programs(text))
         first = next((file for file in files if file.name[0] == "P"), None)
-        if first is None:
-            others = ", ".join(file.name for file in files) or "nothing"
+        if first is None and any(file.name[0] == "Z" for file in files):
+            others = ", ".join(file.name for file in files)
             raise LanguageError(f"there is no program in it to be started, a line P and its number, but {others}")
+        if first is None:
+            return [(f"{file.name}, {file.blocks}", file) for file in files]
         number = int(first.name[1:])
         feeds = first.size > KEPT and not any(_LEADS_BACK.search(text, *span) for span in first.spans)
         steps: list[tuple[str, Iterable[bytes]]] = [
@@ -213,9 +217,14 @@ def _significant(text: str) -> Iterator[re.Match[str]]:
             yield row
 
 
+def _is_known(row: str) -> bool:
+    """A block, a remark or a parameter."""
+    return _KNOWN.match(row) is not None or _PARAMETER.match(row) is not None
+
+
 def _check_beginning(row: str) -> None:
     """Raise LanguageError for a line that begins no program."""
-    if not (program_name(row) or _BLOCK.match(row)):
+    if not (program_name(row) or _BLOCK.match(row) or row.strip() in _PARAMETERS):
         try:
             parse_block(row)
         except ProgramError:
@@ -225,7 +234,7 @@ def _check_beginning(row: str) -> None:
 
 @dataclass(frozen=True)
 class _Program:
-    """A program of a text: its file as it goes over the line, made as it is asked for."""
+    """A program of a text, or parameters (D): its file as it goes over the line, made as it is asked for."""
 
     text: str
     name: str
@@ -239,7 +248,8 @@ class _Program:
     @property
     def blocks(self) -> str:
         """How many it has, in words; chained lines are one."""
-        return "1 block" if self.count == 1 else f"{self.count} blocks"
+        what = "line" if self.name in _PARAMETERS else "block"
+        return f"{self.count} {what}{'' if self.count == 1 else 's'}"
 
     @property
     def size(self) -> int:
@@ -267,7 +277,7 @@ def _rows(text: str) -> Iterator[str]:
 
 
 def _programs(text: str) -> Iterator[_Program]:
-    """The programs of a text."""
+    """The programs of a text, and its files of parameters."""
     name, spans, count, begin = "", list[tuple[int, int]](), 0, -1
     for row in _significant(text):
         if (mark := row[0].lstrip()[0]) not in MARKS:
@@ -275,7 +285,7 @@ def _programs(text: str) -> Iterator[_Program]:
             count += mark != ";" and not row[0].rstrip().endswith("\\")
             continue
         word = row[0].strip()
-        found = program_name(word)
+        found = word if word in _PARAMETERS else program_name(word)
         if not (found or word == END or word[0] in "%\x04"):
             begin = row.start() if begin < 0 else begin
             count += 1

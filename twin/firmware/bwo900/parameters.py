@@ -33,6 +33,8 @@ __all__ = [
 LOADED: Final = 0x01
 REAL_TIME: Final = 0x04
 SYNCHRONISING: Final = 0x08
+LOCKS: Final = 0x0F
+"""Of byte 3."""
 LARGEST_Q: Final = 59_999
 """60 000 parameters, the largest system."""
 AXIS_SIZE: Final = 200
@@ -173,6 +175,23 @@ class Parameters:
     def has(self, number: int, bits: int, area: str = "P", channel: int = 1) -> bool:
         """Whether bits of the status are set."""
         return bool(self._status.get(self.address(area, number, channel), 0) & bits)
+
+    def locked(self, number: int, area: str = "P", channel: int = 1) -> bool:
+        """Whether a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
+
+        P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 lifts them; P8511 lifts
+        them for programs.
+        """
+        bits = self._status.get(self.address(area, number, channel), 0) >> 16 & LOCKS
+        if not bits:
+            return False
+        set_, lifted = int(self.get(8_510)), int(self.get(8_511))
+        for switch in (11_008, 11_009):
+            if self.get(switch) == 1.0:
+                set_ |= int(self.get(switch + 10))
+            elif self.get(switch) == -1.0:
+                lifted |= int(self.get(switch + 10))
+        return bool(bits & set_ & ~lifted)
 
     def axis(self, axis: int, offset: int, default: float) -> float:
         """The value of P12000 + 200 axis + offset, axis from 0; `default` if it is deleted."""

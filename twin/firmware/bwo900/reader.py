@@ -127,7 +127,7 @@ class Reader:
             return frozenset()
         third = self._coordinates.frame.plane.third
         axis = next(name for name, number in self._coordinates.names.items() if number == third)
-        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[third]: 35, "H": 36}
+        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[self._coordinates.logical(third)]: 35, "H": 36}
         taken = [word for word in said.block.words if word.name in numbers]
         for word in taken:
             self._parameters.write(numbers[word.name], self._values.of(word.value))

@@ -65,6 +65,7 @@ def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
     none; commands and settings that do not outlive it."""
     yield from ((8_550, 1.0), (8_551, float(axes)), (8_552, float(axes)))
     yield from ((number, 0.0) for number in (8_579, 8_685, 8_687, 8_709))
+    yield from ((number, 1.0) for number in (8_683, 8_688, 8_703))  # HAND
     yield from ((number, None) for number in (8_701, 8_702, 8_757, 8_758, 8_759, 8_880, 8_891, 8_893, 8_894))
     for axis in range(axes):
         first = 12_000 + AXIS_SIZE * axis
@@ -184,10 +185,14 @@ def shown(axis: int, frame: Frame) -> float:
 
 
 def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
-    goal = channel.target
+    goal, frame = channel.target, in_force(interpreter, channel)
+    if offset in (154, 155, 156):
+        axis = frame.order[axis]
     programmed = (interpreter.program_position if goal is None else goal)[axis]
-    shift = shown(axis, in_force(interpreter, channel))
+    shift = shown(axis, frame)
     place = seen.set_mm(axis)
+    if offset in (151, 154, 156) and frame.senses is not None:
+        place *= frame.senses[axis]
     match offset:
         case 152:
             return seen.actual_mm(axis)

@@ -201,7 +201,7 @@ class Targets:
             raise ProgramError(1233)
         if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
             raise ProgramError(1232, "circles in space are not in this twin")
-        letters = (CENTRES[plane.first], CENTRES[plane.second])
+        letters = tuple(CENTRES[coordinates.logical(axis)] for axis in (plane.first, plane.second))
         here = plane.of(start if coordinates.modal.dimension == 90 else self._counted_from(said))
         base = here if coordinates.modal.dimension == 91 else (0.0, 0.0)
         u, v = (

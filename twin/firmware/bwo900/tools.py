@@ -51,12 +51,17 @@ class Tools:
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
+        self._radius: tuple[int, float] = (-1, 0.0)
+        """Revision of the parameters, and the radius that they have come to: every block asks for it."""
 
     @property
     def radius_mm(self) -> float:
         """Of the path's tool, with correction, less that of the teach tool; negative: the other side."""
         p = self._parameters
-        return p.get(PATH + RADIUS) + p.get(PATH + RADIUS_CORRECTION) - p.get(TEACH_RADIUS)
+        if self._radius[0] != p.revision:
+            radius = p.get(PATH + RADIUS) + p.get(PATH + RADIUS_CORRECTION) - p.get(TEACH_RADIUS)
+            self._radius = p.revision, radius
+        return self._radius[1]
 
     @property
     def length_mm(self) -> float:

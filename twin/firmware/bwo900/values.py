@@ -83,6 +83,8 @@ class Values:
         return later
 
     def _write(self, area: str, number: int, channel: int, value: float | None, later: Later) -> None:
+        if self._parameters.locked(number, area, channel):
+            raise ProgramError(1304, f"{area}{number}")
         own = area == "P" and channel == 1
         if own and self._parameters.has(number, REAL_TIME):
             later.append((number, value))
