@@ -484,3 +484,40 @@ def test_numbers_that_no_parameter_holds(number: str) -> None:
     desk.send(file("D", f"K1:P 500: {number}", "K1:P 501: 7"))
     assert said(desk) == [1111]
     assert not desk.controller.idle or value(desk, 501) == 7.0
+
+
+@shows("bwo900-6.2-17")
+@pytest.mark.parametrize(
+    ("plc", "words", "messages"),
+    [(BY_KEY, "M41.90", [1255]), (BY_KEY, "M41.7.90", [1252]), (DEAF, "M41.90", []), (BY_KEY, "M41.20 M30", [])],
+    ids=["block", "program", "not taken", "end"],
+)
+def test_goals_that_there_are_not(plc: str, words: str, messages: list[int]) -> None:
+    """M1255, M1252 when the jump is taken; beside M30 the program ends (Z72)."""
+    desk = with_plc(plc, f"P1|N10 G1 F1200 X5 {words}|N20 X9|N30 M30", p11060=M41_JUMPS)
+    desk.set("key", "setup")
+    start(desk)
+    desk.finish()
+    assert said(desk) == messages
+    assert value(desk, 8685) == 0.0
+
+
+@shows("bwo900-6.1-32")
+def test_supervision_with_a_block_that_is_wrong() -> None:
+    """The message comes when it is its turn, behind the watched path."""
+    desk = fresh("P1|N10 G1 F1200 X20 M26|N20 X1 X2|N30 M30")
+    start(desk)
+    desk.finish()
+    assert said(desk) == [1222]
+    assert mm(desk)[0] == 20.0
+
+
+@shows("bwo900-6.1-27")
+def test_a_loop_of_paths_that_are_deleted_at_once_takes_time() -> None:
+    desk = fresh("P1|N10 P500:P500+1|N20 G1 F1200 X50 M26 M23.10", p500=0, p8715=1)
+    start(desk)
+    desk.run(1.0)
+    desk.send(parameters(p8705=1))
+    desk.finish()
+    assert 100 < value(desk, 500) < 1_000
+    assert mm(desk)[0] == 0.0

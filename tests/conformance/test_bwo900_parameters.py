@@ -272,6 +272,7 @@ class Lagging:
         ({"p12216": -1}, 32.0, True),
         ({"p12212": 4000}, 63.0, False),  # sqrt(1 / 4000) mm
         ({"p12212": 4000}, 64.0, True),
+        ({"p12217": 5}, 32.0, True),  # the coarse window is another one
     ],
 )
 def test_the_exact_stop_waits_for_every_axis(values: dict[str, float], lag: float, waits: bool) -> None:
@@ -778,7 +779,7 @@ def test_the_control_is_the_same_after_a_power_cut() -> None:
     keys = dict(desk.controller.key_values)
     desk.power_cycle()
     after = put_out(desk)
-    ends = {q_of(n) for n in (8_702, 12_136, 8_579, 8_709, *(12_180 + 200 * a for a in range(3)))}
+    ends = {q_of(n) for n in (8_702, 12_136, 8_683, 8_688, 8_703, 8_579, 8_709, *(12_180 + 200 * a for a in range(3)))}
     places = {q_of(12_000 + 200 * a + n) for a in range(3) for n in (150, 151, 152, 154, 155, 156, 157, 185)}
     changed = {q for q in before | after if before.get(q) != after.get(q)}
     assert changed <= ends | places | {q_of(9_369), q_of(8_969)}
@@ -844,7 +845,7 @@ def test_a_resolution_that_is_none() -> None:
         ("K1:P 5: " + "9" * 330, 1111),
         ("K1:P 5: nan", 1111),
         ("K1:P 5: 1.2.3", 1111),
-        ("K2:P 5: 1", 1305),
+        ("K2:P 5: 1", 1112),
     ],
 )
 def test_lines_that_are_no_parameters(line: str, number: int) -> None:
@@ -855,7 +856,8 @@ def test_lines_that_are_no_parameters(line: str, number: int) -> None:
 
 @pytest.mark.parametrize(
     ("values", "name"),
-    [({"q110": 0}, "X"), ({"q111": 88}, "Y"), ({"q102": -5}, "X"), ({"q103": 1e9}, "X"), ({"q112": 5}, "Z")],
+    [({"q110": 0}, "X"), ({"q111": 88}, "Y"), ({"q102": -5}, "X"), ({"q103": 1e9}, "X"), ({"q112": 5}, "Z")]
+    + [({"q152": q152}, "Y") for q152 in (-1, 0, 1e9, 0x030301, 0x050201)],
 )
 def test_descriptors_without_sense_are_those_of_a_new_control(values: dict[str, float], name: str) -> None:
     """No letter, the same letter twice, a block of parameters that does not fit (Z88)."""
@@ -965,3 +967,75 @@ def test_what_the_plc_may_not_ask_for() -> None:
     start(desk)
     desk.finish()
     assert (mm(desk)[0], said(desk), [value(desk, int(n[1:])) for n in values]) == (5.0, [], list(values.values()))
+
+
+# Corners, ends of rapid, what the control is at
+
+
+@shows("bwo900-8.5-15")
+@pytest.mark.parametrize(
+    ("exponent", "factor"), [("0", 0.5), ("--", 0.5), ("2", 0.25), ("-1", 1.0), ("-2", 0.5), ("0.5", 0.7071)]
+)
+def test_corner_dynamics(exponent: str, factor: float) -> None:
+    """At 120 degrees between the lines cos(60) = 0.5; -1 is off, other negative numbers are none (Z88)."""
+    desk = fresh("P1|N10 G1 F1200 X20|N20 X30 Y17.3205|N30 M30")
+    desk.send(file("D", f"K1:P 8851: {exponent}"))
+    places, speeds = feeds(desk)
+    corner = np.sort(speeds[np.hypot(places[:, 0] - 20, places[:, 1]) < 0.3])[1]
+    assert corner == pytest.approx(1200.0 * factor, abs=60.0)
+
+
+@shows("bwo900-8.5-16")
+@pytest.mark.parametrize(("kind", "slowest"), [(0, 0), (1, 0), (2, 1200), (3, 0), (-1, 0)])
+def test_the_end_of_rapid(kind: float, slowest: float) -> None:
+    """P8858 = 2 does not stop; a number that is none means an exact stop (Z88)."""
+    places, speeds = feeds(fresh("P1|N10 G0 X20|N20 X40|N30 M30", p8858=kind, p8816=1200))
+    passing = speeds[(places[:, 0] > 19.5) & (places[:, 0] < 20.5)]
+    assert passing.min() == pytest.approx(slowest, abs=60.0)
+
+
+@shows("bwo900-8.5-17")
+@pytest.mark.parametrize("mode", [1, 2, 4])
+def test_the_mode_is_told(mode: int) -> None:
+    """P8683 is the wish, P8703 what the PLC makes of it, P8688 what is."""
+    desk = fresh(referenced=False)
+    assert cells(desk, 8_688, 8_703) == [1, 1]
+    desk.send(parameters(p8683=mode))
+    assert cells(desk, 8_688, 8_703) == [mode, mode]
+    desk.send(parameters(p8703=1))
+    assert cells(desk, 8_688) == [1]
+    desk.send(parameters(p8683=mode))
+    desk.power_cycle()
+    assert cells(desk, 8_688, 8_703, 8_683) == [1, 1, 1]
+
+
+@shows("bwo900-8.5-18")
+def test_the_plc_s_start_and_stop() -> None:
+    desk = fresh("P1|N10 G1 F600 X10|N20 M30")
+    desk.send(parameters(p8800=1, p8703=2, p8704=1))
+    desk.run(0.4)
+    assert value(desk, 8685) == 2
+    desk.send(parameters(p8704=0))
+    desk.run(0.5)
+    assert value(desk, 8685) == 1
+    desk.send(parameters(p8704=1))
+    desk.finish()
+    assert mm(desk)[0] == 10.0
+
+
+@shows("bwo900-8.2-1")
+def test_the_number_of_axes() -> None:
+    assert put_out(fresh(referenced=False, q1=7))[1] == 7
+    desk = fresh(referenced=False, q1=7)
+    desk.power_cycle()
+    assert put_out(desk)[1] == 3
+
+
+@shows("bwo900-8.5-19")
+def test_messages_of_the_correction_are_not_suppressed() -> None:
+    """P8844 (Z25): a circle smaller than the tool is a message all the same."""
+    text = "P1|N10 G1 F600 tr:15 X5|N20 G41 X10|N30 X30|N40 G3 X40 Y10 R10|N50 G1 Y30|N60 M30"
+    desk = fresh(text, p8844=3)
+    start(desk)
+    desk.finish()
+    assert len(said(desk)) == 1

@@ -6,6 +6,7 @@ chords are off by SAGITTA at most. Nothing of it comes from the control's own co
 
     machine = length + zero point + G92 mirrored + U0V0, then mirror, rotation, dUV, G44       P8859 0
     machine = length + zero point + U0V0, then mirror, rotation, dUV + G92, G44                P8859 2
+    and the sense of each axis (P8892)
 
 Words that are not programmed keep their axis of the program where it is; when a frame changes nothing moves.
 """
@@ -72,6 +73,7 @@ class Draughtsman:
     pole: tuple[float, float] | None = None
     feed: float = 3000.0
     exact: bool = False
+    senses: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
 
     # the frame
 
@@ -94,7 +96,7 @@ class Draughtsman:
         inner = added + (self.shift if self.shift_first else 0.0)
         flipped = self.shift * np.diag(mirror)[:3]
         outer = tool + self.zero + origin + (0.0 if self.shift_first else flipped)
-        return moved(outer) @ mirror @ turn @ moved(inner + self.correction)
+        return np.diag([*self.senses, 1.0]) @ moved(outer) @ mirror @ turn @ moved(inner + self.correction)
 
     def program_place(self) -> NDArray[np.float64]:
         return (np.linalg.inv(self._matrix()) @ [*self.place, 1.0])[:3]
@@ -264,9 +266,11 @@ class Draughtsman:
             self.goes("", points, begin=ways[0], end=ways[1])
 
     def uncorrected(self, goal: NDArray[np.float64], axes: tuple[int, ...]) -> None:
-        """A block with G66: places of the machine."""
-        places = np.array([self.place, [goal[axis] if axis in axes else self.place[axis] for axis in range(3)]])
-        words = " ".join(f"{NAMES[a]}{places[1][a] - (0.0 if self.absolute else places[0][a]):.6f}" for a in axes)
+        """A block with G66: places of the machine, in the sense of its axes."""
+        there = goal * self.senses
+        places = np.array([self.place, [there[axis] if axis in axes else self.place[axis] for axis in range(3)]])
+        ways = self.senses * (places[1] - (0.0 if self.absolute else places[0]))
+        words = " ".join(f"{NAMES[a]}{ways[a]:.6f}" for a in axes)
         self.says(f"G66 G1 {words}")
         self._drawn(places, {}, rapid=False, stops=self.exact)
 
@@ -292,7 +296,7 @@ millimetres = st.integers(-300, 300).map(lambda n: n / 10.0)
 KINDS = (
     *("line",) * 4, *("arc",) * 4, *("rapid",) * 2, *("corner",) * 3, "three", *("dimension",) * 2,
     *("uncorrected",) * 2, "zero", "shift", "correction", "rotation", "added", "mirror", "polar", "plane", "feed",
-    "exact", "length",
+    "exact", "length", "sense",
 )  # fmt: skip
 
 
@@ -407,6 +411,10 @@ def programs(draw: st.DrawFn, most: int = 10, *, frames: bool = True) -> Draught
             case "exact":
                 drawn.exact = not drawn.exact
                 drawn.says("G28" if drawn.exact else "G29")
+            case "sense":
+                bits = draw(st.integers(0, 7))
+                drawn.senses = np.array([-1.0 if bits >> axis & 1 else 1.0 for axis in range(3)])
+                drawn.says(f"P8892:{bits}")
             case "length":
                 drawn.length = draw(st.integers(0, 300)) / 10.0
                 drawn.says(f"tl:{drawn.length}")

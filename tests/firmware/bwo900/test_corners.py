@@ -214,3 +214,39 @@ def test_radius_0_is_a_radius_too() -> None:
     )
     assert made[2].end[:2] == pytest.approx((30.0, 10.0))
     assert [type(element) for element in made] == [Line, Line, Arc, Line, Line]
+
+
+def test_a_program_may_end_with_correction() -> None:
+    """The last element ends at right angles to its end, the line that switched it on where it is programmed."""
+    assert ends(corrected("N10 F100 tr:2\nN20 G41 G1 X10\nN30 X30\nN40 M30")) == [(10, 2, 0), (30, 2, 0)]
+    assert ends(corrected("N10 F100 tr:2\nN20 G41 G1 X10\nN40 M30")) == [(10, 0, 0)]
+
+
+@pytest.mark.parametrize(
+    ("back", "number"),
+    [("N40 G3 X10 R12", 1223), ("N40 G3 X10 R10.2", 1223), ("N40 G1 X20 Y1\nN50 X10 Y0", 1223)],
+)
+def test_a_contour_that_leaves_no_room(back: str, number: int) -> None:
+    """A segment of 20 mm and up to 8.2 mm, a wedge of 1 mm: no tool of 5 mm fits in."""
+    assert refused(f"N5 tr:5 F100\nN20 G41 G1 X10\nN30 X30\n{back}\nN60 G1 X0 Y-20\nN70 M30") == number
+
+
+def test_a_lens_that_leaves_no_room() -> None:
+    """Two circles of 5 mm over a chord of 8 mm, 4 mm high: moved by 3 mm they do not meet."""
+    assert refused("N5 tr:3 F100\nN20 G42 G1 X26 Y30\nN30 G2 X34 R5\nN40 G2 X26 R5\nN50 G1 X10\nN60 M30") == 1156
+
+
+def test_moves_across_the_plane_between_a_corner_s_paths() -> None:
+    """They are blocks without a path in the plane: at the beginning of what is put in; with G123 in its middle."""
+    for words, place in (("P71:5 P70:--", (15, 0)), ("P70:5 P71:--", (15, 0))):
+        blocks = corrected(f"N10 G1 F100 G12 {words} X20\nN15 P500:1\nN17 Z-3\nN20 Y20\nN30 M30")
+        assert [block.number for block in blocks if block.elements] == [10, 17, 20]
+        assert ends(blocks) == [(*place, 0), (*place, -3), (20, 5, -3), (20, 20, -3)]
+        assert all(a.end == b.start for a, b in itertools.pairwise(path(blocks)))
+    made = path(corrected("N10 G1 F100 G123 X20 Y5\nN17 Z-3\nN20 X40 Y0\nN30 M30"))
+    assert [type(element) for element in made] == [Arc, Line, Arc]
+    assert made[1] == Line((20.0, 5.0, 0.0), (20.0, 5.0, -3.0))
+
+
+def test_without_a_path_in_the_plane_there_is_no_corner() -> None:
+    assert ends(corrected("N10 G1 F100 G12 P71:5 Z-3\nN20 X20\nN30 M30")) == [(0, 0, -3), (20, 0, -3)]

@@ -4,6 +4,7 @@ same in the end or there is a message, and time passes."""
 
 from __future__ import annotations
 
+import random
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 from isel_twin.firmware.bwo900.blocks import PathBlock
 from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.messages import MESSAGES, ProgramError
-from isel_twin.testing import Desk
+from isel_twin.testing import Desk, StillBusyError
 
 TOOLS: Final = {"p21000": 1.0, "p21010": 4.0, "p21020": 2.0, "p21030": 3.0}
 """T1 with radius 4 mm, T2 with radius 3 mm."""
@@ -278,3 +279,46 @@ def test_stop_while_a_function_before_the_path_waits() -> None:
     desk.finish()
     assert mm(desk)[0] == 30.0
     assert (desk.time_ns - begin) / 1e9 < 1.5
+
+
+WORDS: Final = [
+    "X10", "X0", "Y5", "Y0", "X20", "Z5", "Z0", "G0", "G1", "G2", "G3", "R8", "G91", "G90", "F2000", "M26", "M26",
+    "M26", "M26", "G04.0.2", "G04.5.0", "sc:2", "sc:1", "sc:0", "sc:100", "M41.90", "P500:P500+1", "P500>5.90",
+    "P500>20.120", "M23.20", "M50", "M00", "M01", "M24.3", "M25", "M28.2", "G41", "G40", "tr:1", "P8715:1", "P8715:0",
+    "P8716:1", "G81", "G74", "G86", "G45", "P163:30", "G61", "G12", "P71:2", "M30", "M02", "T2", "M06",
+]  # fmt: skip
+SIGNALS: Final = ({"p8715": 0}, {"p8715": 1}, {"p8684": 0}, {"p8684": 1}, {"p8705": 1}, {"p11310": 0}, {"p11310": 100})
+FASTEST: Final = 220
+"""Increments in a cycle of 2 ms: 6000 mm/min at 1000 a mm are 200, and half of a set point's rounding."""
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_programs_with_m26_and_cycles_live_through_any_signal(seed: int) -> None:
+    """Time passes, no set point jumps, and what is left can be broken off."""
+    chance = random.Random(seed)
+    blocks = [
+        f"N{10 * n} " + " ".join(chance.choices(WORDS, k=chance.randint(1, 4))) for n in range(1, chance.randint(4, 14))
+    ]
+    desk = fresh(
+        f"P1|N5 G1 F1500 X8 Y8 S500 M03 P500:0|{'|'.join(blocks)}|N900 M30",
+        "P2|N10 X3 M26|N20 Y9 M02",
+        **TOOLS,
+        **{"p11060": 0x1000, "p11062": 0x050000, "p32": 1000, "p33": 1, "p34": 4, "p100": 10, "p101": 0, "p106": 3},
+        **{"p13": 2, "p14": 6, "p16": 2, "p17": 2, "p19": 1},
+    )
+    mark = desk.ticks
+    start(desk, mode=chance.choice([2, 2, 4]))
+    for _ in range(chance.randint(1, 6)):
+        desk.run(chance.choice([0.003, 0.05, 0.3, 1.0]))
+        if chance.random() < 0.3:
+            desk.set("probe", chance.choice(["touched", "free"]))
+        else:
+            desk.send(parameters(**chance.choice(SIGNALS)))
+    try:
+        desk.finish(5.0)
+    except StillBusyError:
+        desk.send(parameters(p8683=1, p8705=1))
+        desk.run(8.0)
+    assert desk.controller.idle
+    made = desk.steps_since(mark).delta
+    assert not len(made) or np.abs(made.astype(int)).max() <= FASTEST

@@ -14,6 +14,7 @@ the tick in which they begin.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from enum import Enum
 from typing import Final
 
@@ -397,7 +398,7 @@ class Channel:
             return
         block = self._ahead.blocks[0]
         if block.watched and self._do.watch.deletes(block):
-            self._current = self._ahead.blocks.popleft()
+            self._current = replace(self._ahead.blocks.popleft(), elements=())  # it takes its time all the same
             self._delete()
             self._settle()
             return
@@ -539,7 +540,11 @@ class Channel:
                 self._begin_anew()
             elif not self._do.acknowledged():
                 self._do.withdraw()
-            self._interpreter.acknowledged(self._branches)
+            try:
+                self._interpreter.acknowledged(self._branches)
+            except ProgramError as error:
+                self._break_off(error, block)
+                return
             self._branches = False
         if block.stop is Stop.END:
             self._end(aborted=False)

@@ -4,8 +4,8 @@
     G12 P71       an arc of radius P71 is put in, tangential to both                              lines and circles
     G123          this path and the next one run on the circle through their three points, or on two lines
 
-Blocks without a path in between are carried out at the beginning of what was put in. M1226: the next path is missing;
-M1158: it is not possible.
+Blocks without a path in the plane in between are carried out at the beginning of what was put in. M1226: the next path
+is missing; M1158: it is not possible.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Contour:
         first = self._first
         if first is None:
             return self._begin(block)
-        if not block.elements:
+        if not _flat(block):
             self._between.append(block)
             return []
         between, self._between, self._first = self._between, [], None
@@ -63,9 +63,10 @@ class Contour:
             a, put, b = _corner(first, block)
         except ProgramError as error:
             raise error.at(first.program, first.number, first.column) from None
-        before = replace(first, elements=(*first.elements[:-1], a))
+        plane, before = first.plane, replace(first, elements=(*first.elements[:-1], a))
+        put = replace(put, start=plane.into(put.end, *plane.of(a.end)))  # behind moves across the plane
         after = replace(block, start=put.start, elements=(put, b, *block.elements[1:]))
-        return [before, *between, *self._begin(after)]
+        return [before, *(_moved(other, plane.of(a.end)) for other in between), *self._begin(after)]
 
     def flush(self) -> list[PathBlock]:
         """Nothing comes that a corner could wait for. Raises ProgramError M1226 if one does."""
@@ -76,7 +77,7 @@ class Contour:
 
     def _begin(self, block: PathBlock) -> list[PathBlock]:
         waits = block.chamfer_mm is not None or block.rounding_mm is not None or block.three_points
-        if waits and block.elements:
+        if waits and _flat(block):
             self._first = block
             return []
         return [block]
@@ -87,6 +88,17 @@ class Contour:
             replace(first, elements=(*first.elements[:-1], a)),
             replace(second, elements=(b, *second.elements[1:])),
         )
+
+
+def _flat(block: PathBlock) -> bool:
+    """Whether it has a path in its plane."""
+    return any(flat_length(element, block.plane) > NEAR for element in block.elements)
+
+
+def _moved(block: PathBlock, place: UV) -> PathBlock:
+    """A block of moves across the plane, at another place of it."""
+    elements = tuple(Line(block.plane.into(e.start, *place), block.plane.into(e.end, *place)) for e in block.elements)
+    return replace(block, elements=elements, start=block.plane.into(block.start, *place))
 
 
 def _corner(first: PathBlock, second: PathBlock) -> tuple[Element, Element, Element]:

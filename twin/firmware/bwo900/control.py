@@ -93,7 +93,7 @@ class Control:
             hand=self._hand,
             feeder=self._feeder,
             watch=self._watch,
-            function=self._plc.function,
+            function=self._send,
         )
         self._interpreter.on_write = self._operating.ask
 
@@ -235,6 +235,7 @@ class Control:
         self._at(t_ns)
         self._levels.clear()
         self._levels.update(levels)
+        self._parameters.write(1, float(AXES), "q")
         for number, value in at_power_on(AXES):
             self._parameters.write(number, value)
         self._outgoing.acknowledge()
@@ -405,7 +406,11 @@ class Control:
         self._outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
 
     def _function(self, function: Machine) -> None:
-        self._plc.function(self._now_ns, function.code)
+        self._send(function.code)
+
+    def _send(self, code: int) -> None:
+        """An M function to the PLC."""
+        self._plc.function(self._now_ns, code)
 
     # ---- what it tells about itself ---------------------------------------------------------------------------------
 

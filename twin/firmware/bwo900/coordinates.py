@@ -218,6 +218,6 @@ def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
 
 
 def _plane_of(value: float, default: Plane) -> Plane:
-    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default for what is no plane."""
-    axes = [byte(value, number) - 1 for number in (1, 2, 3)]
+    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default if that is none."""
+    axes = tuple(byte(value, number) - 1 for number in (1, 2, 3))
     return Plane(*axes) if sorted(axes) == [0, 1, 2] else default

@@ -64,10 +64,14 @@ class Line:
             return self.end
         return tuple(a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
 
-    def tangent(self, share: float = 0.0) -> Point:
-        """Unit vector along it; zeros if it has no length."""
+    @cached_property
+    def _direction(self) -> Point:
         length = self.length_mm or 1.0
         return tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True))
+
+    def tangent(self, share: float = 0.0) -> Point:
+        """Unit vector along it; zeros if it has no length."""
+        return self._direction
 
     def extent(self, axis: int) -> tuple[float, float]:
         """Lowest and highest coordinate of an axis on it."""

@@ -220,13 +220,16 @@ class Interpreter:
         self._reader.functions.take_over()
 
     def acknowledged(self, jumps: bool) -> None:
-        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made."""
+        """The M function with a jump was acknowledged and its path deleted (jumps), or the path has been made.
+
+        Raises ProgramError: there is no such goal. Beside M30 nothing is left that could go on elsewhere.
+        """
         if self._waiting is Waiting.ACKNOWLEDGEMENT:
             self._waiting = None
             goal = self._jump_to if jumps else self._otherwise
-            if goal is not None:
-                self._stack.go(goal)
             self._jump_to = self._otherwise = None
+            if goal is not None and self._stack:
+                self._stack.go(goal)
 
     def stand(self, position: Point) -> None:
         """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
@@ -542,7 +545,10 @@ class Interpreter:
         """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
         if not self._watched or self._waiting is not Waiting.EXECUTION or not self._stack or self._stack.top.over:
             return False
-        block = self._stack.top.program.block(self._stack.top.place)
+        try:
+            block = self._stack.top.program.block(self._stack.top.place)
+        except ProgramError:  # said when its turn comes
+            return False
         moves = block.g or any(word.name[0] not in "FSTft" for word in block.words)
         return not moves and (self._supervises or bool(block.calls))
 

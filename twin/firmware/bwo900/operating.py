@@ -62,9 +62,9 @@ class Operating:
         hand: Hand,
         feeder: Feeder,
         watch: Watch,
-        function: Callable[[int, int], None],
+        function: Callable[[int], None],
     ) -> None:
-        """function: sends an M function to the PLC, at a time."""
+        """function: sends an M function to the PLC."""
         self._parameters, self._store = parameters, store
         self._interpreter, self._channel, self._outgoing, self._axes = interpreter, channel, outgoing, axes
         self._power, self._hand, self._feeder, self._watch = power, hand, feeder, watch
@@ -89,6 +89,8 @@ class Operating:
         if self._channel.phase is Phase.HELD:
             program, number = self._channel.block
             wanted = "Start" if self._channel.override > 0.0 else "an override above 0 %"
+            if self._channel.locked:
+                wanted = "its release (P8701, P8702)"
             return f"{program} N{number} waits for {wanted}"
         return self._broken
 
@@ -164,7 +166,7 @@ class Operating:
         elif not 0 <= code <= keys.HIGHEST_FUNCTION:
             self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
         else:
-            self._function(self._now_ns, code)
+            self._function(code)
 
     def _mapped(self, number: int) -> float | None:
         """P8553: the q that a P is; None: there is no such P."""
@@ -230,6 +232,8 @@ class Operating:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
+        for number in (8_688, 8_703):
+            self._parameters.write(number, float(mode))
         self._channel.single = mode is Mode.SINGLE
         if mode in (Mode.AUTO, Mode.SINGLE):
             self._feeder.automatic(self._started)

@@ -107,7 +107,7 @@ class Limits:
             rapid_acceleration=first,
             hand=hand,
             rapid=positive(p.get(8_816), max(fastest) * MINUTE_S) / MINUTE_S,
-            corner=-1.0 if exponent == -1.0 else exponent or 1.0,
+            corner=exponent if exponent > 0.0 or exponent == -1.0 else 1.0,
             deviation_mm=max(p.get(8_852), 0.0),
             kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
             test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,

@@ -145,7 +145,8 @@ def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Paramete
         return BlockEnd.EXACT_STOP
     if rapid:
         kinds = (BlockEnd.EXACT_STOP, BlockEnd.FEED_STOP, BlockEnd.CONTINUOUS)
-        return kinds[min(max(int(parameters.get(8_858)), 0), 2)]
+        kind = int(parameters.get(8_858))
+        return kinds[kind if kind in (1, 2) else 0]
     return BlockEnd.CONTINUOUS
 
 

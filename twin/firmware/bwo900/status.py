@@ -65,6 +65,7 @@ def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
     none; commands and settings that do not outlive it."""
     yield from ((8_550, 1.0), (8_551, float(axes)), (8_552, float(axes)))
     yield from ((number, 0.0) for number in (8_579, 8_685, 8_687, 8_709))
+    yield from ((number, 1.0) for number in (8_683, 8_688, 8_703))  # HAND
     yield from ((number, None) for number in (8_701, 8_702, 8_757, 8_758, 8_759, 8_880, 8_891, 8_893, 8_894))
     for axis in range(axes):
         first = 12_000 + AXIS_SIZE * axis

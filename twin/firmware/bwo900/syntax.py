@@ -153,10 +153,16 @@ class Block:
     @property
     def column(self) -> int:
         """Where to look for what is wrong with its path: the words of a circle, its axes, its G and M words, from 1."""
-        circle = [word.column for word in self.words if word.name[0] in "IJKR"]
-        axes = [word.column for word in self.words if word.name[0] not in "FfSTt"]
-        others = [g.column for g in self.g] + [m.column for m in self.m]
-        return next((min(columns) for columns in (circle, axes, others) if columns), 1)
+        axis = None
+        for word in self.words:  # from the left to the right
+            letter = word.name[0]
+            if letter in "IJKR":
+                return word.column
+            if axis is None and letter not in "FfSTt":
+                axis = word.column
+        if axis is not None:
+            return axis
+        return min([*(g.column for g in self.g), *(m.column for m in self.m)], default=1)
 
     def word(self, name: str) -> Word | None:
         """The word of that name."""
