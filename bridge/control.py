@@ -232,6 +232,7 @@ class Operator:
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),
             "keys": dict(twin.key_values),
+            "unfinished": twin.unfinished,
             "levels": {terminal: int(level) for terminal, level in twin.levels.items()},
             "faults": dict(twin.faults),
             "events_left": twin.events_left,

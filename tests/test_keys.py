@@ -130,6 +130,18 @@ def test_the_control_port_presses_and_tells() -> None:
     assert bench.ask(keys=True)["mode"] == "what the control does: hand, auto, single, positioning"
 
 
+def test_the_state_tells_where_a_program_waits() -> None:
+    bench = Bench(machine="4030-servo", controller="bwo900")
+    assert bench.ask(state=True)["unfinished"] == ""
+    bench.ask(key={"reference": "all"})
+    bench.twin.run_until_idle()
+    bench.twin.write(PROGRAM)
+    bench.twin.run_until_idle()
+    bench.ask(key={"program": 3, "mode": "single", "start": True})
+    bench.twin.run_until_idle()
+    assert bench.ask(state=True)["unfinished"] == "P3 N10 waits for Start"
+
+
 def test_ctl_says_keys_as_it_says_inputs() -> None:
     assert _request("key", ["start", "mode=auto", "override=80"], None) == {
         "key": {"start": True, "mode": "auto", "override": 80}

@@ -168,3 +168,12 @@ def test_an_experiment_needs_a_plain_name(tmp_path: Path, capsys: pytest.Capture
     code, _, err = call(capsys, "experiment", tmp_path / "day1.txt")
     assert code == 2
     assert "has no ending" in err
+
+
+def test_a_controller_that_answers_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A session has its times from replies; a CNC on a one-way line gives none."""
+    words = ("--machine", "4030-servo", "--controller", "bwo900")
+    code, out, err = call(capsys, "experiment", tmp_path / "day1", *words)
+    assert (code, out) == (2, "")
+    assert err.startswith("isel-twin: controller 'bwo900' answers nothing to a move, so no recording tells when one")
+    assert not (tmp_path / "day1.txt").exists()

@@ -585,6 +585,22 @@ def test_a_program_waits_for_the_axes_of_hand(kind: int) -> None:
     assert said(desk) == []
 
 
+@pytest.mark.parametrize("how", [{"p8705": 1}, {"p8683": 1}])
+@shows("bwo900-2.6.2-8")
+def test_a_program_waits_for_what_was_broken_off(how: dict[str, float]) -> None:
+    """At 50 mm/s the axis brakes for 125 ms; Start comes after 10."""
+    desk = fresh(LONG, "P2|N10 G0 Z5|N20 M30")
+    start(desk)
+    desk.run(0.5)
+    desk.send(parameters(**how))
+    desk.run(0.01)
+    before = mm(desk)[0]
+    start(desk, 2)
+    desk.finish()
+    assert before < mm(desk)[0] < before + 8.0
+    assert (mm(desk)[1:], said(desk)) == ((0.0, 5.0), [])
+
+
 # 2.7, 2.8
 
 

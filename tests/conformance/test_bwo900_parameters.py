@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -1039,3 +1041,40 @@ def test_messages_of_the_correction_are_not_suppressed() -> None:
     start(desk)
     desk.finish()
     assert len(said(desk)) == 1
+
+
+# The table of parameters without effect
+
+
+def without_effect() -> dict[str, list[int]]:
+    """Numbers of the last table of docs/bwo900.md, by their area."""
+    page = (Path(__file__).parents[2] / "docs" / "bwo900.md").read_text(encoding="utf-8")
+    table = page[page.index("Parameters that are kept and have no effect") :]
+    found: dict[str, list[int]] = {"P": [], "q": []}
+    for area, first, last in re.findall(r"\b([Pq])(\d+)(?: to [Pq](\d+))?", table):
+        found[area] += range(int(first), int(last or first) + 1)
+    return found
+
+
+@shows("bwo900-8.6-11", "bwo900-8.7-24")
+@pytest.mark.parametrize("content", [1, 2, 257])
+def test_parameters_without_effect_have_none(content: int) -> None:
+    """All of the table at once: the same set points, messages and places as without them (Z14, Z18, Z38, Z89)."""
+    text = (
+        "P1|N10 G54 G0 X5 T2 M16|N20 G1 F1200 G41 Y5|N25 X12 Y9 M3 S500|N30 G3 X20 Y17 I12 J17|N40 G40 G1 X22|N50 M30"
+    )
+    ways = []
+    for values in ({}, without_effect()):
+        desk = fresh(text, **T1)
+        numbers = values.get("P", []) + [
+            number + 200 * a for number in values.get("P", []) if number >= 12_000 for a in (1, 2)
+        ]
+        desk.send(
+            file("D", *(f"K1:P {n}: {content}" for n in numbers), *(f"q {n}: {content}" for n in values.get("q", [])))
+        )
+        first = desk.ticks
+        start(desk)
+        desk.finish()
+        ways.append((desk.steps_since(first).delta.tobytes(), said(desk), mm(desk)))
+    assert len(without_effect()["P"]) > 500
+    assert ways[0] == ways[1]

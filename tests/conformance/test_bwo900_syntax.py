@@ -272,6 +272,26 @@ def test_supervision_goes_with_stop_start_and_abort(waits: str, how: str) -> Non
     assert mm(desk) == ((50.0, 10.0, 0.0) if how != "abort" else held)
 
 
+@shows("bwo900-3.6-41")
+def test_a_program_begins_without_supervision() -> None:
+    desk = fresh("P1|N10 sc:1|N20 G0 X5|N30 M23.30", "P2|N10 G0 Y5|N20 M30")
+    start(desk)
+    desk.run(1.0)
+    assert mm(desk) == (0.0, 0.0, 0.0)
+    desk.send(parameters(p8705=1))
+    start(desk, 2)
+    desk.finish()
+    assert mm(desk) == (0.0, 5.0, 0.0)
+
+
+@shows("bwo900-3.6-41")
+def test_functions_do_not_stay_in_supervision() -> None:
+    desk = fresh("P1|N10 G1 F600 X50|N20 sc:1|N30 M7|N40 P500>1.60|N50 M23.40|N60 sc:0|N70 M30", p500=0)
+    start(desk)
+    desk.run(7.0)
+    assert (mm(desk)[0], desk.outputs["a0.3"], value(desk, 8685)) == (50.0, 1, 2.0)
+
+
 @shows("bwo900-3.7-1")
 def test_printed_feed_and_its_end() -> None:
     done = analysed("N50 G0 X400|N60 G1 F6000 f1000 X5600|N70 X5700|N80 M30")

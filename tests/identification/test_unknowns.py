@@ -103,4 +103,13 @@ def test_priors_as_they_are_written() -> None:
 
 
 def test_what_is_fitted_if_nobody_says() -> None:
-    assert default_names(["x"]) == ["friction.x", "backlash.x", "stiffness.x", "supply", "mass"]
+    assert default_names(["x"], MACHINE) == ["friction.x", "backlash.x", "stiffness.x", "supply", "mass"]
+
+
+def test_a_machine_with_servo_drives_has_no_supply_of_stages_to_be_fitted() -> None:
+    servo = load_machine("4030-servo")
+    for name in default_names(["x", "z"], servo):
+        assert unknown(servo, name).name == name
+    with pytest.raises(ValueError, match="fit 'supply': no such parameter") as caught:
+        unknown(servo, "supply")
+    assert "did you mean 'supply'" not in str(caught.value)

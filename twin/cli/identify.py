@@ -154,7 +154,7 @@ def unknowns_of(
     with call_errors():
         spans = {name: (low, high) for name, low, high in map(parse_prior, prior or ())}
         wanted = [name.strip() for names in fit or () for name in names.split(",") if name.strip()]
-        names = list(dict.fromkeys(wanted or [*default_names(axes), *spans]))
+        names = list(dict.fromkeys(wanted or [*default_names(axes, machine), *spans]))
         if missing := [name for name in spans if name not in names]:
             raise CallError(f"prior {missing[0]}: is not fitted; add it to --fit", option=True)
         return [unknown(machine, name, spans.get(name)) for name in names]

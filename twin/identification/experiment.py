@@ -107,8 +107,13 @@ class Experiment:
 def blocks(
     machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
 ) -> list[Block]:
-    """Everything that could be done on these axes."""
+    """Everything that could be done on these axes. Raises ValueError for a controller whose moves are not answered."""
     language = needed(create_language(controller), controller)
+    if language.accepted(language.move([0] * len(CARRIAGES), MoveSettings())[-1], b""):
+        raise ValueError(
+            f"controller {controller!r} answers nothing to a move, so no recording tells when one is over; "
+            "take one that answers, at the same drives"
+        )
     draw = np.random.default_rng([seed, 13])
     names = {item.name for item in unknowns}
     found: list[Block] = []

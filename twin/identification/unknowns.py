@@ -110,11 +110,11 @@ def parse_prior(text: str) -> tuple[str, float, float]:
     return name, low, high
 
 
-def default_names(axes: Iterable[str]) -> list[str]:
-    """What is fitted if nobody says: what every machine has, for the axes that were measured."""
+def default_names(axes: Iterable[str], machine: Machine) -> list[str]:
+    """What is fitted if nobody says, for the axes that were measured; only stages of stepper motors have a supply."""
     axes = list(dict.fromkeys(axes))
     named = [f"{what}.{axis}" for axis in axes for what in ("friction", "backlash", "stiffness")]
-    return [*named, "supply", "mass"]
+    return [*named, *_supply(machine), "mass"]
 
 
 def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None) -> Unknown:
@@ -176,9 +176,19 @@ def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None
     return Unknown(name, keys, prior, low, high, unit, source, factor, whole, flag, half is not None)
 
 
+def _supply(machine: Machine) -> list[str]:
+    return [] if any(axis.closed_loop for axis in machine.axes) else ["supply"]
+
+
 def _names(machine: Machine) -> list[str]:
     per_axis = [f"{what}.{axis}" for what in ("friction", "backlash", "stiffness", "lead") for axis in CARRIAGES]
-    return [*per_axis, "supply", "mass", "repeatability", *(f"switch.{contact.name}" for contact in machine.switches)]
+    return [
+        *per_axis,
+        *_supply(machine),
+        "mass",
+        "repeatability",
+        *(f"switch.{contact.name}" for contact in machine.switches),
+    ]
 
 
 def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> dict[str, float]:

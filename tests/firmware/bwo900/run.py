@@ -36,7 +36,7 @@ class Analysed:
             self.parameters.write(int(name[1:]), value, name[0].upper() if name[0] == "p" else "q")
         store = programs(text)
         self.interpreter = Interpreter(self.parameters, store)
-        self.interpreter.begin(first or next(iter(store)), position)
+        self.interpreter.begin(first or next(iter(store)), position, skips=True)
         self.blocks: list[PathBlock] = []
         for _ in range(MOST):
             block = self.interpreter.next()

@@ -212,7 +212,7 @@ def test_programs_and_parameters_survive_the_mains() -> None:
         ),
         (("P1", "N20 X1", "N10 X2"), "M1290: block numbers do not rise (N10 after N20, line 3)"),
         (("D", "P1 = 5"), "M1111: a line that has been read makes no sense (line 2: 'P1 = 5')"),
-        (("D", "K3:P1: 5"), "M1305: there is no such channel (channel 3)"),
+        (("D", "K3:P1: 5"), "M1112: there is no such channel (channel 3)"),
         (("P1", "N10 X" + "1" * 500), "M1113: a line of more than 400 characters (line 2: more than 400 characters)"),
     ],
 )

@@ -237,7 +237,7 @@ def test_a_lens_that_leaves_no_room() -> None:
 
 
 def test_moves_across_the_plane_between_a_corner_s_paths() -> None:
-    """They are blocks without a path in the plane: at the beginning of what is put in; with G123 in its middle."""
+    """Blocks without a path in the plane: at the beginning of what is put in, with G123 at the middle point."""
     for words, place in (("P71:5 P70:--", (15, 0)), ("P70:5 P71:--", (15, 0))):
         blocks = corrected(f"N10 G1 F100 G12 {words} X20\nN15 P500:1\nN17 Z-3\nN20 Y20\nN30 M30")
         assert [block.number for block in blocks if block.elements] == [10, 17, 20]
@@ -250,3 +250,59 @@ def test_moves_across_the_plane_between_a_corner_s_paths() -> None:
 
 def test_without_a_path_in_the_plane_there_is_no_corner() -> None:
     assert ends(corrected("N10 G1 F100 G12 P71:5 Z-3\nN20 X20\nN30 M30")) == [(0, 0, -3), (20, 0, -3)]
+
+
+def test_a_rounding_between_slanting_lines() -> None:
+    """Directions (3, 4) / 5 and (-4, 3) / 5, 5 mm: from (37, 56) to (36, 63) about (33, 59)."""
+    made = path(corrected("N5 G0 X10 Y20 F100\nN10 G1 G12 P71:5 X40 Y60\nN20 X0 Y90\nN30 M30"))
+    assert isinstance(made[2], Arc)
+    assert (made[2].start[:2], made[2].end[:2]) == (pytest.approx((37.0, 56.0)), pytest.approx((36.0, 63.0)))
+    assert made[2].centre == pytest.approx((33.0, 59.0))
+    assert math.degrees(made[2].sweep_rad) == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize(
+    ("points", "sense"), [(((26, 23), (35, 50), (57, 54)), -1), (((57, 54), (35, 50), (26, 23)), 1)]
+)
+def test_a_circle_through_three_points_anywhere(points: tuple[tuple[float, float], ...], sense: int) -> None:
+    """All 25 mm from (50, 30): (-24, -7), (-15, 20), (7, 24)."""
+    (a, b), (c, d), (e, f) = points
+    made = path(corrected(f"N5 G0 X{a} Y{b} F100\nN10 G123 X{c} Y{d}\nN20 X{e} Y{f}\nN30 M30"))
+    for arc in made[1:]:
+        assert isinstance(arc, Arc)
+        assert arc.centre == pytest.approx((50.0, 30.0))
+        assert arc.sweep_rad * sense > 0.0
+    assert made[1].end[:2] == (c, d)
+
+
+def test_a_circle_through_three_points_behind_a_rounding() -> None:
+    """The rounding stays, and the circle begins where it has ended."""
+    made = path(corrected("N10 G1 F100 G12 P71:2 X10\nN20 G123 Y20\nN30 X30 Y30\nN40 M30"))
+    assert [type(element) for element in made] == [Line, Arc, Arc, Arc]
+    assert (made[1].end[:2], made[2].start[:2], made[2].end[:2]) == ((10.0, 2.0), (10.0, 2.0), (10.0, 20.0))
+
+
+def test_a_rounding_between_a_line_and_a_circle() -> None:
+    """About (70, 40) with 50 mm, 10 mm put in from outside: its centre is 60 mm away and 10 mm below the line."""
+    made = path(corrected("N10 G1 F100 G12 P71:10 X40\nN20 G3 X110 Y10 I70 J40\nN30 M30"))
+    away = math.sqrt(60.0**2 - 50.0**2)
+    assert isinstance(made[1], Arc)
+    assert made[1].centre == pytest.approx((70.0 - away, -10.0))
+    assert made[1].start[:2] == pytest.approx((70.0 - away, 0.0))
+    assert made[1].end[:2] == pytest.approx((70.0 - away * 50.0 / 60.0, 40.0 - 50.0 * 50.0 / 60.0))
+
+
+@pytest.mark.parametrize(("x", "turn"), [(20, 1), (-20, -1)])
+def test_the_side_of_the_middle_point_is_the_sense(x: float, turn: int) -> None:
+    """(0, 100), (20, 110), (0, 120): to the left, about (7.5, 110)."""
+    made = path(corrected(f"N5 G0 X0 Y100 F100\nN10 G123 X{x} Y110\nN20 X0 Y120\nN30 M30"))
+    assert all(isinstance(arc, Arc) and arc.sweep_rad * turn > 0.0 for arc in made[1:])
+    assert all(isinstance(arc, Arc) and arc.centre == pytest.approx((7.5 * turn, 110.0)) for arc in made[1:])
+
+
+@pytest.mark.parametrize("between", ["N40 M28.2", "/N40 P1:1", "N40 M24.2\nN41 M25", "N40 T0 M16", "N40 M8"])
+def test_what_stands_between_the_elements_of_a_corner_does_not_change_it(between: str) -> None:
+    """Subprograms that return, skipped blocks, loops, tools of the same radius: the inner corner at (28, 2) stays."""
+    text = f"P1\nN10 F100\nN20 G41 G1 X10\nN30 X30\n{between}\nN50 Y20\nN60 G40 X0\nN70 M30\nP2\nN10 P2:1\nN20 M30"
+    tool = {"p8748": -2.0}
+    assert ends(corrected(text, **tool)) == [(10, 2, 0), (28, 2, 0), (28, 20, 0), (0, 20, 0)]

@@ -60,7 +60,6 @@ def desk_with(drawn: Draughtsman, corner: float, sine: bool, even: bool = False)
     values: dict[str, float] = {"p8851": corner, "p8858": 0 if drawn.rapid_stops else 2}
     values["p8859"] = 2 if drawn.shift_first else 0
     for axis in range(3):
-        values[f"p{12_040 + 200 * axis}"] = 0.0
         values[f"p{12_004 + 200 * axis}"] = 60.0 * (60.0 if even else SPEED[axis])
         values[f"p{12_008 + 200 * axis}"] = 200.0 if even else RAMP_MS[axis]
         values[f"p{12_009 + 200 * axis}"] = 0.0 if even else PATH_RAMP_MS[axis]
@@ -68,14 +67,14 @@ def desk_with(drawn: Draughtsman, corner: float, sine: bool, even: bool = False)
         for g, point in ZERO_POINTS.items():
             values[f"p{20_003 + 3 * (g - 54) + axis}"] = point[axis]
     desk.send(file("P1", *drawn.lines))
-    desk.send(parameters(**values))
+    desk.send(file("P2", "N10 G0 X0 Y0 Z0", "N20 M30"))
     desk.send(parameters(**{f"p{12_040 + 200 * axis}": -1_500.0 for axis in range(3)}))
     desk.send(REFERENCE)
     desk.finish()
-    desk.send(file("P2", "N10 G0 X0 Y0 Z0", "N20 M30"))
+    desk.send(parameters(**{f"p{12_004 + 200 * axis}": 1e6 for axis in range(3)}))  # there soon
     start(desk, 2)
     desk.finish()
-    desk.send(parameters(p8683=1))
+    desk.send(parameters(p8683=1, **values))
     return desk
 
 

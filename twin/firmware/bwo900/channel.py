@@ -91,6 +91,11 @@ class Channel:
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
     @property
+    def ending(self) -> bool:
+        """It is broken off, and still brakes."""
+        return self._drops
+
+    @property
     def active(self) -> bool:
         """A program is in execution, held or not."""
         return self.phase is not Phase.IDLE

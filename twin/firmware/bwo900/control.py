@@ -327,8 +327,8 @@ class Control:
             self._powered()
         self._plc.advance(self._now_ns)
         self._hand.advance(self._now_ns)
-        self._operating.start_at_rest()
         self._channel.advance(self._now_ns)
+        self._operating.start_at_rest()
         self._operating.answer()
         self._axes.follow((self._hand.move or self._channel).run)
         if self._hand.homing is None and (axis := self._axes.late()) is not None:

@@ -39,7 +39,7 @@ from isel_twin.firmware.bwo900.messages import Message, ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs import Store
 from isel_twin.firmware.bwo900.reader import Reader
-from isel_twin.firmware.bwo900.said import Said, path_block
+from isel_twin.firmware.bwo900.said import Said, correction, path_block
 from isel_twin.firmware.bwo900.stack import Goal, Level, Stack
 from isel_twin.firmware.bwo900.syntax import Block
 from isel_twin.firmware.bwo900.targets import Targets
@@ -307,6 +307,7 @@ class Interpreter:
         here = self._coordinates
         fields: dict[str, object] = {"number": 0, "start": here.position, "plane": here.frame.plane, **others}
         fields |= {"target": here.program_position, "in_force": self._in_force(None)}
+        fields |= {"correction": correction(here, self._tools)}
         return PathBlock(name, **fields)  # type: ignore[arg-type]
 
     def _in_force(self, cycle: int | None) -> InForce:

@@ -78,7 +78,7 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
         except (ValueError, KeyError, TypeError, zlib.error, ProgramError):
             pass
     parameters = Parameters()
-    for number, value in (FACTORY_FUNCTIONS | FACTORY_OVERRIDES).items():
+    for number, value in {**FACTORY_FUNCTIONS, **FACTORY_OVERRIDES}.items():
         parameters.write(number, value)
     return parameters, Store(), flash is not None
 

@@ -250,7 +250,7 @@ class Operating:
 
     def start(self) -> None:
         """Start: the program of P8800, or on with the one that is held."""
-        if self._channel.active:
+        if self._channel.active and not self._channel.ending:
             self._channel.go_on(self._now_ns)
             return
         if self.mode is Mode.HAND:
@@ -267,8 +267,9 @@ class Operating:
             self.start_at_rest()
 
     def start_at_rest(self) -> None:
-        """The program that is to start begins when nothing moves any more that HAND has begun."""
-        if self.starts and self._hand.move is None and self._power.until_ns is None:
+        """The program that is to start begins when nothing moves any more: of HAND, of one that was broken off."""
+        free = self._hand.move is None and not self._channel.active
+        if self.starts and free and self._power.until_ns is None:
             self.starts = False
             self._begin_program()
 

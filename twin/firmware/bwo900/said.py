@@ -19,7 +19,7 @@ from isel_twin.firmware.bwo900.syntax import Block
 from isel_twin.firmware.bwo900.tools import Tools
 from isel_twin.firmware.bwo900.values import Later
 
-__all__ = ["Said", "path_block"]
+__all__ = ["Said", "correction", "path_block"]
 
 
 @dataclass
@@ -107,7 +107,7 @@ def path_block(
         end_feed_mm_min=said.end_feed,
         override=coordinates.modal.override != 63,
         end=_end(said, coordinates, rapid, parameters),
-        correction=_correction(said, coordinates, tools),
+        correction=Correction() if elements and 66 in said.blockwise else correction(coordinates, tools),
         tool_mm=abs(tools.radius_mm) if elements and not rapid else 0.0,
         chamfer_mm=chamfer_mm,
         rounding_mm=rounding_mm,
@@ -150,9 +150,9 @@ def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Paramete
     return BlockEnd.CONTINUOUS
 
 
-def _correction(said: Said, coordinates: Coordinates, tools: Tools) -> Correction:
+def correction(coordinates: Coordinates, tools: Tools) -> Correction:
     """G41, G42: a negative radius and a mirror each change the side."""
-    if coordinates.modal.radius == 40 or 66 in said.blockwise:
+    if coordinates.modal.radius == 40:
         return Correction()
     side = 1 if coordinates.modal.radius == 41 else -1
     radius = tools.radius_mm
