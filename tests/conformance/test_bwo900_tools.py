@@ -378,6 +378,15 @@ def test_moves_across_the_plane_with_correction() -> None:
     assert [e.end for e in inside[1:]] == [(28.0, 2.0, 0.0), (28.0, 2.0, -5.0), (28.0, 20.0, -5.0), (28.0, 20.0, 5.0)]
 
 
+@shows("bwo900-7.2-14")
+@pytest.mark.parametrize("between", ["N40 M28.2", "/N40 P1:1", "N40 M24.2|N41 M25", "N40 M8"])
+def test_a_corner_does_not_depend_on_what_is_analysed_in_between(between: str) -> None:
+    made = corrected(
+        f"P1|N10 F500 tr:2|N20 G41 G1 X10|N30 X30|{between}|N50 Y20|N60 G40 X0|N70 M30|P2|N10 P2:1|N20 M30"
+    )
+    assert [e.end[:2] for e in made] == [(10.0, 2.0), (28.0, 2.0), (28.0, 20.0), (0.0, 20.0)]
+
+
 @shows("bwo900-7.4-2")
 def test_another_radius_on_a_circle() -> None:
     """About (20, 10): from 8 mm to 6 mm, the tool inside."""
