@@ -22,7 +22,7 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import TYPE_CHECKING
@@ -274,7 +274,9 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     new = list(reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks)))))
     about = [language.place(text) if isinstance(language, RunsPrograms) else ("", 0) for _, text in new]
     names = {step.name for step in steps} | {name for name, _ in about if name}
-    places = language.lines(line.source, names) if isinstance(language, RunsPrograms) and names else {}
+    places: Mapping[str, int] = (
+        language.lines(line.source, names) if isinstance(language, RunsPrograms) and names else {}
+    )
 
     def at(name: str, column: int) -> tuple[int, int] | None:
         return (places[name], column) if name in places else None
