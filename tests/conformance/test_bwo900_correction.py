@@ -21,11 +21,11 @@ from firmware.bwo900.run import Analysed
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset
 
 NEAR = 1e-5
 SIDES = {"G41": 1.0, "G42": -1.0}

@@ -8,9 +8,9 @@ from conformance.bwo900_desk import file, fresh, mm, parameters, said, value
 from conformance.rows import shows
 
 from isel_twin import Twin
-from isel_twin.firmware.bwo900 import feed as feed_module
-from isel_twin.firmware.bwo900.feed import HIGH, ROOM, Feed
 from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.programs import feed as feed_module
+from isel_twin.firmware.bwo900.programs.feed import HIGH, ROOM, Feed
 from isel_twin.parameters import Place
 from isel_twin.wiring import ScenarioError, event_now
 

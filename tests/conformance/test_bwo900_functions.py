@@ -20,7 +20,7 @@ from conformance.bwo900_desk import (
 )
 from conformance.rows import case, shows
 
-from isel_twin.firmware.bwo900.blocks import Stop
+from isel_twin.firmware.bwo900.geometry.blocks import Stop
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.testing import Desk
 

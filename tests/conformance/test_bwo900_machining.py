@@ -14,7 +14,7 @@ from conformance.bwo900_desk import analysed
 from conformance.rows import case, shows
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.elements import Arc
+from isel_twin.firmware.bwo900.geometry.elements import Arc
 from isel_twin.firmware.bwo900.messages import ProgramError
 
 TOOLS = {"p21000": 1.0, "p21010": 4.0, "p21020": 2.0, "p21030": 3.0}

@@ -22,7 +22,7 @@ from conformance.bwo900_desk import (
 )
 from conformance.rows import case, shows
 
-from isel_twin.firmware.bwo900.elements import Arc
+from isel_twin.firmware.bwo900.geometry.elements import Arc
 from isel_twin.testing import Desk
 
 LONG = "P1|N10 G1 F3000 X50|N20 Y50|N30 M30"

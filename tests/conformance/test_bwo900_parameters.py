@@ -11,7 +11,7 @@ import pytest
 from conformance.bwo900_desk import T1, file, fresh, mm, parameters, put_out, said, start, value
 from conformance.rows import shows
 
-from isel_twin.firmware.bwo900.path import circumradius
+from isel_twin.firmware.bwo900.realtime.path import circumradius
 from isel_twin.testing import Desk
 
 

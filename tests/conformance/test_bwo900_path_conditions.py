@@ -15,7 +15,7 @@ from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, run, sa
 from conformance.rows import case, shows
 from conformance.test_bwo900_paths import elements, feeds, near, refused
 
-from isel_twin.firmware.bwo900.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
 from isel_twin.testing import Desk, IdealDrives
 
 ROUNDED = 2e-3

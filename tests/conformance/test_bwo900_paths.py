@@ -9,10 +9,10 @@ import pytest
 from conformance.bwo900_desk import T1, analysed, fresh, mm, parameters, put_out, run, said, seconds, start, value
 from conformance.rows import case, shows
 
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset
 from isel_twin.testing import Desk
 
 XY = tuple[float, float]

@@ -16,7 +16,7 @@ from firmware.bwo900.stock import Places, Setting, Stock
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 
 FEED, PLUNGE, RADIUS_P = 1_000.0, 240.0, "p21010"
 TOP = 1.25

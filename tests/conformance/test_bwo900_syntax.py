@@ -7,9 +7,9 @@ from conformance.bwo900_desk import T1, analysed, file, fresh, mm, parameters, r
 from conformance.rows import case, shows
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.blocks import Machine
+from isel_twin.firmware.bwo900.geometry.blocks import Machine
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.syntax import Text, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import Text, parse_block
 
 
 def refused(text: str, **values: float) -> int:

@@ -9,10 +9,10 @@ from conformance.bwo900_desk import analysed, fresh, mm, parameters, run, start,
 from conformance.rows import shows
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import Element
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import Element
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset
 
 PLC, SPINDLE, PATH, REAL = 8_050, 8_100, 8_150, 8_200
 """First parameters of the records."""

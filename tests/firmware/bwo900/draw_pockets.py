@@ -14,8 +14,8 @@ import numpy as np
 from firmware.bwo900.run import Analysed
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.elements import Arc, Element
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element
 
 Places = NDArray[np.float64]
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
-from isel_twin.firmware.bwo900.functions import FACTORY_FUNCTIONS
-from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Program, Store
 
 MOST = 10_000
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.elements import Arc, Element, Plane
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane
 
 Places = NDArray[np.float64]
 PLANES = {

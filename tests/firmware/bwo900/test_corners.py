@@ -8,12 +8,12 @@ import math
 import pytest
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import XY, Arc, Element, Line
-from isel_twin.firmware.bwo900.geometry import meetings, share_of
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Line
+from isel_twin.firmware.bwo900.geometry.offset import Offset, corner_arc
+from isel_twin.firmware.bwo900.geometry.plane import meetings, share_of
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset, corner_arc
 
 
 def corrected(text: str, threshold: float | None = None, **parameters: float) -> list[PathBlock]:

@@ -17,9 +17,9 @@ from firmware.bwo900.run import Analysed, programs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.blocks import PathBlock, Stop
-from isel_twin.firmware.bwo900.elements import Arc
-from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.elements import Arc
 from isel_twin.firmware.bwo900.messages import MESSAGES, Effect, ProgramError
 from isel_twin.testing import Desk
 

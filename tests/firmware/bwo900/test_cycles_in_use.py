@@ -15,8 +15,8 @@ from firmware.bwo900.test_cycles import CYCLE_NUMBERS, SOUND
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import MESSAGES, ProgramError
 from isel_twin.testing import Desk, StillBusyError
 

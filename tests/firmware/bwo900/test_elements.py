@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.elements import XY, YZ, ZX, Arc, Line, Plane
+from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Arc, Line, Plane
 
 mm = st.floats(-500.0, 500.0)
 

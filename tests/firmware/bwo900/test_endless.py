@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
-from isel_twin.firmware.bwo900 import stretch
+from isel_twin.firmware.bwo900.realtime import stretch
 
 PIECE_MM = 0.2
 

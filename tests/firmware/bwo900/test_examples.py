@@ -7,13 +7,13 @@ import math
 import pytest
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.blocks import PathBlock
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import Arc, Element
-from isel_twin.firmware.bwo900.expressions import evaluate
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.path import corner_factor
-from isel_twin.firmware.bwo900.syntax import parse_block, parse_expression
+from isel_twin.firmware.bwo900.programs.expressions import evaluate
+from isel_twin.firmware.bwo900.programs.syntax import parse_block, parse_expression
+from isel_twin.firmware.bwo900.realtime.path import corner_factor
 
 T1 = {"p21000": 1.0, "p21020": 2.0, "p21030": 3.0}
 """Tools: T1 without radius and length, T2 with radius 3."""

@@ -8,8 +8,8 @@ from conformance.bwo900_desk import fresh, mm, parameters, put_out, said, start,
 from firmware.bwo900.run import Analysed
 
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.path import Limits, Path
-from isel_twin.firmware.bwo900.stretch import PERIOD_NS
+from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion.joined import joined
 
 TOOLS = {"p21000": 1.0, "p21020": 2.0, "p21030": 3.0, "p21040": 3.0}

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.firmware.bwo900.elements import XY, YZ, ZX, Plane
-from isel_twin.firmware.bwo900.frames import Frame, Rotation, polar
+from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane
+from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation, polar
 
 SQUARE = ((0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0))
 

@@ -10,7 +10,7 @@ import pytest
 
 from isel_twin.firmware.bwo900.memory import Memory, read
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Program, Store
 
 
 def full(blocks: int = 50) -> tuple[Parameters, Store]:

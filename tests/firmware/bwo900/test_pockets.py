@@ -19,7 +19,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.elements import Arc
+from isel_twin.firmware.bwo900.geometry.elements import Arc
 
 Places = NDArray[np.float64]
 

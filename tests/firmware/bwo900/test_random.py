@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.elements import Arc, Element
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset
-from isel_twin.firmware.bwo900.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.path import Limits, Path
 from isel_twin.motion.joined import Joined, joined
 
 PERIOD_NS = 2_000_000

@@ -1,19 +1,23 @@
 """BWO 900: a CNC that runs DIN 66025 programs on servo axes, after its manual.
 
-    control.py      host, inputs and clock: implements isel_twin.controller.Controller; ports.py, outgoing.py, power.py
-    operating.py    modes, Start, Stop, parameters that are keys
-    axes.py         where the axes stand and may go; hand.py: moves without a program (jog.py, homing.py)
-    transfer.py     programs and parameters over the line; programs.py, parameters.py, memory.py: what is kept
-    syntax.py       blocks read; expressions.py
-    interpreter.py  blocks to paths: stack.py (programs), values.py (expressions), reader.py (G, M: said.py),
-                    targets.py (axes, circles), coordinates.py (frames), cycle.py (cycles/)
-    blocks.py       what flows from there on; elements.py: lines and arcs
-    ahead.py        analysis ahead of the real time: contour.py, offset.py; blocks that wait
-    channel.py      real time, its phases; services.py: what it asks of the control
-    stretch.py      the path under way: path.py makes pieces of blocks, isel_twin.motion.joined set points of pieces
-    machine_plc.py  spindle, coolant, tool change
-    keys.py         the operator's keys; status.py: what the control tells about itself in parameters
-    messages.py     messages by number    language.py      what its bytes mean
+    line, keys, inputs
+        |
+    control.py      host, inputs and clock: implements isel_twin.controller.Controller; ports.py
+    operating.py    modes, Start, Stop, parameters that are keys (keys.py); status.py: what is told in parameters
+    transfer.py     programs and parameters over the line; feeder.py: programs that are fed; memory.py: what is kept
+    parameters.py, messages.py, language.py, machine_plc.py (spindle, coolant, tool change)
+        |
+    programs/       stored.py, feed.py: blocks as text        syntax.py, expressions.py: blocks read
+        |
+    analysis/       interpreter.py: blocks of a program to blocks of a path: stack.py (calls, loops), values.py,
+        |           reader.py (G, M: said.py), targets.py (axes, circles), coordinates.py, tools.py, cycles/
+        |
+    geometry/       elements.py, blocks.py: what a path is made of; frames.py; contour.py (G12, G123), offset.py (G41)
+        |
+    realtime/       ahead.py: blocks that wait; channel.py: phases; stretch.py: the path under way; path.py: its pieces;
+        |           hand.py: moves without a program; axes.py, power.py, outgoing.py
+        v
+    set points (isel_twin.motion.joined), outputs, messages
 
 docs/bwo900.md has what there is and what not, docs/decisions.md Z1... what the manual leaves open.
 """

@@ -32,24 +32,25 @@ from isel_twin.controller import (
     SerialFormat,
     Step,
 )
-from isel_twin.firmware.bwo900 import keys, memory, overrides
-from isel_twin.firmware.bwo900.axes import AXES, Axes
-from isel_twin.firmware.bwo900.blocks import Machine, PathBlock
-from isel_twin.firmware.bwo900.channel import Channel, Phase
+from isel_twin.firmware.bwo900 import keys, memory
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
 from isel_twin.firmware.bwo900.feeder import Feeder
-from isel_twin.firmware.bwo900.hand import Hand
-from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Effect, Message, message
 from isel_twin.firmware.bwo900.operating import Mode, Operating
-from isel_twin.firmware.bwo900.outgoing import Outgoing
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
-from isel_twin.firmware.bwo900.power import Power
-from isel_twin.firmware.bwo900.services import Services
+from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.channel import Channel, Phase
+from isel_twin.firmware.bwo900.realtime.hand import Hand
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.power import Power
+from isel_twin.firmware.bwo900.realtime.services import Services
+from isel_twin.firmware.bwo900.realtime.watch import PROBE, Watch
 from isel_twin.firmware.bwo900.status import at_power_on, cell, in_force, shown
 from isel_twin.firmware.bwo900.transfer import Receiver
-from isel_twin.firmware.bwo900.watch import PROBE, Watch
 from isel_twin.motion import SetPointRun
 
 __all__ = ["Control"]

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from isel_twin.firmware.bwo900.feed import Feed
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs import Store
+from isel_twin.firmware.bwo900.programs.feed import Feed
+from isel_twin.firmware.bwo900.programs.stored import Store
 
 __all__ = ["Feeder"]
 

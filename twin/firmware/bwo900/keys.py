@@ -22,8 +22,8 @@ from enum import Enum
 from typing import Final
 
 from isel_twin.controller import Key, KeyValue
-from isel_twin.firmware.bwo900.overrides import AXIS_OVERRIDE, is_override
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.firmware.bwo900.realtime.overrides import AXIS_OVERRIDE, is_override
 from isel_twin.parameters import Limits
 
 __all__ = ["KEYS", "MODES", "OUTPUT", "Wish", "values", "wish", "writes"]

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from isel_twin.firmware.bwo900.groups import BEYOND
-from isel_twin.firmware.bwo900.lines import END
+from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.programs import program_name
-from isel_twin.firmware.bwo900.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.lines import END
+from isel_twin.firmware.bwo900.programs.stored import program_name
+from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,

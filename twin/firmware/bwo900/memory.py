@@ -13,13 +13,13 @@ import json
 import zlib
 from typing import Any, Final
 
-from isel_twin.firmware.bwo900.contour import Contour
-from isel_twin.firmware.bwo900.functions import FACTORY_FUNCTIONS
+from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.offset import Offset
-from isel_twin.firmware.bwo900.overrides import FACTORY_OVERRIDES
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs import Program, Store
+from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
 
 __all__ = ["Memory", "filters", "read"]
 

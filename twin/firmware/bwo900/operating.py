@@ -14,22 +14,23 @@ from enum import IntEnum
 from typing import Final
 
 from isel_twin.controller import Reply
-from isel_twin.firmware.bwo900 import keys, overrides
-from isel_twin.firmware.bwo900.axes import AXES, Axes
-from isel_twin.firmware.bwo900.channel import Channel, Phase
+from isel_twin.firmware.bwo900 import keys
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
+from isel_twin.firmware.bwo900.analysis.restart import find
 from isel_twin.firmware.bwo900.feeder import Feeder
-from isel_twin.firmware.bwo900.hand import Hand
-from isel_twin.firmware.bwo900.interpreter import Interpreter
-from isel_twin.firmware.bwo900.jog import step_on
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
-from isel_twin.firmware.bwo900.outgoing import Outgoing
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.power import Power
-from isel_twin.firmware.bwo900.programs import Store
-from isel_twin.firmware.bwo900.restart import find
+from isel_twin.firmware.bwo900.programs.stored import Store
+from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.channel import Channel, Phase
+from isel_twin.firmware.bwo900.realtime.hand import Hand
+from isel_twin.firmware.bwo900.realtime.jog import step_on
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.power import Power
+from isel_twin.firmware.bwo900.realtime.watch import Watch
 from isel_twin.firmware.bwo900.status import NUMBERS
 from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
-from isel_twin.firmware.bwo900.watch import Watch
 
 __all__ = ["Mode", "Operating"]
 

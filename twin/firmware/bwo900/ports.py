@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.controller import SerialFormat
-from isel_twin.firmware.bwo900.axes import AXES
 from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime.axes import AXES
 
 __all__ = ["TERMINALS", "serial_format"]
 

@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final, Protocol
 
-from isel_twin.firmware.bwo900.channel import Channel
-from isel_twin.firmware.bwo900.frames import Frame
-from isel_twin.firmware.bwo900.groups import Modal
-from isel_twin.firmware.bwo900.in_force import InForce
-from isel_twin.firmware.bwo900.interpreter import Interpreter
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
+from isel_twin.firmware.bwo900.geometry.frames import Frame
+from isel_twin.firmware.bwo900.geometry.groups import Modal
+from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
+from isel_twin.firmware.bwo900.realtime.channel import Channel
 
 __all__ = ["NUMBERS", "cell", "in_force", "shown"]
 

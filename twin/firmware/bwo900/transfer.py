@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Final
 
-from isel_twin.firmware.bwo900.feed import Feed
-from isel_twin.firmware.bwo900.lines import END, MOST_LINE
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
-from isel_twin.firmware.bwo900.programs import Builder, Store, program_name
+from isel_twin.firmware.bwo900.programs.feed import Feed
+from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE
+from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_name
 
 __all__ = ["EOT", "Receiver", "end_of_file", "parameter_file"]
 

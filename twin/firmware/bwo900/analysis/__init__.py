@@ -1,0 +1,1 @@
+"""From the blocks of a program to blocks of a path: parameters, words, cycles, calls."""

@@ -1,0 +1,223 @@
+"""Coordinates in force: where the path has got to, in the machine's and in the program's coordinates (manual 4.13 on).
+
+    program position --- frame ---> position (machine)        frame: correction G44, rotation G45, mirror G61 G62,
+                                                                     shift G92, zero point G53 on, tool length
+
+The path ends where it ends: when G functions or parameters change the frame, the machine's position stays and the
+program's is worked out anew (`renew`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane, Point
+from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
+from isel_twin.firmware.bwo900.geometry.groups import START, Modal
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
+
+__all__ = ["Coordinates"]
+
+ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
+ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
+
+
+class Coordinates:
+    """What is in force for the next path, and where it begins."""
+
+    names: Mapping[str, int]
+    """Axes by their letters."""
+    modal: Modal
+    """G functions in force."""
+    shift: Point
+    """G92."""
+    correction: Point
+    """G44."""
+    position: Point
+    """Where the path has got to, in machine coordinates, mm."""
+    program_position: Point
+    """The same in the program's coordinates."""
+    frame: Frame
+
+    def __init__(self, parameters: Parameters, length_mm: float) -> None:
+        self._parameters = parameters
+        self.reset((0.0, 0.0, 0.0), length_mm)
+
+    def reset(self, position: Point, length_mm: float) -> None:
+        """A program begins. position: of the axes, machine coordinates. length_mm: of the tool."""
+        self._letters = tuple(name for name, _ in self._parameters.axes)
+        axes = len(self._letters)
+        self.modal = START
+        self._planes = {number: self._plane(number) for number in (17, 18, 19)}
+        self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
+        self._length = length_mm
+        self.position = tuple(position) + (0.0,) * (axes - len(position))
+        self._unmirrored: dict[int, float] = {}
+        """Program coordinates of axes that have not moved since a mirror was switched, as they were before it."""
+        self._known: tuple[object, ...] | None = None
+        """What the frame has been worked out from."""
+        self.frame = self._frame_now()
+        self.program_position = self.frame.program(self.position)
+
+    # What changes them
+
+    def g(self, number: int) -> None:
+        """A G function is in force now; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
+        self.modal = self.modal.with_g(number)
+        if number == 45:
+            p = self._parameters
+            self.rotation = replace(self.rotation, u0=p.get(160), v0=p.get(161), angle_deg=p.get(163))
+        elif number == 46:
+            self.rotation = replace(self.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
+
+    def written(self, number: int, value: float | None) -> None:
+        """A parameter P has been written: those of the rotation turn at once."""
+        if number in ROTATION_SET:
+            self.rotation = self.rotation.set(**{ROTATION_SET[number]: value or 0.0})
+            self.renew()
+        elif number in ROTATION_ADDED:
+            self.rotation = self.rotation.added(**{ROTATION_ADDED[number]: value or 0.0})
+            self.renew()
+
+    def use_length(self, length_mm: float) -> None:
+        """The tool in use has this length."""
+        self._length = length_mm
+        self.renew()
+
+    def without_program(self, zero: int, plane: int, length_mm: float, position: Point) -> None:
+        """HAND: a zero point, a plane, the tool's length, and nothing else. Raises ProgramError M1240, M1302."""
+        nothing = (0.0,) * len(self.names)
+        self.modal = START.with_g(zero).with_g(plane)
+        self.rotation, self.shift, self.correction = Rotation(), nothing, nothing
+        self._length = length_mm
+        self.renew()
+        self.stand(position)
+
+    def stand(self, position: Point) -> None:
+        """The axes stand elsewhere than the path has got to: a deleted path, a move in another mode."""
+        self.position = tuple(position) + self.position[len(position) :]
+        self.program_position = self.frame.program(self.position)
+        self._unmirrored.clear()
+
+    def arrive(self, position: Point, program_position: Point, axes: Iterable[int]) -> None:
+        """A path has been laid to there; these axes were programmed."""
+        self.position, self.program_position = position, program_position
+        for axis in axes:
+            self._unmirrored.pop(axis, None)
+
+    @property
+    def counted_from(self) -> Point:
+        """What incremental dimensions count from: without a mirror that was switched since an axis has moved.
+
+        The manual, 4.21: with G91 the target is worked out in the system that is not mirrored, and then mirrored.
+        """
+        return tuple(self._unmirrored.get(axis, value) for axis, value in enumerate(self.program_position))
+
+    def renew(self) -> None:
+        """The frame may have changed: the axes stand where they do, and have other coordinates in the program."""
+        known = (self.modal, self.rotation, self.shift, self.correction, self._length, self._parameters.revision)
+        if known == self._known:
+            return
+        self._known = known
+        frame = self._frame_now()
+        if frame != self.frame:
+            self._keep_unmirrored(frame)
+            self.frame = frame
+            self.program_position = frame.program(self.position)
+
+    def _keep_unmirrored(self, frame: Frame) -> None:
+        """Where the axes of the plane are in the new frame as the mirrors were before, if that makes a difference."""
+        old, plane = self.frame, frame.plane
+        flags = (frame.mirror_first != old.mirror_first, frame.mirror_second != old.mirror_second)
+        if not any(flags):
+            self._unmirrored.clear()
+            return
+        before = replace(frame, mirror_first=old.mirror_first, mirror_second=old.mirror_second).program(self.position)
+        for axis, turned in zip((plane.first, plane.second), flags, strict=True):
+            if turned or frame.rotation is not None:
+                self._unmirrored.setdefault(axis, before[axis])
+
+    # What they are used for
+
+    def machine(self, frame: Frame, goal: Point, targets: Mapping[int, float]) -> Point:
+        """The machine's place of a target; axes without a word stay, unless the plane turns with them."""
+        place = frame.machine(goal)
+        plane = frame.plane
+        turned = frame.rotation is not None and (plane.first in targets or plane.second in targets)
+        moving = set(targets) | ({plane.first, plane.second} if turned else set())
+        return tuple(place[axis] if axis in moving else now for axis, now in enumerate(self.position))
+
+    def logical(self, axis: int) -> int:
+        """The axis of the program that is this one of the machine (P8880)."""
+        return self.frame.order.index(axis)
+
+    def _frame_now(self) -> Frame:
+        modal, axes = self.modal, len(self._letters)
+        nothing = (0.0,) * axes
+        order = _exchanged(self._parameters, axes)
+        self.names = {name: order[axis] for axis, name in enumerate(self._letters)}
+        plane = self._planes[modal.plane] if modal.plane < 100 else self._free_plane(modal.plane)
+        plane = Plane(*(order[axis] for axis in (plane.first, plane.second, plane.third)))
+        bound = modal.coordinates == 47
+        zero = nothing if bound or modal.zero == 153 else self._zero_point(modal.zero)
+        return Frame(
+            axes=axes,
+            plane=plane,
+            correction=self.correction if modal.correction == 44 else nothing,
+            rotation=self.rotation if modal.rotation == 45 else None,
+            shift_first=int(self._parameters.get(8_859)) >= 2,
+            mirror_first=modal.mirror_first,
+            mirror_second=modal.mirror_second,
+            shift=nothing if bound else self.shift,
+            zero=zero,
+            length=0.0 if bound else self._length,
+            senses=self._senses(order),
+            order=order,
+        )
+
+    def _senses(self, order: tuple[int, ...]) -> Point | None:
+        """P8892: a bit for each axis of the program that runs the other way."""
+        turned = int(self._parameters.get(8_892))
+        senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
+        return senses if -1.0 in senses else None
+
+    def _zero_point(self, number: int) -> Point:
+        """G54 to G59, G154 and on, of the workspace; 0 for axes that P8556 leaves out."""
+        p = self._parameters
+        hundred, rest = divmod(number, 100)
+        entry = rest - 53 + 6 * hundred
+        workspace, mask = int(p.given(8_555, 1.0)), int(p.get(8_556))
+        return tuple(
+            0.0 if mask >> axis & 1 else p.zero_point(entry, axis, workspace) for axis in range(len(self._letters))
+        )
+
+    def _plane(self, number: int) -> Plane:
+        """G17, G18, G19 as q152 to q154 define them."""
+        return _plane_of(self._parameters.get(135 + number, 0.0, "q"), {17: XY, 18: ZX, 19: YZ}[number])
+
+    def _free_plane(self, number: int) -> Plane:
+        """G117 to G119 as P8840 to P8842 define them."""
+        return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
+
+
+def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
+    """The machine's axis of each axis of the program: P8880 1 or 2, P8881 to P8889 each from (byte 2) to (byte 1).
+
+    What makes no exchange of all is none.
+    """
+    order = list(range(axes))
+    if p.get(8_880) in (1.0, 2.0):
+        for number in range(8_881, 8_890):
+            value = p.get(number)
+            source, target = byte(value, 2) - 1, byte(value, 1) - 1
+            if 0 <= source < axes:
+                order[source] = target
+    return tuple(order) if sorted(order) == list(range(axes)) else tuple(range(axes))
+
+
+def _plane_of(value: float, default: Plane) -> Plane:
+    """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default if that is none."""
+    axes = tuple(byte(value, number) - 1 for number in (1, 2, 3))
+    return Plane(*axes) if sorted(axes) == [0, 1, 2] else default

@@ -1,0 +1,127 @@
+"""A cycle that is being carried out: what it is called with, and what each of its moves is to the path (manual 6.4, 7).
+
+    block with G81 ... G99 --> which cycles --> Call --> cycles/ --> Move --> elements and changes of a PathBlock
+
+What the block says besides comes with the first move (functions before the path) or behind the last one.
+A pattern cycle (G86 to G89) carries out a machining cycle at each of its places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
+from isel_twin.firmware.bwo900.analysis.functions import Functions
+from isel_twin.firmware.bwo900.analysis.reader import Reader
+from isel_twin.firmware.bwo900.analysis.said import Said
+from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
+from isel_twin.firmware.bwo900.analysis.targets import Targets
+from isel_twin.firmware.bwo900.analysis.tools import Tools
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, Stop
+from isel_twin.firmware.bwo900.geometry.elements import Element
+from isel_twin.firmware.bwo900.geometry.groups import Modal
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import Parameters
+
+__all__ = ["Cycle", "call_of", "chosen", "comes_first", "step"]
+
+CYCLE_PARAMETERS: Final = (*range(10, 40), *range(100, 160))
+"""P that a cycle is told, as they are when it begins."""
+MOTION: Final[Mapping[Kind, int]] = {
+    Kind.RAPID: 0,
+    Kind.LINE: 1,
+    Kind.CLOCKWISE: 2,
+    Kind.COUNTER_CLOCKWISE: 3,
+    Kind.TAP: 1,
+}
+"""G00 to G03."""
+
+
+@dataclass
+class Cycle:
+    """What its block has said, and what comes at the end of it."""
+
+    said: Said
+    level: Level
+    moves: Moves
+    post: list[Machine]
+    stop: Stop
+    modal: Modal
+    """In force again at its end."""
+    comes: bool
+    """Its first move only comes to where a pattern begins: functions before the path wait for that."""
+    goal: Goal | None = None
+
+
+def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None, int | None]:
+    """Of the cycles of a block: the one that is called, the pattern and the machining cycle, None if there is none.
+
+    staying: the drilling cycle that is in force without a word. Raises ProgramError M1232: too many of them.
+    """
+    numbers = [81 if number == 82 else number for number in numbers]
+    pattern = next((n for n in numbers if 86 <= n <= 89), None)
+    machining = next((n for n in numbers if n != pattern), None if pattern is None else staying)
+    if len(numbers) > (2 if pattern is not None else 1):
+        raise ProgramError(1232, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
+    return (numbers[0] if pattern is None else pattern), pattern, machining
+
+
+def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
+    """Whether a pattern begins with a move to where it lies."""
+    plane = coordinates.frame.plane
+    return pattern == 89 or (pattern is not None and not {plane.first, plane.second}.isdisjoint(targets))
+
+
+def call_of(
+    parameters: Parameters,
+    coordinates: Coordinates,
+    targets: Targets,
+    reader: Reader,
+    tools: Tools,
+    words: Mapping[int, float],
+    machining: int | None,
+    *,
+    bare: bool,
+) -> Call:
+    """What a cycle is told. bare: G66."""
+    loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
+    fastest = max((parameters.axis(axis, 4, 0.0) for axis in range(len(coordinates.names))), default=0.0)
+    return Call(
+        parameters=loaded,
+        position=coordinates.frame.bare.program(coordinates.position) if bare else coordinates.program_position,
+        plane=coordinates.frame.plane,
+        words=dict(words),
+        feed_mm_min=targets.feed_mm_min,
+        rapid_mm_min=parameters.given(8_816, fastest),
+        speed_rpm=reader.speed_rpm,
+        turning=reader.turning,
+        motion=coordinates.modal.motion,
+        tool_radius_mm=abs(tools.radius_mm),
+        inner=machining,
+        polar=coordinates.modal.polar == 10,
+    )
+
+
+def step(
+    move: Move, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
+) -> tuple[tuple[Element, ...], dict[str, object]]:
+    """Elements of a move, and what its PathBlock has that its block does not say. programmed: 0 to 3, of G00 to G03."""
+    coordinates.g(MOTION.get(move.kind, programmed))
+    said.feed, said.dwell_s = move.feed_mm_min, move.dwell_s
+    elements: tuple[Element, ...] = ()
+    if move.centre is not None:
+        turn = 1 if move.kind is Kind.COUNTER_CLOCKWISE else -1
+        elements = (targets.arc(said, move.target, move.centre, turn),)
+    elif move.target:
+        elements = targets.path(said, move.target)
+    post = tuple(Machine(code, (), functions.of(code).halt) for code in move.m)
+    changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
+    if move.exact_stop or move.dwell_s is not None:
+        changes["end"] = BlockEnd.EXACT_STOP
+    if move.kind is Kind.TAP:
+        changes["override"] = False
+    return elements, changes

@@ -1,0 +1,164 @@
+"""Drilling cycles G81, G83, G84, G85 (manual 5.3).
+
+    P30 dwell at the depth, s      P34 approach plane      P37 first stroke (degressive)
+    P32 feed; pitch of G84         P35 retract plane       P38 safety distance, 1 mm
+    P33 depth                      P36 strokes; degression P39 degressive
+
+                 G81                  G83                          G85
+    P35 ...        . ^                     ^
+    P34 ---------  | |       --.--.---.--. |          --|---^--
+                   | |         |  ^ . | ^  |             |  ^
+    P33            v '         v  | v v |  '             v  '     drawn: feed; dotted: rapid
+
+Planes are absolute along the third axis of the plane, with G91, too. Without P35 the tool goes back to P34. A
+depth is reached, by an exact stop, before the tool goes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.messages import ProgramError
+
+__all__ = ["boring", "deep_hole", "drilling", "strokes", "tapping"]
+
+SAFETY_MM: Final = 1.0
+"""P38 where it is not programmed."""
+MOST: Final = 10_000
+"""Strokes of a hole; more is a slip in a parameter (M8036)."""
+RIGHT, LEFT, STOP = 3, 4, 5
+"""M functions of the spindle."""
+
+
+def drilling(call: Call) -> Iterator[Move]:
+    """G81: down with feed, dwell, back in rapid."""
+    if not call.words:
+        return
+    depth, approach, feed = _planes(call)
+    yield from _begin(call, approach)
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
+    yield from _end(call, approach)
+
+
+def deep_hole(call: Call) -> Iterator[Move]:
+    """G83: in strokes, equal ones (P36 of them) or degressive ones (P37, then P36 less each time)."""
+    if not call.words:
+        return
+    depth, approach, feed = _planes(call)
+    safety = SAFETY_MM if call.given(38) is None else abs(call.needed(38, 8038))
+    back = safety if approach > depth else -safety
+    depths = strokes(call, depth, approach)
+    yield from _begin(call, approach)
+    for number, reached in enumerate(depths):
+        if number:
+            yield _to(call, Kind.RAPID, approach)
+            yield _to(call, Kind.RAPID, depths[number - 1] + back)
+        last = number == len(depths) - 1
+        yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
+    if call.given(39) is not None:
+        yield _to(call, Kind.RAPID, approach)
+    yield from _end(call, approach)
+
+
+def strokes(call: Call, depth: float, approach: float) -> list[float]:
+    """Where each stroke of G83 ends. Raises ProgramError: M8036, M8037."""
+    whole = depth - approach
+    if call.given(39) is None:
+        count = int(abs(call.needed(36, 8036)))
+        if not 1 <= count <= MOST:
+            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 to {MOST}")
+        return [approach + whole * number / count for number in range(1, count + 1)]
+    less, stroke = abs(call.needed(36, 8036)), abs(call.needed(37, 8037))
+    if not less:
+        raise ProgramError(8036, "P36 is 0: strokes would never end")
+    if not stroke:
+        raise ProgramError(8037, "P37 is 0")
+    if abs(whole) > MOST * less:
+        raise ProgramError(8036, f"P36 is {less:g}: more than {MOST} strokes to {abs(whole):g} mm")
+    sign = 1.0 if whole > 0 else -1.0
+    left, at, ends = abs(whole), approach, list[float]()
+    while left > 0.0:
+        if stroke + less > left:  # two more do not fit: what is left in two halves
+            ends += [at + sign * left / 2.0, depth]
+            break
+        at += sign * stroke
+        left -= stroke
+        ends.append(at)
+        stroke = max(stroke - less, less)
+    return ends
+
+
+def tapping(call: Call) -> Iterator[Move]:
+    """G84: down with the spindle (feed = speed times pitch), it turns round, and back."""
+    if not call.words:
+        return
+    depth, approach, pitch = _planes(call)
+    left = int(call.get(31) or 0) == LEFT or (not call.get(31) and call.turning < 0)
+    feed = (call.speed_rpm or 0.0) * pitch
+    yield from _begin(call, approach, LEFT if left else RIGHT)
+    yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(RIGHT if left else LEFT,))
+    if (dwell := _dwell(call)) is not None:
+        yield Move(Kind.LINE, dwell_s=dwell)
+    yield _to(call, Kind.TAP, approach, feed, exact_stop=True)
+    yield from _end(call, approach)
+
+
+def boring(call: Call) -> Iterator[Move]:
+    """G85: down with feed, dwell, back with feed."""
+    if not call.words:
+        return
+    depth, approach, feed = _planes(call)
+    yield from _begin(call, approach)
+    yield _to(call, Kind.LINE, depth, feed, dwell_s=_dwell(call), exact_stop=True)
+    yield _to(call, Kind.LINE, approach, feed)
+    yield from _end(call, approach)
+
+
+def _planes(call: Call) -> tuple[float, float, float]:
+    """Depth, approach plane, and feed or pitch. Raises ProgramError: M8032 to M8034, M8300 to M8302."""
+    depth, approach = call.needed(33, 8033), call.needed(34, 8034)
+    feed = call.needed(32, 8032)
+    if feed <= 0.0:
+        raise ProgramError(8032, f"P32 is {feed:g}; allowed: more than 0")
+    if depth == approach:
+        raise ProgramError(8033, "P33 and P34 are the same plane")
+    if call.speed_rpm is None:
+        raise ProgramError(8300)
+    if not call.speed_rpm:
+        raise ProgramError(8302, "S is 0")
+    if not call.turning:
+        raise ProgramError(8301, "neither M03 nor M04 is in force")
+    return depth, approach, feed
+
+
+def _dwell(call: Call) -> float | None:
+    return call.given(30)
+
+
+def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[Move]:
+    """Spindle on, to the place in rapid, or, with polar coordinates on a circle, with F; to the approach plane."""
+    on = spindle or (RIGHT if call.turning > 0 else LEFT)
+    yield Move(Kind.RAPID, m=(on,))
+    yield Move(Kind.PROGRAMMED if call.polar and call.motion in (2, 3) else Kind.RAPID, call.words)
+    yield _to(call, Kind.RAPID, approach)
+
+
+def _end(call: Call, approach: float) -> Iterator[Move]:
+    """To the retract plane in rapid, spindle off."""
+    retract = call.get(35)
+    yield _to(call, Kind.RAPID, approach if retract is None else retract, m=(STOP,))
+
+
+def _to(
+    call: Call,
+    kind: Kind,
+    height: float,
+    feed: float | None = None,
+    dwell_s: float | None = None,
+    m: tuple[int, ...] = (),
+    exact_stop: bool = False,
+) -> Move:
+    """A move along the drilling axis."""
+    return Move(kind, {call.plane.third: height}, None, feed, dwell_s, m, exact_stop=exact_stop)

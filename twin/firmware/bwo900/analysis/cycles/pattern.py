@@ -1,0 +1,210 @@
+"""Pattern cycles G86 to G89: places at which a machining cycle is called (manual 5.4).
+
+    G86 ray          A + k AB/(N-1)              P100, P101 vector | P103 angle, P104 length | P103, P105 division, P106
+    G87 perimeter    of a parallelogram of two rays (P100 ..., P110 ...): along 1, along 2, back along 1, back along 2
+    G88 grid         ray 1 forth, a step on ray 2, ray 1 back ...; at the end back to A
+    G89 circle       centre P120, P121, diameter P122, from P123 on, over P124, division P125, N P126
+
+A: the words of the block, or where the tool stands. N = 0: straight to B, no cycle; N = 1: to B, the cycle once there;
+on the circle by way of A. Places are approached with G00; on the circle, with G02 or G03 in force, along it with the
+highest feed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.geometry.frames import Rotation
+from isel_twin.firmware.bwo900.messages import ProgramError
+
+__all__ = ["circle", "grid", "perimeter", "ray"]
+
+AGREE_MM: Final = 1e-3
+"""What is said twice may differ by so much."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Ray:
+    """A vector and how many places there are on it."""
+
+    u: float
+    v: float
+    count: int
+
+    def at(self, number: float) -> tuple[float, float]:
+        """Place k of 0 .. count - 1; the end where there is one place or none."""
+        share = number / (self.count - 1) if self.count > 1 else 1.0
+        return share * self.u, share * self.v
+
+
+def ray(call: Call) -> Iterator[Move]:
+    """G86."""
+    begin, line = _start(call), _ray(call, 100)
+    yield from _come(call, begin)
+    if line.count < 2:
+        yield _place(call, begin, line.at(1.0), line.count == 1)
+        return
+    for number in range(line.count):
+        yield _place(call, begin, line.at(number), True)
+
+
+def perimeter(call: Call) -> Iterator[Move]:
+    """G87."""
+    begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
+    yield from _come(call, begin)
+    n, m = max(first.count, 1), max(second.count, 1)
+    along, across = ((i, 0) for i in range(n)), ((n - 1, j) for j in range(1, m))
+    back = ((i, m - 1) for i in range(n - 2, -1, -1)) if m > 1 else ()
+    home = ((0, j) for j in range(m - 2, 0, -1)) if n > 1 else ()
+    for i, j in chain(along, across, back, home):
+        yield _place(call, begin, _sum(first, i, second, j), bool(first.count and second.count))
+
+
+def grid(call: Call) -> Iterator[Move]:
+    """G88."""
+    begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
+    yield from _come(call, begin)
+    n, m = max(first.count, 1), max(second.count, 1)
+    for j in range(m):
+        for i in range(n) if j % 2 == 0 else range(n - 1, -1, -1):
+            yield _place(call, begin, _sum(first, i, second, j), bool(first.count and second.count))
+    yield Move(Kind.RAPID, {call.plane.first: begin[0], call.plane.second: begin[1]})
+
+
+def circle(call: Call) -> Iterator[Move]:
+    """G89."""
+    centre = (call.needed(120, 8120), call.needed(121, 8121))
+    radius = abs(call.needed(122, 8122)) / 2.0
+    if not radius:
+        raise ProgramError(8122, "P122 is 0")
+    start = math.fmod(call.needed(123, 8123), 360.0)
+    travel, count = _circle_places(call)
+    kind = {2: Kind.CLOCKWISE, 3: Kind.COUNTER_CLOCKWISE}.get(call.motion, Kind.RAPID) if travel else Kind.RAPID
+    yield _move(call, Kind.RAPID, _on_circle(centre, radius, start), count > 1, others=call.words)
+    steps = max(count, 2)
+    for number in range(1, steps):
+        place = _on_circle(centre, radius, start + travel * (number / (steps - 1)))
+        if kind is Kind.RAPID:
+            yield _move(call, kind, place, count > 0)
+        else:
+            yield _move(call, kind, place, count > 0, centre=centre, feed=call.rapid_mm_min)
+
+
+def _circle_places(call: Call) -> tuple[float, int]:
+    """Travel angle in degrees, and how many places. Raises ProgramError: M8124 to M8126, M8333, M8334."""
+    travel, division, count = call.get(124), call.get(125), call.get(126)
+    number = None if count is None else int(abs(count))
+    if travel is None and number is None:
+        if not division:
+            raise ProgramError(8125, "neither P124 nor P125 with P126 says where it ends")
+        number = _places(360.0, abs(division), 8125) - 1  # a full circle
+        return division * (number - 1), number
+    if travel is None:
+        if division is None:
+            raise ProgramError(8124, "neither P124 nor P125")
+        assert number is not None
+        return division * (number - 1), number
+    if number is None:
+        if division is None:
+            raise ProgramError(8126, "neither P125 nor P126")
+        if not division:
+            raise ProgramError(8334)
+        return travel, _places(abs(travel), abs(division), 8125)
+    if division and number > 1 and abs(abs(division) * (number - 1) - abs(travel)) > AGREE_MM:
+        raise ProgramError(8333, f"{number} places of {division:g} degrees are not {travel:g} degrees")
+    return travel, number
+
+
+def _on_circle(centre: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:
+    u, v = Rotation(angle_deg=angle_deg).turned(radius, 0.0)
+    return centre[0] + u, centre[1] + v
+
+
+def _ray(call: Call, base: int) -> _Ray:
+    """The ray of P100 .. or P110 .. Raises ProgramError: missing or contradicting parameters."""
+    u, v, angle, length, division, count = (call.get(base + k) for k in (0, 1, 3, 4, 5, 6))
+    message = 8000 + base
+    number = None if count is None else int(abs(count))
+    division = None if division is None else abs(division)
+    length = None if length is None else abs(length)
+    twice = 8_300 + (base - 100)  # 8311 and 8315 of ray 1, 8321 and 8325 of ray 2
+    if u is not None or v is not None:
+        if u is None or v is None:
+            raise ProgramError(message + (u is not None), f"P{base} and P{base + 1} are the end, one has no value")
+        size = math.hypot(u, v)
+        if length is not None and abs(length - size) > AGREE_MM:
+            raise ProgramError(twice + 11, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
+        if angle is not None and math.dist(_along(angle, size), (u, v)) > AGREE_MM:
+            raise ProgramError(message + 3, f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere")
+    else:
+        if angle is None:
+            raise ProgramError(message + 3, f"neither P{base}, P{base + 1} nor P{base + 3}")
+        if length is None:
+            if division is None or number is None:
+                raise ProgramError(message + 4, f"neither P{base + 4} nor P{base + 5} with P{base + 6}")
+            length = division * (number - 1 if number > 1 else number)
+        size = length
+        u, v = _along(angle, size)
+    if number is None:
+        if division is None:
+            raise ProgramError(message + 7, f"neither P{base + 5} nor P{base + 6}")
+        if not division:
+            raise ProgramError(message + 5, f"P{base + 5} is 0")
+        number = _places(size, division, message + 5)
+    elif division and number > 1 and abs(division * (number - 1) - size) > AGREE_MM:
+        raise ProgramError(twice + 15, f"{number} places of {division:g} mm are not {size:g} mm")
+    return _Ray(u, v, number)
+
+
+def _places(way: float, division: float, error: int) -> int:
+    """How many places there are on a way. Raises ProgramError if no number is so large."""
+    number = way / division
+    if not math.isfinite(number):
+        raise ProgramError(error, f"{way:g} in parts of {division:g}")
+    return int(number + 1e-9) + 1
+
+
+def _along(angle_deg: float, length: float) -> tuple[float, float]:
+    """A vector by angle and length."""
+    return Rotation(angle_deg=math.fmod(angle_deg, 360.0)).turned(length, 0.0)
+
+
+def _start(call: Call) -> tuple[float, float]:
+    """A: of the words, or where the tool stands."""
+    u, v = call.plane.of(call.position)
+    return call.words.get(call.plane.first, u), call.words.get(call.plane.second, v)
+
+
+def _come(call: Call, begin: tuple[float, float]) -> Iterator[Move]:
+    """To A and what the block says of other axes, if it has words."""
+    if call.words:
+        yield Move(Kind.RAPID, {**call.words, call.plane.first: begin[0], call.plane.second: begin[1]})
+
+
+def _sum(first: _Ray, i: int, second: _Ray, j: int) -> tuple[float, float]:
+    (a, b), (c, d) = first.at(i), second.at(j if second.count > 1 else 1.0)
+    return a + c, b + d
+
+
+def _place(call: Call, begin: tuple[float, float], offset: tuple[float, float], machines: bool) -> Move:
+    return _move(call, Kind.RAPID, (begin[0] + offset[0], begin[1] + offset[1]), machines)
+
+
+def _move(
+    call: Call,
+    kind: Kind,
+    place: tuple[float, float],
+    machines: bool,
+    centre: tuple[float, float] | None = None,
+    feed: float | None = None,
+    others: Mapping[int, float] | None = None,
+) -> Move:
+    """To a place, where the machining cycle is called; without one it is an exact stop. others: words of other axes."""
+    target = {**(others or {}), call.plane.first: place[0], call.plane.second: place[1]}
+    cycle = call.inner if machines else None
+    return Move(kind, target, centre, feed, exact_stop=cycle is None, cycle=cycle)

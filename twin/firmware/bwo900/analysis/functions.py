@@ -1,0 +1,88 @@
+"""M functions as the table in the parameters defines them (manual 6.2; 8.6, P11050; P8250).
+
+Four of them share a parameter, the lowest number in byte 1. Bits of a byte, as the manual's example has them:
+
+    01h before the path    02h after it    04h halt until acknowledged    10h with a jump
+    08h synchronises       20h a cycle of that number                     (these two: picture lost, ours)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
+
+__all__ = ["CONTROLLING", "DELETE", "DELETED", "FACTORY_FUNCTIONS", "Definition", "Functions"]
+
+PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
+
+CONTROLLING: Final = frozenset((0, 1, 2, 16, 23, 24, 25, 26, 28, 29, 30))
+"""Those that control the program (manual 6.1); M06 does both."""
+DELETE, DELETED = 8_715, 8_695
+"""M26: parameter by which the PLC deletes a path, and the one that tells of it (realtime/watch.py)."""
+IN_SYSTEM: Final = 200
+"""M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise."""
+HIGHEST: Final = 999
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """What is done with an M function."""
+
+    pre: bool = True
+    post: bool = False
+    halt: bool = False
+    jump: bool = False
+    cycle: bool = False
+    synchronises: bool = False
+
+
+class Functions:
+    """The definitions in force: those of the table as it was when they were taken over, from HAND to AUTO."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self.take_over()
+
+    def take_over(self) -> None:
+        """The table as it is now counts."""
+        p = self._parameters
+        in_channel = bool(p.get(158, 0.0, "q"))
+        self._bits: dict[int, float] = {}
+        """Four of them, by the lowest number; those that nobody has defined are missing."""
+        for place in range(HIGHEST // 4 + 1):
+            in_system = 4 * place < IN_SYSTEM and not in_channel
+            if bits := p.get((11_050 if in_system else 8_250) + place):
+                self._bits[place] = bits
+
+    def of(self, number: int) -> Definition:
+        """The definition of an M function; one that nobody has defined goes before the path, without halt."""
+        place, part = divmod(number, 4)
+        bits = byte(self._bits.get(place, 0.0), part + 1)
+        if not bits:
+            return Definition()
+        jump = bool(bits & JUMP)
+        return Definition(
+            pre=bool(bits & PRE) or jump,
+            post=bool(bits & POST) and not jump,
+            halt=bool(bits & HALT) or jump,
+            jump=jump,
+            cycle=bool(bits & CYCLE) and number > 30,
+            synchronises=bool(bits & SYNCHRONISES),
+        )
+
+
+def _packed(definitions: Mapping[int, int]) -> dict[int, float]:
+    packed: dict[int, float] = {}
+    for number, bits in definitions.items():
+        place, part = divmod(number, 4)
+        packed[11_050 + place] = packed.get(11_050 + place, 0.0) + (bits << 8 * part)
+    return packed
+
+
+FACTORY_FUNCTIONS: Final[Mapping[int, float]] = _packed(
+    {0: POST | HALT, 1: POST, 3: PRE, 4: PRE, 5: POST, 6: PRE | HALT | SYNCHRONISES, 7: PRE, 8: PRE, 9: POST}
+)
+"""By P: the table that the control comes with; the manual's is empty."""

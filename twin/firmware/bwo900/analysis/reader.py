@@ -1,0 +1,248 @@
+"""G functions, M functions, tools and speeds of a block: what it says besides its path (manual 4, 5, 7.1).
+
+    G        of a group: in force until another one; blockwise; a cycle; a program Z of that number
+    M        program organisation (0, 1, 2, 16, 23 to 30), cycles, the rest to the PLC, before or after the path
+    T t tr tl tq S      tool and spindles
+
+Two of a group in one block, numbers that are in no table, and what is not in the twin are errors with their column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
+from isel_twin.firmware.bwo900.analysis.functions import Functions
+from isel_twin.firmware.bwo900.analysis.said import Said
+from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
+from isel_twin.firmware.bwo900.analysis.values import Values
+from isel_twin.firmware.bwo900.geometry.blocks import Machine, Stop
+from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, SHIFT, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
+from isel_twin.firmware.bwo900.programs.expressions import whole
+from isel_twin.firmware.bwo900.programs.stored import Store
+from isel_twin.firmware.bwo900.programs.syntax import MWord, Word
+
+__all__ = ["CENTRES", "Reader"]
+
+CENTRES: Final = "IJK"
+LONGEST_DWELL_S: Final = 999_999.999
+DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+STAYING, ADDRESSED = 0x01, 0x02
+"""Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+
+
+class Reader:
+    """Reads blocks, and remembers what stays: spindle and drilling cycle."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        store: Store,
+        stack: Stack,
+        values: Values,
+        coordinates: Coordinates,
+        cycles: Collection[int],
+    ) -> None:
+        """cycles: numbers of the G functions that are cycles."""
+        self._parameters, self._store, self._stack, self._values = parameters, store, stack, values
+        self._coordinates, self._cycles = coordinates, cycles
+        self.functions = Functions(parameters)
+        self.clear()
+
+    def clear(self) -> None:
+        """A program begins."""
+        self.speed_rpm: float | None = None
+        """S of the first spindle."""
+        self.turning = 0
+        """+1 M03, -1 M04, 0 M05."""
+        self.drilling: int | None = None
+        """The drilling cycle that stays."""
+
+    def read(self, said: Said) -> None:
+        """G functions, tools and speeds, M functions; what a zero point does to G92."""
+        block, before = said.block, self._coordinates.modal
+        for g in block.g:
+            self._g(g.number, said, g.column)
+            if g.number == 4:
+                if g.extension is None:
+                    raise ProgramError(1211, "G04 without a time", g.column)
+                said.dwell_s = self._values.of(g.extension)
+                if said.dwell_s > LONGEST_DWELL_S:
+                    raise ProgramError(1211, f"a dwell of {said.dwell_s:g} s", g.column)
+        now = self._coordinates.modal
+        if now.plane != before.plane and 40 not in (before.radius, now.radius):
+            raise ProgramError(1232, f"G{now.plane} with G{before.radius}; G40 comes first")
+        for word in block.words:
+            self._tool_word(word, said)
+        for m in block.m:
+            self._m(m, said)
+        if said.zero_cleared:
+            self._coordinates.shift = (0.0,) * len(self._coordinates.names)
+        self._coordinates.renew()
+
+    # G functions
+
+    def _g(self, number: int, said: Said, column: int) -> None:
+        group = GROUPS.get(number)
+        if number in BLOCKWISE:
+            said.blockwise.add(number)
+        elif group is not None:
+            self._of_group(number, group, said, column)
+        elif number in BEYOND:
+            raise ProgramError(1232, f"G{number}: {BEYOND[number]} are not in this twin", column)
+        elif number in self._cycles or number == 82:
+            said.cycles.append(number)
+            if number in DRILLING and self._drill_flags & STAYING:
+                self.drilling = number
+        elif number == 80:
+            self.drilling = None
+        elif f"Z{number}" in self._store:
+            said.call = (f"Z{number}", None, None)
+        else:
+            raise ProgramError(1252, f"G{number} is no path condition, and there is no Z{number}", column)
+
+    def _of_group(self, number: int, group: int, said: Said, column: int) -> None:
+        """One that is in force from now on."""
+        if group in said.groups and said.groups[group] != number and group != GROUPS[61]:
+            raise ProgramError(1232, f"G{said.groups[group]} and G{number}", column)
+        said.groups[group] = number
+        if number in ZERO_POINTS and number >= 154 and number // 100 > int(self._parameters.get(174, 0.0, "q")):
+            raise ProgramError(1232, f"G{number}: q174 allows no such zero point", column)
+        if group == SHIFT:
+            said.shifts = True
+        if group == ZERO:
+            said.zero_cleared = True
+        self._coordinates.g(number)
+
+    @property
+    def _drill_flags(self) -> int:
+        return byte(self._parameters.get(8_806), 3)
+
+    def drilling_words(self, said: Said) -> frozenset[str]:
+        """Words that are parameters of the block's drilling cycle; their names."""
+        if not DRILLING.intersection(said.cycles) or not self._drill_flags & ADDRESSED:
+            return frozenset()
+        third = self._coordinates.frame.plane.third
+        axis = next(name for name, number in self._coordinates.names.items() if number == third)
+        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[self._coordinates.logical(third)]: 35, "H": 36}
+        taken = [word for word in said.block.words if word.name in numbers]
+        for word in taken:
+            self._parameters.write(numbers[word.name], self._values.of(word.value))
+        return frozenset(word.name for word in taken)
+
+    # Tools and speeds
+
+    def _tool_word(self, word: Word, said: Said) -> None:
+        p, value = self._parameters, self._values.of
+        match word.name:
+            case "T":
+                said.tool = whole(value(word.value))
+            case "t":
+                p.write(8_162, value(word.value))
+            case "tr":
+                p.write(8_160, value(word.value))
+                p.write(8_162, 0.0)
+            case "tl":
+                p.write(8_161, value(word.value))
+                p.write(8_163, 0.0)
+                said.length = True
+            case "tq":
+                p.write(8_164, value(word.value))
+            case _ if word.name[0] == "S":
+                spindle = int(word.name[1:] or "1")
+                said.speeds[spindle] = value(word.value)
+                if spindle == 1:
+                    self.speed_rpm = said.speeds[spindle]
+
+    # M functions
+
+    def _m(self, m: MWord, said: Said) -> None:
+        values = tuple(None if e is None else whole(self._values.of(e)) for e in m.extensions)
+        match m.number:
+            case 0:
+                self._without_correction(1232, "M00", m.column)
+                said.stop = Stop.MEASURING_STOP
+                self._machine_function(m, (), said)
+            case 1:
+                self._without_correction(1229, "M01", m.column)
+                if 123 in said.blockwise:
+                    raise ProgramError(1226, "G123 with M01", m.column)
+                said.stop = Stop.SYNCHRONISE
+            case 2:
+                said.returns = True
+            case 16:
+                said.activates = True
+            case 23:
+                goal = self._goal(values, m)
+                said.goal = said.goal or goal  # the first one, as of comparisons
+            case 24:
+                if len(values) != 1 or values[0] is None or values[0] < 1:
+                    raise ProgramError(1218, "M24.passes, at least 1", m.column)
+                said.passes = values[0]
+            case 25:
+                if not self._stack.top.loops:
+                    raise ProgramError(1217, column=m.column)
+                said.loops_back = True
+            case 26:
+                self._without_correction(1229, "M26", m.column)
+                if 123 in said.blockwise:
+                    raise ProgramError(1226, "G123 with M26", m.column)
+                said.watches = True
+            case 28:
+                said.call = self._called(values, m)
+            case 29:
+                said.stop = Stop.REPEAT
+            case 30:
+                said.stop = Stop.END
+            case _:
+                self._machine_function(m, values, said)
+
+    def _without_correction(self, error: int, name: str, column: int) -> None:
+        if self._coordinates.modal.radius != 40:
+            raise ProgramError(error, f"{name} with radius correction", column)
+
+    def _goal(self, values: Sequence[int | None], m: MWord) -> Goal:
+        """M23.block, M23.program.block."""
+        if len(values) == 1 and values[0] is not None:
+            return self._stack.top.program.name, values[0]
+        if len(values) == 2 and values[0] is not None and values[1] is not None:
+            return f"P{values[0]}", values[1]
+        raise ProgramError(1211, f"M{m.number}.block or M{m.number}.program.block", m.column)
+
+    def _called(self, values: Sequence[int | None], m: MWord) -> tuple[str, int | None, int | None]:
+        """M28.P, M28.P.start, M28.P.start_end, M28..start."""
+        if not 1 <= len(values) <= 2 or (values[0] is None and (len(values) == 1 or values[1] is None)):
+            raise ProgramError(1219, "M28.program, M28.program.start_end or M28..start", m.column)
+        name = self._stack.top.program.name if values[0] is None else f"P{values[0]}"
+        last = None if m.last is None else whole(self._values.of(m.last))
+        return name, values[1] if len(values) == 2 else None, last
+
+    def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
+        """One for the PLC, or a cycle, or with a jump."""
+        if m.number == 6 and "Z6" in self._store:
+            said.call, said.changes = ("Z6", None, None), True
+            return
+        defined = self.functions.of(m.number)
+        if defined.cycle:
+            if values:
+                raise ProgramError(1228, f"M{m.number} is a cycle: nothing may stand behind it", m.column)
+            if f"Z{m.number}" not in self._store:
+                raise ProgramError(1252, f"Z{m.number}", m.column)
+            said.call = (f"Z{m.number}", None, None)
+            return
+        if defined.jump != bool(values) and (defined.jump or m.number > 30):
+            wrong = "is defined with a jump and has none" if defined.jump else "has a jump and is not defined with one"
+            raise ProgramError(1228, f"M{m.number} {wrong}", m.column)
+        if defined.jump:
+            said.jump = self._goal(values, m)
+        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
+        if defined.pre:
+            said.pre.append(function)
+        if defined.post:
+            said.post.append(function)
+        self.turning = {3: 1, 4: -1, 5: 0}.get(m.number, self.turning)
+        said.synchronises = said.synchronises or defined.synchronises
+        said.changes = said.changes or m.number == 6

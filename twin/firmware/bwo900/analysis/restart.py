@@ -1,0 +1,71 @@
+"""Restart at the contour: a program that was broken off goes on at the block it was broken off in (manual 8.5, P8804).
+
+    P8802, P8803   program and block that were broken off, written by the control
+    P8804 = 1      Start analyses the program up to there without moving, drives to the beginning of that block in
+                   rapid, and goes on; P8804 is 0 when it is there
+    P8686          2 on that way, 0 else
+
+A block of a cycle is begun at the beginning of the cycle. M functions on the way are not sent: the bits of the table
+that say which are to be are lost with the manual's picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.elements import Line, Point
+from isel_twin.firmware.bwo900.messages import ProgramError
+
+__all__ = ["MOST_BLOCKS", "find"]
+
+RESTARTS, STATE, APPROACHES = 8_804, 8_686, 2.0
+MOST_BLOCKS: Final = 1_000_000
+"""A program that does not come by its block within so many is a loop."""
+
+
+def find(
+    interpreter: Interpreter, name: str, number: int, position: Point, write: Callable[[int, float | None], None]
+) -> None:
+    """Analyse up to a block of a program that has been begun: the way to it and the block itself are what comes next.
+
+    position: where the axes stand, mm. Raises ProgramError M1255 if the program ends before it, and its own.
+    """
+    for _ in range(MOST_BLOCKS):
+        block = interpreter.next()
+        if block is Waiting.EXECUTION:
+            interpreter.executed()
+        elif block is Waiting.ACKNOWLEDGEMENT:
+            interpreter.acknowledged(jumps=False)
+        elif block is Waiting.BEGINNING:
+            interpreter.begun()
+        elif block is None or block is Waiting.CONDITION:
+            break
+        elif isinstance(block, PathBlock):
+            if (block.program, block.number) == (name, number):
+                there = (*block.parameters, (RESTARTS, 0.0), (STATE, 0.0))
+                interpreter.put_back(_way(block, position), replace(block, parameters=there))
+                return
+            if block.stop is Stop.END:
+                break
+            for parameter, value in block.parameters:
+                write(parameter, value)
+    raise ProgramError(1255, f"{name} N{number} to restart at")
+
+
+def _way(block: PathBlock, position: Point) -> PathBlock:
+    elements = () if position == block.start else (Line(position, block.start),)
+    return PathBlock(
+        block.program,
+        block.number,
+        start=position,
+        elements=elements,
+        plane=block.plane,
+        rapid=True,
+        end=BlockEnd.EXACT_STOP,
+        parameters=((STATE, APPROACHES),),
+        main=False,
+    )

@@ -1,0 +1,161 @@
+"""What a block has said, and the PathBlock that comes of it.
+
+block --> reader.py (G, M, S, T) --> Said --> targets.py (axes) --> elements
+                                      |                                |
+                                      +----------> path_block <--------+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
+from isel_twin.firmware.bwo900.analysis.stack import Goal
+from isel_twin.firmware.bwo900.analysis.tools import Tools
+from isel_twin.firmware.bwo900.analysis.values import Later
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.elements import Element
+from isel_twin.firmware.bwo900.geometry.in_force import InForce
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.programs.syntax import Block
+
+__all__ = ["Said", "correction", "path_block"]
+
+
+@dataclass
+class Said:
+    """What a block has said so far."""
+
+    block: Block
+    program: str
+    main: bool
+    """It is one of a program, not of a cycle's."""
+    parameters: Later = field(default_factory=list)
+    synchronises: bool = False
+    """Analysis waits until it has been executed."""
+    blockwise: set[int] = field(default_factory=set)
+    """G functions that hold for it alone."""
+    groups: dict[int, int] = field(default_factory=dict)
+    """The G function of each group that it has."""
+    cycles: list[int] = field(default_factory=list)
+    pre: list[Machine] = field(default_factory=list)
+    post: list[Machine] = field(default_factory=list)
+    speeds: dict[int, float] = field(default_factory=dict)
+    dwell_s: float | None = None
+    feed: float | None = None
+    """Of a cycle's move, in place of F."""
+    end_feed: float | None = None
+    tool: int | None = None
+    stop: Stop = Stop.NONE
+    goal: Goal | None = None
+    """M23."""
+    jump: Goal | None = None
+    """Of an M function with a jump."""
+    call: tuple[str, int | None, int | None] | None = None
+    """A subprogram, its first and last block."""
+    hidden: bool = False
+    """T calls Z5."""
+    passes: int | None = None
+    """M24."""
+    loops_back: bool = False
+    """M25."""
+    returns: bool = False
+    """M02."""
+    activates: bool = False
+    """M16: the tool data count from here on."""
+    changes: bool = False
+    """M06."""
+    length: bool = False
+    """`tl`: another tool length."""
+    watches: bool = False
+    """M26."""
+    shifts: bool = False
+    """G92."""
+    zero_cleared: bool = False
+    """A zero point: G92 is gone."""
+
+    def goes_elsewhere(self) -> None:
+        """A jump by comparison is taken: functions that control the program are not carried out beside it."""
+        self.goal = self.passes = None
+        self.loops_back = self.returns = False
+        if self.stop in (Stop.END, Stop.REPEAT):
+            self.stop = Stop.NONE
+
+
+def path_block(
+    said: Said,
+    elements: tuple[Element, ...],
+    coordinates: Coordinates,
+    feed_mm_min: float | None,
+    tools: Tools,
+    parameters: Parameters,
+    in_force: InForce,
+) -> PathBlock:
+    """What a block is to the path. feed_mm_min: F in force. in_force: what else is."""
+    rapid = coordinates.modal.motion == 0
+    feed = said.feed if said.feed is not None else feed_mm_min
+    chamfer_mm, rounding_mm = _transition(parameters) if 12 in said.blockwise else (None, None)
+    return PathBlock(
+        program=said.program,
+        number=said.block.number or 0,
+        column=said.block.column,
+        start=elements[0].start if elements else coordinates.position,
+        elements=elements,
+        plane=coordinates.frame.plane,
+        rapid=rapid,
+        feed_mm_min=None if rapid else feed,
+        end_feed_mm_min=said.end_feed,
+        override=coordinates.modal.override != 63,
+        end=_end(said, coordinates, rapid, parameters),
+        correction=Correction() if elements and 66 in said.blockwise else correction(coordinates, tools),
+        tool_mm=abs(tools.radius_mm) if elements and not rapid else 0.0,
+        chamfer_mm=chamfer_mm,
+        rounding_mm=rounding_mm,
+        three_points=123 in said.blockwise,
+        pre=tuple(said.pre),
+        post=tuple(said.post),
+        dwell_s=said.dwell_s,
+        speeds=dict(said.speeds),
+        tool=said.tool,
+        parameters=tuple(said.parameters),
+        text=said.block.message,
+        stop=said.stop,
+        watched=said.watches,
+        main=said.main,
+        target=coordinates.program_position,
+        in_force=in_force,
+    )
+
+
+def _transition(p: Parameters) -> tuple[float | None, float | None]:
+    """G12: chamfer P70 or rounding P71, which wins; mm."""
+    if p.given(71, 0.0):
+        return None, p.get(71)
+    return (p.get(70) if p.given(70, 0.0) else None), None
+
+
+def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Parameters) -> BlockEnd:
+    """How the path ends: as functions and dwell ask for, G08 or G09, G28 or G29, P8858 for rapid ones."""
+    halting = any(function.halt for function in (*said.pre, *said.post))
+    if 8 in said.blockwise or said.dwell_s is not None or halting:
+        return BlockEnd.EXACT_STOP
+    if 9 in said.blockwise:
+        return BlockEnd.CONTINUOUS
+    if coordinates.modal.exact == 28:
+        return BlockEnd.EXACT_STOP
+    if rapid:
+        kinds = (BlockEnd.EXACT_STOP, BlockEnd.FEED_STOP, BlockEnd.CONTINUOUS)
+        kind = int(parameters.get(8_858))
+        return kinds[kind if kind in (1, 2) else 0]
+    return BlockEnd.CONTINUOUS
+
+
+def correction(coordinates: Coordinates, tools: Tools) -> Correction:
+    """G41, G42: a negative radius and a mirror each change the side."""
+    if coordinates.modal.radius == 40:
+        return Correction()
+    side = 1 if coordinates.modal.radius == 41 else -1
+    radius = tools.radius_mm
+    if (radius < 0.0) != coordinates.frame.mirrored:
+        side = -side
+    return Correction(side, abs(radius))

@@ -1,0 +1,199 @@
+"""Programs inside each other: where the next block is, loops, jumps, calls (manual 6).
+
+    top ->   | P200   place 3   loops (2 of 5 passes)  |    M28, G of a Z program: `call`
+             | P100   place 17                         |    M23, a true comparison: `go`
+    main ->  | P1     place 4                          |    M24: `open_loop`, M25: `close_loop`
+
+A level ends behind its program's last block, behind the last block of its call, at M02, M29 and M30.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final, TypeAlias
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
+from isel_twin.firmware.bwo900.programs.syntax import Block
+
+__all__ = ["DEEPEST_CALLS", "DEEPEST_LOOPS", "Goal", "Level", "Stack"]
+
+DEEPEST_CALLS: Final = 6
+"""Subprograms inside each other (M1220)."""
+DEEPEST_LOOPS: Final = 32
+"""M24 inside each other (M1218); the manual names no number."""
+
+Goal: TypeAlias = tuple[str, int]
+"""A program and the number of a block of it."""
+
+
+@dataclass
+class Level:
+    """A program that is being executed: the place of the next block, where it ends, and its loops."""
+
+    program: Blocks
+    place: int = 0
+    last: int | None = None
+    """Place of the last block to be executed, of a call with an end."""
+    loops: list[tuple[int, int, int]] = field(default_factory=list)
+    """Place after M24, passes that are left, this one included, and all of them."""
+    cycle: bool = False
+    """It was called as a cycle: its blocks are intermediate ones."""
+    change: bool = False
+    """It is Z6: at its end the tool data are activated."""
+
+    @property
+    def over(self) -> bool:
+        """There is no next block, or none that has come yet."""
+        return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
+
+    @property
+    def last_taken(self) -> Goal:
+        """Its name and the number of the block that was taken last."""
+        return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
+
+    def take(self) -> Block:
+        """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
+        block = self.program.block(self.place)
+        self.place += 1
+        return block
+
+    def leave(self) -> None:
+        """Nothing more of it."""
+        self.place, self.last = len(self.program), None
+
+    def repeat(self) -> None:
+        """From its first block on, without open loops. Raises ProgramError M1269."""
+        self._leads_back("M29")
+        self.place, self.loops = 0, []
+
+    def open_loop(self, passes: int) -> None:
+        """M24. Raises ProgramError M1218, M1269."""
+        self._leads_back("M24")
+        if len(self.loops) >= DEEPEST_LOOPS:
+            raise ProgramError(1218, f"more than {DEEPEST_LOOPS} loops inside each other")
+        self.loops.append((self.place, passes, passes))
+
+    def _leads_back(self, what: str) -> None:
+        if self.program.linear:
+            raise ProgramError(1269, f"{what} in {self.program.name}, a program that is fed")
+
+    def close_loop(self) -> None:
+        """M25: back to behind M24, or on after the last pass."""
+        place, left, passes = self.loops.pop()
+        if left > 1:
+            self.loops.append((place, left - 1, passes))
+            self.place = place
+
+
+class Stack:
+    """The main program and the subprograms that are open."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._levels: list[Level] = []
+        self.opened: frozenset[str] = frozenset()
+        """Programs that have been open; whoever carries them out clears it."""
+
+    def __len__(self) -> int:
+        return len(self._levels)
+
+    @property
+    def top(self) -> Level:
+        """What is being executed; there must be something."""
+        return self._levels[-1]
+
+    @property
+    def place(self) -> Goal:
+        """Name of the program and number of the next block, 0 if it has none."""
+        if not self._levels:
+            return "", 0
+        level = self._levels[-1]
+        number = level.program.number(min(level.place, len(level.program) - 1)) if len(level.program) else 0
+        return level.program.name, max(number, 0)
+
+    @property
+    def open(self) -> frozenset[str]:
+        """Names of those that are open."""
+        return frozenset(level.program.name for level in self._levels)
+
+    @property
+    def depth(self) -> int:
+        """Subprograms that are open."""
+        return max(len(self._levels) - 1, 0)
+
+    @property
+    def loops(self) -> int:
+        """Loops that are open on top."""
+        return len(self._levels[-1].loops) if self._levels else 0
+
+    @property
+    def loop(self) -> tuple[int, int]:
+        """Of the innermost open loop on top: its passes, and the present one; 0, 0 without one."""
+        if not self._levels or not self._levels[-1].loops:
+            return 0, 0
+        _, left, passes = self._levels[-1].loops[-1]
+        return passes, passes - left + 1
+
+    @property
+    def caller(self) -> Goal:
+        """Program and block that have called the one on top; empty for a main program."""
+        return self._levels[-2].last_taken if len(self._levels) > 1 else ("", 0)
+
+    @property
+    def cycle(self) -> tuple[str, Goal] | None:
+        """The cycle of the user that is open, and the place in a program that has called it; None: there is none."""
+        for below, level in pairwise(self._levels):
+            if level.cycle:
+                return level.program.name, below.last_taken
+        return None
+
+    @property
+    def in_cycle(self) -> bool:
+        """A program that was called as a cycle is open."""
+        return any(level.cycle for level in self._levels)
+
+    def is_subprogram(self, level: Level) -> bool:
+        """Whether this level is on top, and not the main program's."""
+        return len(self._levels) > 1 and self._levels[-1] is level
+
+    def begin(self, program: Blocks, place: int) -> None:
+        """A main program, from a place on."""
+        self._levels = [Level(program, place)]
+        self.opened = self.open
+
+    def clear(self) -> None:
+        """No program any more."""
+        self._levels = []
+
+    def pop(self) -> None:
+        """The one on top has come to its end."""
+        self._levels.pop()
+
+    def go(self, goal: Goal) -> None:
+        """Continue at a block of a program. Raises ProgramError: M1252 no such program, M1255 no such block, M1269."""
+        name, number = goal
+        level = self._levels[-1]
+        if level.program.linear:
+            raise ProgramError(1269, f"a jump to N{number} of {name} in {level.program.name}, a program that is fed")
+        if name != level.program.name:
+            program = self._store.find(name)
+            self._levels[-1] = level = Level(program, cycle=level.cycle, change=level.change)
+            self.opened |= {name}
+        level.place = level.program.place(number)
+
+    def call(self, name: str, start: int | None, last: int | None, *, change: bool) -> None:
+        """Begin a subprogram, from block to block if they are given. change: it changes the tool.
+
+        Raises ProgramError: M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed.
+        """
+        if len(self._levels) > DEEPEST_CALLS:
+            raise ProgramError(1220, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
+        program = self._store.find(name)
+        if program.linear:
+            raise ProgramError(1269, f"{name} is fed, and called by itself")
+        place = 0 if start is None else program.place(start)
+        end = None if last is None else program.place(last)
+        self.opened |= {name}
+        self._levels.append(Level(program, place, end, cycle=name[0] == "Z", change=change and name == "Z6"))

@@ -1,0 +1,217 @@
+"""From the words of a block to the elements of its path: axes, polar coordinates, G91, circles (manual 4.2 to 4.12).
+
+    X Y Z, x c about a pole --> target in program coordinates --> coordinates.py --> Line, Arc in the machine's
+    I J K, R: centre or radius of a circle          F, f: feed
+
+F, centre, radius, pole and polar coordinates stay until there are others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
+from isel_twin.firmware.bwo900.analysis.reader import CENTRES
+from isel_twin.firmware.bwo900.analysis.said import Said
+from isel_twin.firmware.bwo900.analysis.values import Values
+from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
+from isel_twin.firmware.bwo900.geometry.groups import GROUPS
+from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.parameters import Parameters
+
+__all__ = ["Targets"]
+
+NEAR_MM: Final = 1e-9
+"""Paths shorter than this are none."""
+
+
+class Targets:
+    """Makes elements of words, and moves the coordinates to their end."""
+
+    def __init__(self, parameters: Parameters, values: Values, coordinates: Coordinates) -> None:
+        self._parameters, self._values, self._coordinates = parameters, values, coordinates
+        self.notes: list[Message] = []
+        """Messages that stop or are shown, and do not break off; whoever executes takes them."""
+        self.clear()
+
+    def clear(self) -> None:
+        """A program begins."""
+        self.feed_mm_min: float | None = None
+        """F, None before there is one."""
+        self._centre: dict[str, float] = {}
+        self._radius: float | None = None
+        self._pole, self._polar, self._polar_correction = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+
+    # Words
+
+    def read_feed(self, said: Said, taken: frozenset[str]) -> None:
+        """Feed, and centre or radius of circles. taken: words of a drilling cycle."""
+        for word in said.block.words:
+            if word.name in taken:
+                continue
+            if word.name == "F":
+                self.feed_mm_min = self._values.of(word.value)
+            elif word.name == "f":
+                said.end_feed = self._values.of(word.value)
+            elif word.name in CENTRES:
+                self._centre[word.name] = self._values.of(word.value)
+                self._radius = None
+            elif word.name == "R":
+                self._radius = self._values.of(word.value)
+
+    def read_axes(self, said: Said, taken: frozenset[str]) -> dict[int, float] | None:
+        """Targets in program coordinates by axis; None if the block has none. G44, G92 and poles take theirs.
+
+        taken: words of a drilling cycle; its depth alone drills where the tool stands.
+        """
+        coordinates = self._coordinates
+        names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
+        named: dict[int, float] = {}
+        radial: dict[str, float] = {}
+        letters = self._polar_letters() if modal.polar == 10 else {}
+        for word in said.block.words:
+            if word.name in taken:
+                if word.name in names:
+                    here = 0.0 if modal.dimension == 91 else coordinates.program_position[plane.first]
+                    named.setdefault(plane.first, here)
+            elif word.name in names:
+                named[names[word.name]] = self._values.of(word.value)
+            elif word.name in letters:
+                radial[letters[word.name]] = self._values.of(word.value)
+            elif word.name[0] not in "FSTIJKRft":
+                raise ProgramError(1216, word.name, word.column)
+        if said.shifts or said.groups.get(GROUPS[44]) == 44:
+            self._consume(named, radial, said)
+            return None
+        relative = set(named)
+        if modal.polar == 10:
+            self._read_pole(named.pop(plane.first, None), named.pop(plane.second, None))
+            relative = set(named)
+            if radial:
+                self._polar = (radial.get("r", self._polar[0]), radial.get("a", self._polar[1]))
+                radius, angle = self._polar
+                if modal.correction == 44:
+                    radius, angle = abs(radius) + self._polar_correction[0], angle + self._polar_correction[1]
+                named[plane.first], named[plane.second] = polar(self._pole, radius, angle)
+        return self._absolute(named, relative, said) if named else None
+
+    def _polar_letters(self) -> dict[str, str]:
+        """Words of radius and angle: q150 and q151, x and c where nobody has set them."""
+        radius, angle = (chr(int(self._parameters.get(q, default, "q"))) for q, default in ((150, 120), (151, 99)))
+        return {radius: "r", angle: "a"}
+
+    def _read_pole(self, u: float | None, v: float | None) -> None:
+        """With G10 the axes of the plane are the pole."""
+        self._pole = (self._pole[0] if u is None else u, self._pole[1] if v is None else v)
+
+    def _consume(self, named: Mapping[int, float], radial: Mapping[str, float], said: Said) -> None:
+        """G92, G44: the words are a shift or a correction, nothing moves. G44 corrects radius and angle, too."""
+        coordinates = self._coordinates
+        if said.shifts:
+            coordinates.shift = tuple(named.get(axis, 0.0) for axis in range(len(coordinates.names)))
+            for axis, value in enumerate(coordinates.shift):
+                self._parameters.write(9_500 + axis, value)
+        else:
+            coordinates.correction = tuple(named.get(axis, old) for axis, old in enumerate(coordinates.correction))
+            radius, angle = self._polar_correction
+            self._polar_correction = (radial.get("r", radius), radial.get("a", angle))
+        coordinates.renew()
+
+    def _absolute(self, named: Mapping[int, float], relative: set[int], said: Said) -> dict[int, float]:
+        """Targets from words: with G91 those of `relative` count from where the program is, with G66 the machine."""
+        if self._coordinates.modal.dimension == 90:
+            return dict(named)
+        now = self._counted_from(said)
+        return {axis: value + (now[axis] if axis in relative else 0.0) for axis, value in named.items()}
+
+    def _counted_from(self, said: Said) -> Point:
+        """What G91 counts from."""
+        coordinates = self._coordinates
+        bare = 66 in said.blockwise
+        return coordinates.frame.bare.program(coordinates.position) if bare else coordinates.counted_from
+
+    # Elements
+
+    def path(self, said: Said, targets: Mapping[int, float]) -> tuple[Element, ...]:
+        """The elements to a target. Moves the position there. Raises ProgramError: M1230 no feed, those of circles."""
+        coordinates = self._coordinates
+        frame, start, bare = self._frame_of(said)
+        goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
+        if 123 in said.blockwise and coordinates.modal.motion == 0:
+            coordinates.g(1)
+        motion = coordinates.modal.motion
+        end = coordinates.machine(frame, goal, targets)
+        element: Element | None
+        if motion in (2, 3) and self._turns(targets):
+            element = self._circle(said, frame, start, end)
+        else:
+            element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
+        if element is not None and motion and self.feed_mm_min is None and said.feed is None:
+            raise ProgramError(1230)
+        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
+        return () if element is None else (element,)
+
+    def arc(self, said: Said, targets: Mapping[int, float], centre: tuple[float, float], turn: int) -> Arc:
+        """The arc of a cycle about a centre; turn: +1 counter-clockwise in the program. Moves the position to its end.
+
+        targets and centre in program coordinates.
+        """
+        coordinates = self._coordinates
+        frame, start, bare = self._frame_of(said)
+        goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
+        end = coordinates.machine(frame, goal, targets)
+        made = self._about(frame, centre, end, turn)
+        coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
+        return made
+
+    def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
+        """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
+        coordinates = self._coordinates
+        if 66 in said.blockwise:
+            bare = coordinates.frame.bare
+            return bare, bare.program(coordinates.position), True
+        return coordinates.frame, coordinates.program_position, False
+
+    def _about(self, frame: Frame, centre: tuple[float, float], end: Point, turn: int) -> Arc:
+        """The arc about a centre of the program; P8843: how much its radii may differ."""
+        here, there = self._coordinates.position, frame.centre(centre)
+        turn = -turn if frame.mirrored else turn
+        return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(8_843, 0.003))
+
+    def _turns(self, targets: Mapping[int, float]) -> bool:
+        """Whether a block with G02 or G03 has a circle to make."""
+        plane = self._coordinates.frame.plane
+        return plane.first in targets or plane.second in targets or bool(self._centre or self._radius)
+
+    def _circle(self, said: Said, frame: Frame, start: Point, end: Point) -> Arc:
+        """The arc to a target: by radius, or by the centre of I, J, K. start: of the program."""
+        coordinates, plane = self._coordinates, frame.plane
+        turn = 1 if coordinates.modal.motion == 3 else -1
+        if self._radius is not None:
+            turned = -turn if frame.mirrored else turn
+            arc, corrected = arc_by_radius(coordinates.position, end, plane, self._radius, turned)
+            if corrected:
+                self._note(said, 1234, f"half of the chord is {abs(arc.radius_mm):.4g} mm")
+            return arc
+        if not self._centre:
+            raise ProgramError(1233)
+        if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
+            raise ProgramError(1232, "circles in space are not in this twin")
+        letters = tuple(CENTRES[coordinates.logical(axis)] for axis in (plane.first, plane.second))
+        here = plane.of(start if coordinates.modal.dimension == 90 else self._counted_from(said))
+        base = here if coordinates.modal.dimension == 91 else (0.0, 0.0)
+        u, v = (
+            base[i] + self._centre[letter] if letter in self._centre else (here[i] if base[i] else 0.0)
+            for i, letter in enumerate(letters)
+        )
+        return self._about(frame, (u, v), end, turn)
+
+    def _note(self, said: Said, number: int, detail: str) -> None:
+        block = said.block
+        self.notes.append(
+            message(number, program=said.program, block=block.number or 0, column=block.column, detail=detail)
+        )

@@ -1,0 +1,127 @@
+"""Values of expressions: parameters, symbols, comparisons; and what assignments do with them (manual 3.6, 8.1).
+
+_depth := P100 / 2     an internal variable, until the program ends
+_depth ::= 100         bound: the name is that parameter, with an index one behind it
+P100 : 5               at once, while the block is analysed; real-time parameters when it is executed
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from isel_twin.firmware.bwo900.analysis.tools import told
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Parameters
+from isel_twin.firmware.bwo900.programs.expressions import Expression, Number, Parameter, Symbol, evaluate, whole
+from isel_twin.firmware.bwo900.programs.syntax import Assign, Block
+
+__all__ = ["Later", "Values"]
+
+Later: TypeAlias = list[tuple[int, float | None]]
+"""Parameters P that are written when a block is executed: number, value."""
+
+
+class Values:
+    """What expressions of a program are evaluated against: an `expressions.Environment`."""
+
+    def __init__(self, parameters: Parameters, written: Callable[[int, float | None], None]) -> None:
+        """written: is told of a parameter P that a block has written."""
+        self._parameters, self._written = parameters, written
+        self._symbols: dict[str, float] = {}
+        self._bound: dict[str, int] = {}
+
+    def clear(self) -> None:
+        """A program begins: symbols mean nothing yet."""
+        self._symbols, self._bound = {}, {}
+
+    def parameter(self, area: str, number: int, channel: int) -> float:
+        """See expressions.Environment; records of tools say T0 where there has never been one."""
+        if area == "P" and channel == 1 and told(number):
+            return self._parameters.get(number)
+        return self._parameters.read(area, number, channel)
+
+    def symbol(self, name: str, index: int) -> float:
+        """See expressions.Environment: a bound symbol is its parameter, another one a variable, 0 before it is set."""
+        if name in self._bound:
+            return self._parameters.read("P", self._bound[name] + index)
+        return self._symbols.get(_internal(name, index), 0.0)
+
+    def of(self, expression: Expression) -> float:
+        """The value of an expression. Raises ProgramError, see `evaluate`."""
+        return expression.value if isinstance(expression, Number) else evaluate(expression, self)
+
+    def holds(self, block: Block) -> bool:
+        """Whether what a block waits for is true: waituntil."""
+        wait = block.wait
+        return wait is None or compare(self.of(wait.left), wait.relation, self.of(wait.right))
+
+    def jump(self, block: Block) -> int | None:
+        """The block that the first comparison that is true leads to."""
+        for jump in block.jumps:
+            if compare(self.of(jump.left), jump.relation, self.of(jump.right)):
+                return whole(self.of(jump.target), 1255)
+        return None
+
+    def assign(self, block: Block) -> Later:
+        """Carry out the assignments; what is to be written in real time is returned."""
+        later: Later = []
+        for assign in block.assignments:
+            value = None if assign.value is None else self.of(assign.value)
+            target = assign.target
+            if isinstance(target, Symbol):
+                index = 0 if target.index is None else whole(self.of(target.index), 1202)
+                if assign.bind:
+                    self._bound[target.name] = whole(value or 0.0, 1202)
+                elif target.name in self._bound:
+                    self._write("P", self._bound[target.name] + index, 1, value, later)
+                else:
+                    self._symbols[_internal(target.name, index)] = 0.0 if value is None else value
+            else:
+                number = whole(self.of(target.number), 1202)
+                self._write(target.area, number, target.channel, value, later)
+        return later
+
+    def _write(self, area: str, number: int, channel: int, value: float | None, later: Later) -> None:
+        if self._parameters.locked(number, area, channel):
+            raise ProgramError(1304, f"{area}{number}")
+        own = area == "P" and channel == 1
+        if own and self._parameters.has(number, REAL_TIME):
+            later.append((number, value))
+            return
+        self._parameters.write(number, value, area, channel)
+        if own:
+            self._written(number, value)
+
+    def synchronises(self, block: Block) -> bool:
+        """Whether analysis waits for one of the parameters that a block writes."""
+        return any(self._synchronises(assign) for assign in block.assignments)
+
+    def _synchronises(self, assign: Assign) -> bool:
+        target = assign.target
+        if not isinstance(target, Parameter) or not isinstance(target.number, Number):
+            return False
+        return self._parameters.has(int(target.number.value), SYNCHRONISING, target.area, target.channel)
+
+
+def _internal(name: str, index: int) -> str:
+    """The name of an internal variable, which has no index (manual 3.6: only those of parameters have)."""
+    if index:
+        raise ProgramError(1307, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
+    return name
+
+
+def compare(left: float, relation: str, right: float) -> bool:
+    """A comparison of jumps and waituntil: = <> > < >= <=."""
+    match relation:
+        case "=":
+            return left == right
+        case "<>":
+            return left != right
+        case ">":
+            return left > right
+        case "<":
+            return left < right
+        case ">=":
+            return left >= right
+    return left <= right

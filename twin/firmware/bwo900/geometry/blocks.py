@@ -1,0 +1,141 @@
+"""What an executed block is to the path: its elements in machine coordinates, and what happens before and after them.
+
+    interpreter --- PathBlock ---> contour (G12, G123) ---> radius correction (G41, G42) ---> path, real time
+
+Everything on this way takes blocks and gives blocks, in order, and changes elements only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point
+from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
+from isel_twin.firmware.bwo900.programs.syntax import Text
+
+__all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
+
+
+class BlockEnd(Enum):
+    """How a block's path ends."""
+
+    CONTINUOUS = "no stop: the next block joins"
+    FEED_STOP = "speed 0, without waiting for the axes"
+    EXACT_STOP = "speed 0, and the following error within its window"
+
+
+class Stop(Enum):
+    """What happens after a block's post functions."""
+
+    NONE = ""
+    SYNCHRONISE = "M01: analysis waits until the block has been executed"
+    MEASURING_STOP = "M00: until Start; tool data are read again"
+    END = "M30: end of the program"
+    REPEAT = "M29: from its first block again"
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Tool radius correction of a block: side +1 left (G41), -1 right (G42), 0 off; radius in mm, never negative."""
+
+    side: int = 0
+    radius_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
+
+    code: int
+    extensions: tuple[float, ...] = ()
+    halt: bool = False
+    jump: bool = False
+    """Its acknowledgement deletes the path, and the program goes on elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathBlock:
+    """One block of a program, or of a cycle, that has been analysed."""
+
+    program: str
+    number: int
+    """Of the block; of the block that called, within a cycle."""
+    column: int = 0
+    start: Point = (0.0, 0.0, 0.0)
+    """Where it begins, in machine coordinates, before any radius correction."""
+    elements: tuple[Element, ...] = ()
+    """None: no path."""
+    plane: Plane = XY
+    rapid: bool = False
+    feed_mm_min: float | None = None
+    """Path feed; None with rapid."""
+    end_feed_mm_min: float | None = None
+    """Feed that the block ends with (`f`)."""
+    override: bool = True
+    """False: G63, 100 %."""
+    end: BlockEnd = BlockEnd.CONTINUOUS
+    correction: Correction = Correction()
+    tool_mm: float = 0.0
+    """Radius of the tool that cuts, for drawings; 0: none is known, or nothing is cut."""
+    chamfer_mm: float | None = None
+    """G12 with P70: at the corner to the next path."""
+    rounding_mm: float | None = None
+    """G12 with P71."""
+    three_points: bool = False
+    """G123: its only element is a line; the next one decides what becomes of both."""
+    pre: tuple[Machine, ...] = ()
+    post: tuple[Machine, ...] = ()
+    dwell_s: float | None = None
+    """G04: after the path, before the post functions."""
+    speeds: Mapping[int, float] = field(default_factory=dict)
+    """S words: spindle 1 to 8, in 1/min."""
+    tool: int | None = None
+    """T word."""
+    parameters: tuple[tuple[int, float | None], ...] = ()
+    """Parameters that are written when the block is executed: number, value."""
+    text: Text | None = None
+    stop: Stop = Stop.NONE
+    watched: bool = False
+    """M26: a signal deletes its path and its dwell."""
+    main: bool = True
+    """A block of a program; False: an intermediate one, of a cycle."""
+    target: Point = (0.0, 0.0, 0.0)
+    """Where it ends, in the program's coordinates, mm."""
+    in_force: InForce = AT_REST
+    """What else holds meanwhile."""
+
+    @property
+    def finish(self) -> Point:
+        """Where it ends."""
+        return self.elements[-1].end if self.elements else self.start
+
+    @property
+    def length_mm(self) -> float:
+        """Of its path."""
+        return sum(element.length_mm for element in self.elements)
+
+    @property
+    def speaks(self) -> bool:
+        """Whether something happens as it begins."""
+        said = self.text is not None or self.tool is not None
+        return bool(self.pre or self.parameters or self.speeds or self.watched or said)
+
+    @property
+    def in_real_time(self) -> bool:
+        """Whether it is more than parameters and jumps."""
+        return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
+
+    @property
+    def motion(self) -> float | None:
+        """0 to 3, for G00 to G03; None without a path."""
+        if not self.elements:
+            return None
+        element = self.elements[0]
+        return 0.0 if self.rapid else (2.0 if element.sweep_rad < 0.0 else 3.0) if isinstance(element, Arc) else 1.0

@@ -1,0 +1,179 @@
+"""From the numbers of a program to the places of the machine: a chain of small functions (manual 4.14 to 4.26).
+
+    target of the program (G90, G91)
+      + axis correction            G44
+      polar -> Cartesian           G10
+      rotation and G92             G45; which of them first says P8859
+      mirror                       G61, G62: after the rotation, about its origin
+      + zero point                 G53 to G59 ...
+      + tool length                along the third axis of the plane
+      sense of each axis           P8892
+    = machine position
+
+In the plane (u, v) with the origin (U0, V0) of the rotation, E and (dU, dV) with what has been added to them:
+
+    rotate, then shift    p = mirror(R(E) (uv + dUV)) + U0V0 + G92
+    shift, then rotate    p = mirror(R(E) (uv + dUV + G92)) + U0V0
+
+Everything is a value: a `Frame` says what is in force, and is replaced, not changed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from operator import add, mul, sub
+from typing import Final
+
+from isel_twin.firmware.bwo900.geometry.elements import XY, Plane, Point
+
+__all__ = ["Frame", "Rotation", "polar"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """G45: origin P160, P161 and angle P163 in degrees, and the sums of P165, P166, P168 since."""
+
+    u0: float = 0.0
+    v0: float = 0.0
+    angle_deg: float = 0.0
+    du: float = 0.0
+    dv: float = 0.0
+    dangle_deg: float = 0.0
+
+    def added(self, du: float = 0.0, dv: float = 0.0, dangle_deg: float = 0.0) -> Rotation:
+        """Each mention of P165, P166, P168 adds to the sum before."""
+        return replace(self, du=self.du + du, dv=self.dv + dv, dangle_deg=self.dangle_deg + dangle_deg)
+
+    def set(self, u0: float | None = None, v0: float | None = None, angle_deg: float | None = None) -> Rotation:
+        """P160, P161, P163 anew: what was added to it is gone."""
+        changed = self
+        if u0 is not None:
+            changed = replace(changed, u0=u0, du=0.0)
+        if v0 is not None:
+            changed = replace(changed, v0=v0, dv=0.0)
+        if angle_deg is not None:
+            changed = replace(changed, angle_deg=angle_deg, dangle_deg=0.0)
+        return changed
+
+    def turned(self, u: float, v: float) -> tuple[float, float]:
+        """A point turned about the origin of the plane; exact for quarters of a turn."""
+        angle = math.fmod(self.angle_deg + self.dangle_deg, 360.0)
+        quarters, rest = divmod(angle, 90.0)
+        if rest == 0.0:
+            cosine, sine = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
+        else:
+            cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        return u * cosine - v * sine, u * sine + v * cosine
+
+
+UNTURNED: Final = Rotation()
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What is in force between program and machine; lengths in mm, one an axis. See the module."""
+
+    axes: int = 3
+    plane: Plane = XY
+    correction: Point = (0.0, 0.0, 0.0)
+    """G44."""
+    rotation: Rotation | None = None
+    shift_first: bool = False
+    """P8859 2 and 3: G92 is added before the rotation."""
+    mirror_first: bool = False
+    """G61."""
+    mirror_second: bool = False
+    """G62."""
+    shift: Point = (0.0, 0.0, 0.0)
+    """G92."""
+    zero: Point = (0.0, 0.0, 0.0)
+    """The zero point in force."""
+    length: float = 0.0
+    """Tool length, along the third axis of the plane."""
+    senses: Point | None = None
+    """P8892: -1 for axes that run the other way; None: none does."""
+    order: tuple[int, ...] = (0, 1, 2)
+    """The machine's axis of each axis of the program (P8880)."""
+
+    @property
+    def mirrored(self) -> bool:
+        """One of G61 and G62, or of the plane's axes turned: circles turn, and corrections lie, the other way."""
+        other = self.senses is not None and self.senses[self.plane.first] != self.senses[self.plane.second]
+        return (self.mirror_first != self.mirror_second) != other
+
+    @property
+    def bare(self) -> Frame:
+        """G66: nothing of it, for one block."""
+        nothing = (0.0,) * self.axes
+        return Frame(self.axes, self.plane, nothing, shift=nothing, zero=nothing, senses=self.senses, order=self.order)
+
+    def machine(self, program: Point) -> Point:
+        """The place of the machine of a point of the program, correction included."""
+        point = tuple(map(add, program, self.correction))
+        return self._outer(self._inner(point))
+
+    def centre(self, program: tuple[float, float]) -> tuple[float, float]:
+        """The same of a centre in the plane: corrections of axes move paths, so they move their centres, too."""
+        u, v = program
+        whole = self.plane.into((0.0,) * self.axes, u, v)
+        return self.plane.of(self.machine(whole))
+
+    def program(self, machine: Point) -> Point:
+        """The point of the program that stands at a place of the machine: `machine` backwards."""
+        point = tuple(map(sub, map(sub, self.sensed(machine), self.zero), self.plane_length))
+        rotation = self.rotation or UNTURNED
+        if not self.shift_first:
+            point = tuple(map(sub, point, self.shift_mirrored))
+        u, v = self.plane.of(point)
+        u, v = u - rotation.u0, v - rotation.v0
+        u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
+        back = Rotation(angle_deg=-(rotation.angle_deg + rotation.dangle_deg))
+        u, v = back.turned(u, v)
+        point = self.plane.into(point, u - rotation.du, v - rotation.dv)
+        if self.shift_first:
+            point = tuple(map(sub, point, self.shift))
+        return tuple(map(sub, point, self.correction))
+
+    @property
+    def plane_length(self) -> Point:
+        """The tool length as a shift of all axes."""
+        third = self.plane.third
+        if not self.length or not 0 <= third < self.axes:
+            return (0.0,) * self.axes
+        return (*(0.0,) * third, self.length, *(0.0,) * (self.axes - third - 1))
+
+    @property
+    def shift_mirrored(self) -> Point:
+        """G92 as it is added after rotation and mirror: mirrored with the axes of the plane (manual 4.21)."""
+        if not self.mirror_first and not self.mirror_second:
+            return self.shift
+        u, v = self.plane.of(self.shift)
+        return self.plane.into(self.shift, -u if self.mirror_first else u, -v if self.mirror_second else v)
+
+    def _inner(self, point: Point) -> Point:
+        """Rotation, mirror and G92."""
+        rotation = self.rotation or UNTURNED
+        if self.shift_first:
+            point = tuple(map(add, point, self.shift))
+        u, v = self.plane.of(point)
+        u, v = rotation.turned(u + rotation.du, v + rotation.dv)
+        u, v = (-u if self.mirror_first else u), (-v if self.mirror_second else v)
+        point = self.plane.into(point, u + rotation.u0, v + rotation.v0)
+        if not self.shift_first:
+            point = tuple(map(add, point, self.shift_mirrored))
+        return point
+
+    def _outer(self, point: Point) -> Point:
+        """Zero point and tool length, and the sense of each axis."""
+        return self.sensed(tuple(map(add, map(add, point, self.zero), self.plane_length)))
+
+    def sensed(self, point: Point) -> Point:
+        """A place with the sense of each axis; its own inverse."""
+        return point if self.senses is None else tuple(map(mul, point, self.senses))
+
+
+def polar(pole: tuple[float, float], radius: float, angle_deg: float) -> tuple[float, float]:
+    """The point of polar coordinates about a pole in the plane; the radius counts without its sign (manual 4.10)."""
+    u, v = Rotation(angle_deg=angle_deg).turned(abs(radius), 0.0)
+    return pole[0] + u, pole[1] + v

@@ -1,0 +1,311 @@
+"""Tool radius correction G41, G42: the path of the tool's centre beside the contour (manual 7.2 to 7.7).
+
+    contour    a ----> corner ----> b           side +1: the tool is on the left
+    offset     each element moved by the radius, and
+
+      outer corner, change of direction > P8845       an arc about the corner (P8845 deleted: always)
+      outer corner, otherwise                          both prolonged to their meeting point
+      the way back                                     an arc, as outside
+      inner corner                                     both cut at their meeting point
+      tangential                                       nothing
+
+    switching on     a line, which ends at right angles to the beginning of the next element, a radius away
+    switching off    a line, which begins where the corrected path has ended
+    another radius   an element begins at the old distance and ends at the new one
+
+Blocks without a path in the plane are carried out at the meeting point, or at the end of the arc. At most 12 of them
+may follow each other (M1157). What a corner becomes depends on both its elements and on nothing else. A contour that
+the tool cannot follow is a message:
+
+    M1152    an inner circle that is not larger than the tool
+    M1153    switched on or off with a circle
+    M1156    two circles, corrected, do not meet
+    M1223    an inner corner takes more of an element than there is, or the line and the circle do not meet
+    M1232    another plane, and the correction is still on
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
+from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
+from isel_twin.firmware.bwo900.messages import ProgramError
+
+__all__ = ["Offset", "corner_arc"]
+
+MOST_EMPTY: Final = 12
+"""Blocks without a path in a row (M1157)."""
+STRAIGHT_RAD: Final = 1e-6
+NEAR_MM: Final = 1e-7
+NEAR: Final = 1e-9
+"""Of a share."""
+SHARPEST: Final = 120.0
+"""P8845 = 0: an arc above this change of direction, degrees."""
+
+
+def corner_arc(deviation_deg: float, threshold: float | None) -> bool:
+    """Whether an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
+    if threshold is None:
+        return True
+    return deviation_deg > (threshold or SHARPEST)
+
+
+@dataclass
+class _Open:
+    """A block whose elements are being corrected, and those that are done."""
+
+    block: PathBlock
+    left: int
+    """Elements that are not done."""
+    done: list[Element] = field(default_factory=list)
+
+    def add(self, *elements: Element) -> None:
+        """What one of its elements has become."""
+        self.done += elements
+        self.left -= 1
+
+
+@dataclass
+class _Last:
+    """The corrected element that waits for the next one: as programmed, moved, and where it begins."""
+
+    element: Element
+    moved: Element
+    begin: Point
+    share: float
+    """Of the moved element, at which it begins."""
+    open: _Open
+    correction: Correction
+    approach: bool = False
+    """It is the line that switches the correction on: its end is not known yet."""
+
+    @property
+    def plane(self) -> Plane:
+        return self.open.block.plane
+
+
+_Place = tuple[Point, float]
+"""A point of a moved element, and the share of its way."""
+
+
+class Offset:
+    """Takes blocks and gives them on, corrected; see the module."""
+
+    def __init__(self, threshold: float | None = None) -> None:
+        """threshold: P8845."""
+        self._threshold = threshold
+        self._open: deque[_Open] = deque()
+        self._last: _Last | None = None
+        self._place: tuple[Plane, UV] | None = None
+        """Where the corrected path has got to, after the correction was switched off in a block without a path."""
+        self._waiting: list[tuple[_Open, Element]] = []
+        """Moves across the plane: they stand where the next element begins, which is not known yet."""
+        self._empty = 0
+
+    def push(self, block: PathBlock) -> list[PathBlock]:
+        """The blocks that are done now. Raises ProgramError."""
+        on = bool(block.correction.side) and (block.correction.radius_mm > 0.0 or self._last is not None)
+        flat = any(flat_length(element, block.plane) > NEAR_MM for element in block.elements)
+        if self._last is None and self._place is None and not on:
+            return [block]
+        if on and self._last is not None and block.plane != self._last.plane:
+            raise ProgramError(1232, "another plane with radius correction")
+        entry = _Open(block, len(block.elements))
+        self._open.append(entry)
+        if not flat and not on:
+            self._finish_last()
+        if not flat:
+            self._pathless(entry)
+            return self._done()
+        self._empty = 0
+        for element in block.elements:
+            if flat_length(element, block.plane) <= NEAR_MM:
+                self._across(entry, element)
+            elif on:
+                self._corrected(entry, element)
+            else:
+                self._off(entry, element)
+        return self._done()
+
+    def flush(self) -> list[PathBlock]:
+        """Nothing comes that the last element could meet: it ends at right angles to its end."""
+        self._finish_last()
+        return self._done()
+
+    # ---- blocks ------------------------------------------------------------------------------------------------------
+
+    def _done(self) -> list[PathBlock]:
+        """Blocks whose elements are all done, in order."""
+        ready = []
+        while self._open and self._open[0].left == 0:
+            entry = self._open.popleft()
+            elements = tuple(entry.done)
+            start = elements[0].start if elements else entry.block.start
+            ready.append(replace(entry.block, elements=elements, start=start))
+        return ready
+
+    def _pathless(self, entry: _Open) -> None:
+        """A block without a way in the plane."""
+        if self._last is not None and (entry.block.number or entry.block.main):
+            self._empty += 1
+            if self._empty > MOST_EMPTY:
+                raise ProgramError(1157, f"more than {MOST_EMPTY} in a row")
+        for element in entry.block.elements:
+            self._across(entry, element)
+
+    def _across(self, entry: _Open, element: Element) -> None:
+        """A move across the plane: where the tool is, not where the contour is. It waits for that to be known."""
+        if self._last is not None:
+            self._waiting.append((entry, element))
+        else:
+            entry.add(element if self._place is None else _at(element, *self._place))
+
+    def _crossed(self, plane: Plane, place: Point) -> None:
+        """Moves across the plane that waited for this place."""
+        for entry, element in self._waiting:
+            entry.add(_at(element, plane, plane.of(place)))
+        self._waiting.clear()
+
+    # ---- elements ----------------------------------------------------------------------------------------------------
+
+    def _corrected(self, entry: _Open, element: Element) -> None:
+        correction, plane = entry.block.correction, entry.block.plane
+        last = self._last
+        if last is None:
+            if isinstance(element, Arc):
+                raise ProgramError(1153, "the correction is switched on with a line")
+            begin = element.start if self._place is None else _moved(element.start, *self._place)
+            self._place = None
+            self._last = _Last(element, element, begin, 0.0, entry, correction, approach=True)
+            return
+        moved = _beside(element, plane, correction)
+        if last.approach:
+            begin, share = moved.start, 0.0
+            self._over(last, Line(last.begin, plane.into(last.element.end, *plane.of(begin))))
+        else:
+            begin, share = self._meet(last, element, correction.side)
+        self._last = _Last(element, moved, begin, share, entry, correction)
+
+    def _meet(self, last: _Last, element: Element, side: int) -> _Place:
+        """End the last element where the next one begins, with what lies between them; where that is.
+
+        A radius that is another one for the next element counts from its end on: here it is still the old one.
+        """
+        plane, old = last.plane, last.correction
+        moved = _beside(element, plane, replace(old, side=side))
+        angle = turn(heading(last.element, plane, 1.0), heading(element, plane, 0.0))
+        same = side == old.side
+        there = plane.into(last.moved.end, *plane.of(moved.start))  # before moves across the plane that come between
+        if same and abs(angle) < STRAIGHT_RAD:
+            self._over(last, _between(last, there, 1.0))
+            return moved.start, 0.0
+        back = abs(angle) > math.pi - STRAIGHT_RAD
+        outer = same and (back or side * angle < 0.0)
+        if not same or (outer and corner_arc(math.degrees(abs(angle)), self._threshold)):
+            sweep = -side * abs(angle) if same else _over_the_path(old.side, angle)
+            arc = Arc(last.moved.end, there, plane, plane.of(element.start), sweep)
+            corner = [arc] if abs(sweep) > STRAIGHT_RAD and old.radius_mm > 0.0 else []
+            self._over(last, _between(last, last.moved.end if corner else there, 1.0), *corner)
+            return moved.start, 0.0
+        point, end, begin = _meeting(last.moved, moved, plane, outer=outer)
+        self._over(last, _between(last, plane.into(last.moved.end, *point), end))
+        return plane.into(moved.start, *point), begin
+
+    def _over(self, last: _Last, *elements: Element) -> None:
+        """An element is done, and has become these."""
+        last.open.add(*elements)
+        self._crossed(last.plane, elements[-1].end)
+
+    def _finish_last(self) -> None:
+        """Nothing comes that the last element could meet: it ends at right angles to its end."""
+        last, self._last = self._last, None
+        if last is None:
+            return
+        if last.approach:
+            self._over(last, Line(last.begin, last.element.end))
+            return
+        self._over(last, _between(last, last.moved.end, 1.0))
+        self._place = last.plane, last.plane.of(last.moved.end)
+
+    def _off(self, entry: _Open, element: Element) -> None:
+        """The line that switches the correction off, or an element behind it."""
+        self._finish_last()
+        place, self._place = self._place, None
+        if place is None:
+            entry.add(element)
+            return
+        if isinstance(element, Arc):
+            raise ProgramError(1153, "the correction is switched off with a line")
+        entry.add(Line(_moved(element.start, *place), element.end))
+
+
+def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
+    """The element moved by the correction. Raises ProgramError M1152."""
+    moved = offset(element, plane, correction.side * correction.radius_mm)
+    if moved is None:
+        size = f"{element.radius_mm:g} mm" if isinstance(element, Arc) else ""
+        raise ProgramError(1152, f"a circle of {size} inside, a tool of {correction.radius_mm:g} mm")
+    return moved
+
+
+def _over_the_path(side: int, angle: float) -> float:
+    """Sweep about a corner of this angle from one side to the other: the shorter one; straight on: forwards."""
+    return -side * math.pi if abs(angle) < STRAIGHT_RAD else angle - math.copysign(math.pi, angle)
+
+
+def _meeting(a: Element, b: Element, plane: Plane, *, outer: bool) -> tuple[UV, float, float]:
+    """Where two moved elements meet at their corner, and the shares of both there. Raises ProgramError M1223, M1156."""
+    corner = plane.of(b.start)
+    points = meetings(a, b, plane)
+    for point in sorted(points, key=lambda p: math.dist(p, corner)):
+        end, begin = share_of(a, plane, point), share_of(b, plane, point)
+        if outer:
+            end, begin = _beyond(a, end, 1.0), -_beyond(b, -begin, 0.0)
+            fits = end >= 1.0 - NEAR and begin <= NEAR
+        else:
+            fits = -NEAR <= end <= 1.0 + NEAR and -NEAR <= begin <= 1.0 + NEAR
+        if fits:
+            return point, end, begin
+    circles = isinstance(a, Arc) and isinstance(b, Arc)
+    raise ProgramError(1156 if circles and not points else 1223, "the tool is too large for an inner corner")
+
+
+def _beyond(element: Element, share: float, least: float) -> float:
+    """The share of a place behind the end of an element that is prolonged: on a circle a turn later."""
+    if isinstance(element, Arc) and share < least - NEAR:
+        return share + 2.0 * math.pi / abs(element.sweep_rad)
+    return share
+
+
+def _between(last: _Last, end: Point, share: float) -> Element:
+    """The moved element from where it begins to `end`. Raises ProgramError M1223."""
+    moved, plane = last.moved, last.plane
+    if isinstance(moved, Line):
+        d = heading(moved, plane, 0.0)
+        (u, v), (begin_u, begin_v) = plane.of(end), plane.of(last.begin)
+        if (u - begin_u) * d[0] + (v - begin_v) * d[1] < -NEAR_MM:
+            raise _too_short(last, "path")
+        return Line(last.begin, end)
+    if share < last.share - NEAR:
+        raise _too_short(last, "arc")
+    return replace(moved, start=last.begin, end=end, sweep_rad=(share - last.share) * moved.sweep_rad)
+
+
+def _too_short(last: _Last, what: str) -> ProgramError:
+    block = last.open.block
+    error = ProgramError(1223, f"the {what} is too short for the tool's radius")
+    return error.at(block.program, block.number, block.column)
+
+
+def _moved(point: Point, plane: Plane, place: UV) -> Point:
+    return plane.into(point, *place)
+
+
+def _at(element: Element, plane: Plane, place: UV) -> Element:
+    """A move across the plane at another place of it."""
+    return Line(_moved(element.start, plane, place), _moved(element.end, plane, place))

@@ -1,0 +1,1 @@
+"""Programs: their text, read block by block; kept, or fed while they are carried out."""

@@ -1,0 +1,109 @@
+"""Dripfeed: a program that is not kept, but carried out while it comes over the line (manual 2.5.1, P8811).
+
+    line ---> lines wait ........ ---> block under way ---> the last ones, for messages and texts ---> forgotten
+              HIGH: the host waits     (place)              KEPT
+              LOW: it goes on
+
+It is linear: nothing leads back, or to a block by its number; programs that are in the memory can be called. What comes
+without a handshake and finds no room is M1268.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
+from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+
+__all__ = ["HIGH", "LOW", "ROOM", "Feed"]
+
+ROOM: Final = 65_536
+"""Bytes of lines that can wait; the manual names no number."""
+HIGH: Final = ROOM // 2
+"""The host waits as soon as so many do,"""
+LOW: Final = ROOM // 4
+"""and goes on when no more than these do."""
+KEPT: Final = 2048
+"""Lines that are known after they have been analysed: more than are ever analysed ahead of the block under way."""
+
+
+class Feed:
+    """A program as it comes. What an interpreter asks of it is what it asks of a `Program`."""
+
+    linear: Final = True
+
+    def __init__(self, name: str) -> None:
+        """name: of the program that is started, whatever the file says."""
+        self.name = name
+        self.complete = False
+        """Its last line has come."""
+        self.level = 0
+        """Bytes that have come and not been analysed (P8561)."""
+        self.waits = False
+        """The host has been asked to wait."""
+        self.begun = False
+        """Its file has begun to come."""
+        self.given_up = False
+        """Nobody will ask for more."""
+        self._lines = Lines(numbered=True)
+        self._known: deque[tuple[str, int]] = deque()
+        """Text and number of blocks, those that are forgotten left out."""
+        self._texts: dict[int, str] = {}
+        """The same by number."""
+        self._dropped = 0
+        """Blocks that are forgotten."""
+        self._analysed = 0
+
+    def add(self, number: int, line: str) -> None:
+        """The next line, number: of the file. Raises ProgramError: M1113, M1268, M1290."""
+        if self.given_up or (made := self._lines.block(number, line)) is None:
+            return
+        text, own = made
+        if self.level + len(text) > ROOM:
+            raise ProgramError(1268, f"line {number} of {self.name}")
+        self._known.append(made)
+        if own >= 0:
+            self._texts[own] = text
+        self.level += len(text)
+        self.waits = self.waits or self.level >= HIGH
+
+    def end(self) -> None:
+        """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
+        self.complete, self.waits = True, False
+        self._lines.end()
+
+    def give_up(self) -> None:
+        """Nobody will ask for more: what comes still is thrown away."""
+        self.given_up, self.waits, self.level = True, False, 0
+        self._known.clear()
+        self._texts.clear()
+
+    def __len__(self) -> int:
+        return self._dropped + len(self._known)
+
+    def block(self, place: int) -> Block:
+        """The block at a place, from 0, read; with that all before it are analysed. Raises ProgramError if it cannot
+        be."""
+        text, _ = self._known[place - self._dropped]
+        if place >= self._analysed:
+            self._analysed = place + 1
+            self.level -= len(text)
+            self.waits = self.waits and self.level > LOW
+            while self._analysed - self._dropped > KEPT:
+                self._texts.pop(self._known.popleft()[1], None)
+                self._dropped += 1
+        return parse_block(text, place + 1)
+
+    def number(self, place: int) -> int:
+        """The number of the block at a place, -1 if it has none or is forgotten."""
+        return self._known[place - self._dropped][1] if self._dropped <= place < len(self) else -1
+
+    def after(self, number: int) -> str:
+        """What stands behind a block's number; empty if there is no such block among those that are known."""
+        return without_number(self._texts.get(number, ""))
+
+    def place(self, number: int) -> int:
+        """Raises ProgramError M1269: no block is looked for in it."""
+        raise ProgramError(1269, f"N{number} in {self.name}: a program that is fed has no jumps")

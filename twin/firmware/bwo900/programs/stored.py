@@ -1,0 +1,182 @@
+"""Programs in the control's memory, and the files that they come in (manual 3.1, 3.10).
+
+    CR LF  P123456 CR LF  N10 ... CR LF  ...  # CR LF  EOT
+
+`P` programs and `Z` cycles. Blocks are kept as text and read when they are executed, the last ones from a cache, so
+that a long program costs its bytes and a number for each line.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, Protocol
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.programs.feed import Feed
+from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
+from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+
+__all__ = ["Blocks", "Builder", "Program", "Store", "program_name"]
+
+_NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str, line: int) -> Block:
+    return parse_block(text, line)
+
+
+class Blocks(Protocol):
+    """What an interpreter asks of a program, be it kept (`Program`) or fed (`feed.Feed`)."""
+
+    @property
+    def name(self) -> str:
+        """P or Z, and its number."""
+
+    @property
+    def linear(self) -> bool:
+        """Nothing leads back in it, and no block is looked for."""
+
+    @property
+    def complete(self) -> bool:
+        """Its last block is known."""
+
+    def __len__(self) -> int:
+        """Number of blocks that are known."""
+
+    def block(self, place: int) -> Block:
+        """See Program.block."""
+
+    def number(self, place: int) -> int:
+        """See Program.number."""
+
+    def after(self, number: int) -> str:
+        """See Program.after."""
+
+    def place(self, number: int) -> int:
+        """See Program.place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
+
+    linear: ClassVar = False
+    """Nothing leads back in it, see `feed`."""
+    complete: ClassVar = True
+    """Its last line is known."""
+    name: str
+    text: bytes
+    """Of all blocks, each ended by LF, Latin-1."""
+    begins: array[int]
+    """Where each begins in it, and where the last one ends."""
+    numbers: array[int]
+    """Number of each, -1 without one; those that there are rise."""
+    highest: array[int]
+    """The highest number up to each."""
+
+    @classmethod
+    def of(cls, name: str, blocks: Iterable[str]) -> Program:
+        """A program of lines. Raises ProgramError as `Builder` does."""
+        builder = Builder(name)
+        for number, line in enumerate(blocks, start=1):
+            builder.add(number, line)
+        return builder.program()
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @property
+    def blocks(self) -> Iterator[str]:
+        """The text of each block."""
+        return (self.line(place) for place in range(len(self)))
+
+    def line(self, place: int) -> str:
+        """The text of the block at a place, from 0."""
+        return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
+
+    def block(self, place: int) -> Block:
+        """The block at a place, read. Raises ProgramError if it cannot be."""
+        return _parsed(self.line(place), place + 1)
+
+    def number(self, place: int) -> int:
+        """The number of the block at a place, -1 if it has none."""
+        return self.numbers[place]
+
+    def after(self, number: int) -> str:
+        """What stands behind a block's number; empty if there is no such block."""
+        try:
+            return without_number(self.line(self.place(number)))
+        except ProgramError:
+            return ""
+
+    def place(self, number: int) -> int:
+        """The place of the block with that number. Raises ProgramError M1255 if there is none."""
+        at = bisect_left(self.highest, number)
+        if at == len(self) or self.numbers[at] != number:
+            raise ProgramError(1255, f"N{number} in {self.name}")
+        return at
+
+    @property
+    def file(self) -> str:
+        """The program as a file, lines ended by CR LF."""
+        return "".join(f"{line}\r\n" for line in (self.name, *self.blocks, END))
+
+
+class Builder:
+    """Takes the lines of a program one by one, so that a long one costs its bytes once."""
+
+    def __init__(self, name: str, *, numbered: bool = False) -> None:
+        """numbered: every block must begin with N or /N."""
+        self._name = name
+        self._lines = Lines(numbered=numbered)
+        self._text = bytearray()
+        self._begins, self._numbers, self._highest = array("q", (0,)), array("q"), array("q")
+
+    def add(self, number: int, line: str) -> None:
+        """The next line, number: of the file. Raises ProgramError as `Lines.block` does."""
+        if (made := self._lines.block(number, line)) is None:
+            return
+        text, own = made
+        self._text += text.encode("latin-1", errors="replace") + b"\n"
+        self._begins.append(len(self._text))
+        self._numbers.append(own)
+        self._highest.append(self._lines.highest)
+
+    def program(self) -> Program:
+        """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
+        self._lines.end()
+        return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
+
+
+def program_name(line: str) -> str:
+    """The name that a line of a file begins a program with, empty if it is none."""
+    match = _NAME.match(line)
+    return "" if match is None else f"{match[1]}{int(match[2])}"
+
+
+class Store(dict[str, Program]):
+    """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
+
+    feed: Feed | None = None
+
+    def find(self, name: str) -> Blocks:
+        """The program. Raises ProgramError M1252 if there is none."""
+        if self.feed is not None and self.feed.name == name:
+            return self.feed
+        program = self.get(name)
+        if program is None:
+            raise ProgramError(1252, name)
+        return program
+
+    def text(self, name: str, number: int) -> str:
+        """What stands behind the number of a block of a program; empty if there is no such block."""
+        try:
+            return self.find(name).after(number)
+        except ProgramError:
+            return ""

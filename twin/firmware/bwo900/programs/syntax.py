@@ -1,0 +1,540 @@
+"""Blocks of the standard syntax, read (manual 3.1 to 3.8).
+
+    N10 G01 F100 T03 M100 P30:(P20+35)*3 X200.0000 X2:100 P500=110.50 {comment} !message
+
+    line --- parse_block ---> Block: words, G and M functions, assignments, jumps, in the order programmed
+
+A block is read once and executed as often as the program comes by. What depends on the control (axes, groups, targets)
+is the interpreter's business; what a line can say is decided here, with the column of what it cannot.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NoReturn
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.programs.expressions import (
+    DEEPEST,
+    Binary,
+    Expression,
+    Function,
+    Number,
+    Parameter,
+    Symbol,
+    depends_on,
+)
+
+__all__ = [
+    "LONGEST",
+    "Assign",
+    "Block",
+    "GWord",
+    "Jump",
+    "MWord",
+    "Text",
+    "Wait",
+    "Word",
+    "parse_block",
+    "parse_expression",
+]
+
+LONGEST: Final = 200
+"""Characters of a block."""
+MOST: Final[Mapping[str, int]] = {
+    "G": 8,
+    "M": 8,
+    "S": 8,
+    "P": 32,
+    "F": 1,
+    "f": 1,
+    "I": 1,
+    "J": 1,
+    "K": 1,
+    "R": 1,
+    "T": 1,
+}
+"""How often each may stand in a block; other words once a name."""
+MOST_WAITED: Final = 8
+"""Parameters that `waituntil` may depend on (M1222)."""
+DWELL: Final = 4
+"""The path condition that has a point: G04.seconds."""
+LARGEST: Final = 9_999_999_999
+"""Of a block, program, tool and G number: ten digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """An address with a value: an axis (X, X2, x), F, f, S, S2, I, J, K, R, T, t, tr, tl, tq. column: from 1."""
+
+    name: str
+    value: Expression
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GWord:
+    """A path condition or cycle; extension: what stands behind the point, the seconds of G04."""
+
+    number: int
+    extension: Expression | None = None
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MWord:
+    """An M function. extensions: what stands behind its points, None for nothing (`M28..20`); last: behind `_`."""
+
+    number: int
+    extensions: tuple[Expression | None, ...] = ()
+    last: Expression | None = None
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """`P500:value`, `_v:=value`; value None deletes (`--`). bind: `_v::=500`, the symbol stands for that parameter."""
+
+    target: Parameter | Symbol
+    value: Expression | None
+    bind: bool = False
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """`P500<250.15.30`: if P500 < 250.15, go to N30."""
+
+    left: Expression
+    relation: str
+    right: Expression
+    target: Expression
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """`waituntil left relation right`."""
+
+    left: Expression
+    relation: str
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """`!text`: a message for the operator; text None clears. colour: 0 black on grey, 1 white on blue, from 80h the
+    back and the fore."""
+
+    text: str | None
+    colour: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A block that has been read. number: None without N; skip: `/`; line: of the file, from 1."""
+
+    number: int | None
+    text: str
+    line: int = 0
+    skip: bool = False
+    words: tuple[Word, ...] = ()
+    g: tuple[GWord, ...] = ()
+    m: tuple[MWord, ...] = ()
+    assignments: tuple[Assign, ...] = ()
+    jumps: tuple[Jump, ...] = ()
+    wait: Wait | None = None
+    calls: tuple[Expression, ...] = ()
+    """`sc:n`"""
+    message: Text | None = None
+
+    @property
+    def column(self) -> int:
+        """Where to look for what is wrong with its path: the words of a circle, its axes, its G and M words, from 1."""
+        axis = None
+        for word in self.words:  # from the left to the right
+            letter = word.name[0]
+            if letter in "IJKR":
+                return word.column
+            if axis is None and letter not in "FfSTt":
+                axis = word.column
+        if axis is not None:
+            return axis
+        return min([*(g.column for g in self.g), *(m.column for m in self.m)], default=1)
+
+    def word(self, name: str) -> Word | None:
+        """The word of that name."""
+        return next((word for word in self.words if word.name == name), None)
+
+
+_SPACE = re.compile(r"[\s;]*")
+_HEAD = re.compile(r"\s*(/)?\s*(?:N\s*(\d+))?")
+_PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")
+"""Most words: a letter and a number."""
+_INDEXED = re.compile(r"([A-Z])([1-8])\s*:(?![:=])")
+_G = re.compile(r"G\s*(\d+)")
+_M = re.compile(r"M\s*(\d+)")
+_NUMBER = re.compile(r"\d+(?:[.,]\d*)?|[.,]\d+")
+_HEX = re.compile(r"\$([0-9A-Fa-f]+)\s*;")
+_NAME = re.compile(r"_[A-Za-z0-9_]*")
+_LOWER = re.compile(r"waituntil|sc|t[rlq]?|[a-z](?=\s*[:\d.,+-])")
+_FUNCTION = re.compile(r"asin|acos|atan|sin|cos|tan|sqr|intr|int|abs|ln|log|exp|not")
+_RELATION = re.compile(r"\s*(<>|>=|<=|=|>|<)\s*")
+_COMPARED = re.compile(r"(?P<right>.+?)\s*\.\s*(?P<target>\d+|[Pq]\d+|_\w+|\([^()]*\))(?=\s|$|[A-Z{(!;_\\])")
+_DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=$|\s+(?:$|[^\s\d.,])|[;{!\\]|[A-OQ-Z]))")
+"""`--`, `- -` or a dash, where neither a number nor, at once, a parameter follows that it would be the sign of."""
+_TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
+
+
+def parse_block(text: str, line: int = 0) -> Block:
+    """The block of a line, chained lines joined. Raises ProgramError with the column."""
+    return _Parser(text, line).block()
+
+
+def parse_expression(text: str) -> Expression:
+    """The expression that a text is. Raises ProgramError."""
+    parser = _Parser(text, 0)
+    expression = parser.expression()
+    if parser.at_end():
+        return expression
+    parser.refuse(1211, f"{parser.rest()!r}")
+
+
+class _Parser:
+    """Reads one line from left to right."""
+
+    def __init__(self, text: str, line: int) -> None:
+        self.text, self.line, self.at = text, line, 0
+        self._depth = 0
+
+    def refuse(self, number: int, detail: str = "") -> NoReturn:
+        raise ProgramError(number, detail, self.at + 1)
+
+    def rest(self) -> str:
+        return self.text[self.at : self.at + 12].strip()
+
+    def at_end(self) -> bool:
+        blank = _SPACE.match(self.text, self.at)
+        self.at = self.at if blank is None else blank.end()
+        return self.at == len(self.text)
+
+    # Blocks
+
+    def block(self) -> Block:
+        if len(self.text) > LONGEST:
+            raise ProgramError(1222, f"{len(self.text)} characters; allowed: {LONGEST}", LONGEST + 1)
+        head = _HEAD.match(self.text)
+        assert head is not None
+        self.at = head.end()
+        number = None if head[2] is None else self._limited(int(head[2]))
+        words: list[Word] = []
+        g: list[GWord] = []
+        m: list[MWord] = []
+        assignments: list[Assign] = []
+        jumps: list[Jump] = []
+        calls: list[Expression] = []
+        wait, message = None, None
+        while not self.at_end():
+            column = self.at + 1
+            if (plain := _PLAIN.match(self.text, self.at)) is not None:
+                self.at = plain.end()
+                words.append(Word(plain[1], Number(float(plain[2])), column))
+                continue
+            letter = self.text[self.at]
+            match letter:
+                case "G":
+                    g.append(self._path_condition(column))
+                case "M":
+                    m.append(self._function(column))
+                case "P" | "q" | "_":
+                    self._parameter_word(column, assignments, jumps)
+                case "{":
+                    self._comment("}")
+                case "(":
+                    self._comment(")")
+                case "!":
+                    message = self._message()
+                case "N":
+                    self.refuse(1211, "N stands at the beginning of a block")
+                case _ if "A" <= letter <= "Z":
+                    words.append(self._word(column))
+                case _ if (lower := _LOWER.match(self.text, self.at)) is not None:
+                    self.at = lower.end()
+                    if lower[0] == "waituntil":
+                        wait = self._wait()
+                    elif lower[0] == "sc":
+                        calls.append(self._value())
+                    else:
+                        words.append(Word(lower[0], self._value(), column))
+                case _:
+                    self.refuse(1216 if letter.isalpha() else 1211, f"{self.rest()!r}")
+        self._count(words, g, m, len(assignments) + len(jumps))
+        return Block(
+            number,
+            self.text,
+            self.line,
+            head[1] is not None,
+            tuple(words),
+            tuple(g),
+            tuple(m),
+            tuple(assignments),
+            tuple(jumps),
+            wait,
+            tuple(calls),
+            message,
+        )
+
+    def _count(self, words: list[Word], g: list[GWord], m: list[MWord], parameters: int) -> None:
+        if len(g) > MOST["G"]:
+            raise ProgramError(1222, f"more than {MOST['G']} G functions", g[MOST["G"]].column)
+        if len(m) > MOST["M"]:
+            raise ProgramError(1222, f"more than {MOST['M']} M functions", m[MOST["M"]].column)
+        if parameters > MOST["P"]:
+            raise ProgramError(1208, f"{parameters} of them", 1)
+        seen: dict[str, int] = {}
+        for word in words:
+            name = word.name if word.name[0] != "S" else "S"
+            seen[name] = seen.get(name, 0) + 1
+            if seen[name] > MOST.get(name, 1):
+                raise ProgramError(1222, f"{name} stands there more than {MOST.get(name, 1)} times", word.column)
+
+    def _limited(self, number: int) -> int:
+        return number if number <= LARGEST else self.refuse(1202, f"{number}; allowed: ten digits")
+
+    def _comment(self, end: str) -> None:
+        close = self.text.find(end, self.at)
+        if close < 0:
+            self.refuse(1210, f"no {end!r} to this comment")
+        self.at = close + 1
+
+    def _message(self) -> Text:
+        match = _TEXT.match(self.text, self.at)
+        assert match is not None
+        self.at = len(self.text)
+        if not match[2] and match[1] is None:
+            return Text(None)
+        colour = 1 if match[1] is None else int(match[1][1:], 16) if match[1][0] == "$" else int(match[1])
+        return Text(match[2], colour)
+
+    def _path_condition(self, column: int) -> GWord:
+        match = _G.match(self.text, self.at)
+        if match is None:
+            self.refuse(1211, "G without a number")
+        self.at = match.end()
+        extension: Expression | None = None
+        if self.text.startswith(".", self.at):
+            if int(match[1]) != DWELL:
+                self.refuse(1211, f"G{match[1]} has no point")
+            self.at += 1
+            extension = self._primary()
+        return GWord(self._limited(int(match[1])), extension, column)
+
+    def _function(self, column: int) -> MWord:
+        match = _M.match(self.text, self.at)
+        if match is None:
+            self.refuse(1211, "M without a number")
+        if len(match[1].lstrip("0")) > 3:
+            self.refuse(1227, f"M{match[1]}; allowed: 0 to 999")
+        self.at = match.end()
+        extensions: list[Expression | None] = []
+        last = None
+        while self.text.startswith(".", self.at):
+            self.at += 1
+            extensions.append(self._address())
+            if self.text.startswith("_", self.at):
+                self.at += 1
+                last = self._address()
+                break
+        return MWord(int(match[1]), tuple(extensions), last, column)
+
+    def _address(self) -> Expression | None:
+        """What stands behind the point of an M function: digits, a parameter or a bracket; None for nothing."""
+        if (digits := re.compile(r"\d+").match(self.text, self.at)) is not None:
+            self.at = digits.end()
+            return Number(float(digits[0]))
+        return self._primary() if self.text[self.at : self.at + 1] in ("P", "q", "(") else None
+
+    def _word(self, column: int) -> Word:
+        if (indexed := _INDEXED.match(self.text, self.at)) is not None:
+            self.at = indexed.end()
+            return Word(indexed[1] + indexed[2], self.expression(), column)
+        name = self.text[self.at]
+        self.at += 1
+        return Word(name, self._value(), column)
+
+    def _value(self) -> Expression:
+        """A number, a bracket, or `:` and an expression."""
+        self._blank()
+        if self.text.startswith(":", self.at):
+            self.at += 1
+            return self.expression()
+        sign = self.text[self.at : self.at + 1]
+        if sign in ("-", "+"):
+            self.at += 1
+        if self.text[self.at : self.at + 1] not in ("(", "$") and _NUMBER.match(self.text, self.at) is None:
+            self.refuse(1211, "a value is missing")
+        value = self._primary()
+        if sign != "-":
+            return value
+        return Number(-value.value) if isinstance(value, Number) else Function("-", value)
+
+    # Parameters
+
+    def _parameter_word(self, column: int, assignments: list[Assign], jumps: list[Jump]) -> None:
+        """An assignment or a jump by comparison."""
+        target = self._primary()
+        assert isinstance(target, Parameter | Symbol)
+        self._blank()
+        if self.text.startswith(("::=", ":=", ":"), self.at):
+            bind = self.text.startswith("::=", self.at)
+            if bind and (isinstance(target, Parameter) or target.index is not None):
+                self.refuse(1214, "only a symbol can be bound to a parameter")
+            self.at += 3 if bind else 2 if self.text.startswith(":=", self.at) else 1
+            if not bind and (deleted := _DELETED.match(self.text, self.at)) is not None:
+                self.at = deleted.end()
+                assignments.append(Assign(target, None, column=column))
+            else:
+                self._blank()
+                if bind and self.text[self.at : self.at + 1] in ("P", "q"):
+                    self.at += 1
+                assignments.append(Assign(target, self.expression(), bind, column))
+            return
+        relation = _RELATION.match(self.text, self.at)
+        if relation is None:
+            self.refuse(1214, "a parameter stands there without ':' or a comparison")
+        self.at = relation.end()
+        compared = _COMPARED.match(self.text, self.at)
+        if compared is None:
+            self.refuse(1211, "a comparison ends with a point and the block to go to")
+        right = self._part(compared["right"])
+        goal = compared["target"]
+        to = Number(float(goal)) if goal.isdigit() else self._part(goal, compared.start("target") - self.at)
+        self.at = compared.end()
+        jumps.append(Jump(target, relation[1], right, to, column))
+
+    def _part(self, text: str, offset: int = 0) -> Expression:
+        """The expression that a part of the line is."""
+        try:
+            return parse_expression(text)
+        except ProgramError as error:
+            raise ProgramError(error.number, error.detail, self.at + offset + max(error.column, 1)) from None
+
+    def _wait(self) -> Wait:
+        left = self.expression()
+        relation = _RELATION.match(self.text, self.at)
+        if relation is None:
+            self.refuse(1211, "waituntil needs a comparison")
+        self.at = relation.end()
+        right = self.expression()
+        if (asked := depends_on(left) + depends_on(right)) > MOST_WAITED:
+            self.refuse(1222, f"waituntil of {asked} parameters; allowed: {MOST_WAITED}")
+        return Wait(left, relation[1], right)
+
+    # Expressions
+
+    def _blank(self) -> None:
+        while self.text[self.at : self.at + 1].isspace():
+            self.at += 1
+
+    def _takes(self, *signs: str) -> str:
+        """The first of these that stands here, taken; empty for none."""
+        self._blank()
+        for sign in signs:
+            if self.text.startswith(sign, self.at):
+                self.at += len(sign)
+                return sign
+        return ""
+
+    def expression(self) -> Expression:
+        left = self._conjunction()
+        while self._takes("or"):
+            left = Binary("or", left, self._conjunction())
+        return left
+
+    def _conjunction(self) -> Expression:
+        left = self._sum()
+        while self._takes("and"):
+            left = Binary("and", left, self._sum())
+        return left
+
+    def _sum(self) -> Expression:
+        left = self._product()
+        while sign := self._takes("+", "-"):
+            left = Binary(sign, left, self._product())
+        return left
+
+    def _product(self) -> Expression:
+        left = self._factor()
+        while sign := self._takes("*", "/", "%", "mod", "|"):
+            left = Binary({"%": "/", "|": "mod"}.get(sign, sign), left, self._factor())
+        return left
+
+    def _factor(self) -> Expression:
+        self._blank()
+        if sign := self._takes("-", "+"):
+            operand = self._factor()
+            if sign == "+":
+                return operand
+            return Number(-operand.value) if isinstance(operand, Number) else Function("-", operand)
+        if (function := _FUNCTION.match(self.text, self.at)) is not None:
+            self.at = function.end()
+            return Function(function[0], self._factor())
+        return self._primary()
+
+    def _primary(self) -> Expression:
+        self._blank()
+        if (number := _NUMBER.match(self.text, self.at)) is not None:
+            self.at = number.end()
+            return Number(float(number[0].replace(",", ".")))
+        letter = self.text[self.at : self.at + 1]
+        match letter:
+            case "(":
+                return self._bracket("(", ")")
+            case "$":
+                if (hexadecimal := _HEX.match(self.text, self.at)) is None:
+                    self.refuse(1211, "a hexadecimal number is closed by ';'")
+                self.at = hexadecimal.end()
+                return Number(float(int(hexadecimal[1], 16)))
+            case "P" | "q":
+                self.at += 1
+                return self._parameter(letter)
+            case "_":
+                name = _NAME.match(self.text, self.at)
+                assert name is not None
+                if len(name[0]) > 31:
+                    self.refuse(1211, f"{name[0]}: more than 30 characters")
+                self.at = name.end()
+                index = self._bracket("[", "]") if self.text.startswith("[", self.at) else None
+                return Symbol(name[0], index)
+        self.refuse(1210 if letter in (")", "]") else 1211, f"{self.rest()!r}" if letter else "a value is missing")
+
+    def _bracket(self, begin: str, end: str) -> Expression:
+        self.at += len(begin)
+        self._depth += 1
+        if self._depth > DEEPEST:
+            self.refuse(1209)
+        inner = self.expression()
+        self._blank()
+        if not self.text.startswith(end, self.at):
+            self.refuse(1210, f"{end!r} is missing")
+        self.at += 1
+        self._depth -= 1
+        return inner
+
+    def _parameter(self, area: str) -> Parameter:
+        if self.text.startswith("(", self.at):
+            return Parameter(area, self._bracket("(", ")"))
+        if (both := re.compile(r"\[\s*K?(\d+)\s*,").match(self.text, self.at)) is not None:
+            self.at = both.end()
+            number = self.expression()
+            self._blank()
+            if not self.text.startswith("]", self.at):
+                self.refuse(1210, "']' is missing")
+            self.at += 1
+            return Parameter(area, number, int(both[1]))
+        if (digits := re.compile(r"\s*(\d+)").match(self.text, self.at)) is None:
+            self.refuse(1214, f"{area} without a number")
+        self.at = digits.end()
+        return Parameter(area, Number(float(self._limited(int(digits[1])))))

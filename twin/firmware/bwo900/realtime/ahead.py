@@ -1,0 +1,158 @@
+"""Analysis ahead of the real time: blocks that have been analysed and wait to be carried out.
+
+    interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> waiting blocks
+                    each may keep blocks back until the next one comes, or until there is none: `flush`
+
+It goes on until so many blocks wait, the program ends, an error comes, or the interpreter waits for something itself:
+a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle). Where it
+waits for the next block of a program that is fed, or for a condition, nothing is flushed: what comes then belongs to
+what was.
+An error is kept until the blocks before it have been carried out.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final, Protocol
+
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.realtime.services import Services
+
+__all__ = ["BLOCK_NS", "REFILL", "Ahead", "Filter"]
+
+BLOCK_NS: Final = 1_500_000
+"""Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
+AHEAD: Final = 400
+"""Blocks that are analysed ahead of the one that is made."""
+REFILL: Final = 200
+"""Analysis goes on when so few wait."""
+WITHOUT_MOVING: Final = 8_812
+
+
+class Filter(Protocol):
+    """What blocks pass on their way; raises ProgramError."""
+
+    def push(self, block: PathBlock) -> list[PathBlock]: ...
+    def flush(self) -> list[PathBlock]: ...
+
+
+class Ahead:
+    """The blocks that wait, and how more of them come."""
+
+    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], Sequence[Filter]]) -> None:
+        """filters: makes new ones, objects with `push(block)` and `flush()`, in their order."""
+        self._interpreter, self._do, self._new_filters = interpreter, services, filters
+        self._filters: Sequence[Filter] = ()
+        self.blocks: deque[PathBlock] = deque()
+        """Those that wait, the next one first."""
+        self.ended = True
+        """Nothing more comes from the interpreter."""
+        self.poll_ns: int | None = None
+        """When analysis is looked at again, that waits for a condition or supervises."""
+        self.error: Message | None = None
+        """What has ended analysis."""
+
+    def start(self) -> None:
+        """A program has been begun in the interpreter."""
+        self.renew_filters()
+        self.blocks.clear()
+        self.ended, self.poll_ns, self.error = False, None, None
+
+    def end(self) -> None:
+        """It is over, or broken off."""
+        self._interpreter.end()
+        self.blocks.clear()
+        self.ended, self.error = True, None
+
+    def renew_filters(self) -> None:
+        """What they have kept back belongs to a path that is not made."""
+        self._filters = self._new_filters()
+
+    def fill(self, now_ns: int, under_way: int) -> bool:
+        """Analyse as far as there is room, beside the blocks under way; True: a message asks to stop."""
+        if self.poll_ns is not None and now_ns < self.poll_ns:
+            return False
+        self.poll_ns = None
+        stops = False
+        if self._interpreter.waiting is Waiting.BEGINNING and not self.blocks and under_way <= 1:
+            self._interpreter.begun()
+        while not self.ended and self.error is None and len(self.blocks) + under_way < AHEAD:
+            try:
+                block = self._interpreter.next()
+            except ProgramError as error:
+                self._fault(error, None)
+                self._flush()
+                break
+            stops = self._pass_notes() or stops
+            if block is None:
+                self._last()
+                break
+            if block is Waiting.FEED:
+                break
+            if block is Waiting.CONDITION:  # what comes then belongs to what was, as above
+                self.poll_ns = now_ns + BLOCK_NS
+                break
+            if isinstance(block, Waiting):
+                if block in (Waiting.PASS, Waiting.BEGINNING):
+                    self.poll_ns = now_ns + BLOCK_NS
+                self._flush()
+                break
+            if self._do.option(WITHOUT_MOVING):
+                block = replace(block, elements=())
+            self._through([block], 0)
+            if block.stop is Stop.END:
+                self._last()
+                break
+            if block.stop is not Stop.NONE:
+                self._flush()
+                if self._interpreter.waiting is not None:
+                    if self._interpreter.supervises_watched:
+                        self.poll_ns = now_ns + BLOCK_NS
+                    break
+        return stops
+
+    def _pass_notes(self) -> bool:
+        """Messages of the interpreter that do not break off; whether one of them stops."""
+        notes = self._interpreter.notes
+        for note in notes:
+            self._do.say(note)
+        stops = any(note.effect is Effect.STOP for note in notes)
+        notes.clear()
+        return stops
+
+    def _last(self) -> None:
+        self.ended = True
+        self._flush()
+
+    def _flush(self) -> None:
+        """What the filters have kept back comes now."""
+        try:
+            for number, item in enumerate(self._filters):
+                self._through(item.flush(), number + 1)
+        except ProgramError as error:
+            self._fault(error, None)
+
+    def _through(self, blocks: list[PathBlock], first: int) -> None:
+        """Blocks through the filters from one on."""
+        try:
+            for item in self._filters[first:]:
+                blocks = [out for block in blocks for out in item.push(block)]
+        except ProgramError as error:
+            self._fault(error, blocks[0] if blocks else None)
+            return
+        self.blocks.extend(blocks)
+
+    def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
+        """An error about a block, or about the one that is analysed; the first one counts."""
+        if self.error is not None:
+            return
+        here = (block.program, block.number) if block else self._interpreter.place
+        program, number = error.place or here
+        column = error.column or (block.column if block else 0)
+        self.error = message(
+            error.number, program=program, block=number, column=column, detail=error.detail, infos=error.infos
+        )

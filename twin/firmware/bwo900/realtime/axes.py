@@ -1,0 +1,201 @@
+"""The axes: where they stand, how far they may go, whether they are where they ought to be.
+
+    counts = base + displacement of the run in execution        increments, from the reference point's P12040 on
+    position = counts / increments per mm                        P12012 / P12013
+
+A run that does not continue the one before begins where that one has got to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from isel_twin.controller import Drives
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
+from isel_twin.firmware.bwo900.realtime.path import Limits, positive
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
+from isel_twin.motion import SetPointRun
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
+
+__all__ = ["AXES", "Axes"]
+
+AXES: Final = 3
+INCREMENTS_PER_MM: Final = 1_000.0
+"""P12012 over P12013 where nobody has set them."""
+SETTLE_MS: Final = 3_000.0
+"""P12018 where nobody has set it."""
+COARSEST, FINEST = 1e-3, 1e6
+"""Increments per mm that a measuring system may have."""
+PULSES: Final = 5_000
+"""Increments from zero pulse to zero pulse."""
+
+
+class Axes:
+    """The axes of the machine as the control knows them; a `status.Seen`."""
+
+    def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
+        """levels: of the inputs, limit switches among them, which someone else keeps up to date."""
+        self._parameters, self._levels = parameters, levels
+        self.drives: Drives | None = None
+        """What measures; None: there is nothing, and the axes are where they ought to be."""
+        self.referenced = [False] * AXES
+        self.run: SetPointRun | None = None
+        """The motion in execution."""
+        self._base: tuple[int, ...] = (0,) * AXES
+        self.now_ns = 0
+        self._watch = LagWatch(parameters)
+        self._known: tuple[int, Limits] | None = None
+        """The limits, and the revision of the parameters that they are of."""
+
+    # Where they are
+
+    def counts_at(self, t_ns: int) -> tuple[int, ...]:
+        """Set positions in increments, at a time within the run in execution."""
+        if self.run is None:
+            return self._base
+        return tuple(b + m for b, m in zip(self._base, self.run.displacement(t_ns), strict=True))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Set positions in increments, now."""
+        return self.counts_at(self.now_ns)
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        """Set positions in mm, now."""
+        per_mm = self.limits().increments_per_mm
+        return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
+
+    def set_mm(self, axis: int) -> float:
+        """Set position of an axis, mm."""
+        return self.position[axis]
+
+    def actual_mm(self, axis: int) -> float:
+        """Measured position of an axis, mm."""
+        drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
+        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+
+    def speed_mm_s(self, axis: int) -> float:
+        """Speed of an axis, mm/s, of its set points."""
+        run = self.run
+        if run is None or not (tick := run.count(self.now_ns)) or self.now_ns >= run.end_ns + PERIOD_NS:
+            return 0.0
+        way = int(run.plan.deltas(tick - 1, tick)[0, axis])
+        return way / self.limits().increments_per_mm[axis] / (PERIOD_NS / SECOND_NS)
+
+    def actual_mm_s(self, axis: int) -> float:
+        """Measured speed of an axis, mm/s."""
+        drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
+        return self.speed_mm_s(axis) if drives is None else drives.speed[axis] / per_mm
+
+    def at_limit(self, axis: int) -> tuple[bool, bool]:
+        """Whether an axis stands at its software limit + (P12030), - (P12031), or beyond."""
+        p, place = self._parameters, self.set_mm(axis)
+        high, low = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+        return p.loaded(high) and place >= p.get(high), p.loaded(low) and place <= p.get(low)
+
+    def driven(self, axis: int) -> bool:
+        """Whether an axis is on its way to a place, or not yet within its exact-stop window."""
+        moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
+        return moving or axis in self.unsettled()
+
+    # What moves them
+
+    def follow(self, run: SetPointRun | None) -> None:
+        """The motion in execution is this one now."""
+        shown = self.run
+        if run is shown:
+            return
+        if shown is not None and (run is None or not run.continues(shown)):
+            self._base = self.counts
+        self.run = run
+
+    def place(self, axis: int) -> int:
+        """An axis stands at its reference point: its position is P12040; increments."""
+        self.follow(None)
+        value = round(self._parameters.axis(axis, 40, 0.0) * self.limits().increments_per_mm[axis])
+        self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
+        self.referenced[axis] = True
+        return value
+
+    def forget(self, axis: int) -> None:
+        """An axis has no reference point any more."""
+        self.referenced[axis] = False
+        self._parameters.write(12_180 + AXIS_SIZE * axis, 0.0)
+
+    def to_pulse(self, axis: int) -> int:
+        """Increments to the next zero pulse."""
+        past = 0 if self.drives is None else self.drives.past_zero_pulse[axis] % PULSES
+        return (PULSES - past) % PULSES
+
+    # How far and how well
+
+    def limits(self) -> Limits:
+        """What axes and path can, as the parameters are now."""
+        revision = self._parameters.revision
+        if self._known is None or self._known[0] != revision:
+            self._known = revision, Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+        return self._known[1]
+
+    def _resolution(self, axis: int) -> float:
+        """Increments per mm: P12012 / P12013, unless that is none."""
+        p = self._parameters
+        per_mm = positive(p.axis(axis, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(axis, 13, 0.0), 1.0)
+        return per_mm if COARSEST <= per_mm <= FINEST else INCREMENTS_PER_MM
+
+    def unsettled(self) -> list[int]:
+        """Axes that are not within the exact-stop window: P12016 mm, or one increment's root."""
+        drives = self.drives
+        if drives is None:
+            return []
+        return [
+            axis
+            for axis, per_mm in enumerate(self.limits().increments_per_mm)
+            if not drives.in_position[axis]
+            or abs(drives.lag[axis]) / per_mm > window_mm(self._parameters, axis, per_mm)
+        ]
+
+    def settling_ns(self, axis: int) -> int:
+        """How long an axis may take to get there: P12018."""
+        return round(min(positive(self._parameters.axis(axis, 18, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
+
+    def late(self) -> int | None:
+        """Watch over the following error while something moves; returns an axis that has been lost."""
+        if self.run is None or self.drives is None:
+            self._watch.end()
+            return None
+        self._watch.begin(self.now_ns, self.counts)
+        per_mm = self.limits().increments_per_mm if self._watch.is_due(self.now_ns) else ()
+        return self._watch.look(self.now_ns, self.counts, self.drives.lag, per_mm) if per_mm else None
+
+    @property
+    def next_look_ns(self) -> int | None:
+        """When `late` is due."""
+        return self._watch.due_ns
+
+    def struck(self, axis: int, end: int) -> bool:
+        """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""
+        return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
+
+    def allowed(self, block: PathBlock) -> str:
+        """Software limits (P12030, P12031), and struck switches: a message's number and axis, or none."""
+        p = self._parameters
+        for axis in range(AXES):
+            extents = [element.extent(axis) for element in block.elements]
+            if not extents:
+                continue
+            low, high = min(e[0] for e in extents), max(e[1] for e in extents)
+            here = block.elements[0].start[axis]
+            highest, lowest = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+            if p.loaded(highest) and high > p.get(highest):
+                return f"2103 {'XYZ'[axis]}"
+            if p.loaded(lowest) and low < p.get(lowest):
+                return f"2104 {'XYZ'[axis]}"
+            if high > here and self.struck(axis, 2):
+                return f"2101 {'XYZ'[axis]}"
+            if low < here and self.struck(axis, 1):
+                return f"2102 {'XYZ'[axis]}"
+        return ""

@@ -1,0 +1,152 @@
+"""Moves without a program, in mode HAND: keys of an axis (jog.py) and reference runs (homing.py).
+
+Both wait for the power of the drives: `wants` and `direction` say what is to begin when it is there.
+"""
+
+from __future__ import annotations
+
+from isel_twin.controller import CounterSet
+from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.homing import Homing
+from isel_twin.firmware.bwo900.realtime.jog import Jog
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
+
+__all__ = ["Hand"]
+
+
+class Hand:
+    """The move that is made, if there is one, and those that are asked for."""
+
+    def __init__(self, parameters: Parameters, axes: Axes, outgoing: Outgoing) -> None:
+        self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
+        self.homing: Homing | None = None
+        self.jog: Jog | None = None
+        self.direction = 0
+        """Of a key that waits for power: +1, -1; 0: there is none."""
+        self.wants: list[int] = []
+        """Axes that a reference run has been asked for."""
+
+    @property
+    def move(self) -> Homing | Jog | None:
+        """What moves."""
+        return self.homing or self.jog
+
+    def advance(self, now_ns: int) -> None:
+        """Let time pass, or a switch change."""
+        if self.homing is not None:
+            self.homing.advance(now_ns)
+            self._axes.follow(self.homing.run)
+            if not self.homing.active:
+                self._homed()
+        if self.jog is not None:
+            self.jog.advance(now_ns)
+            self._axes.follow(self.jog.run)
+            if self.jog.over:
+                self.jog = None
+
+    def cut(self) -> None:
+        """Power is lost."""
+        if self.homing is not None:
+            self.homing.stop()
+            self.homing = None
+        self.jog, self.direction = None, 0
+
+    def brake(self, now_ns: int) -> None:
+        """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
+        self.direction, self.wants = 0, []
+        self.release(now_ns, everything=True)
+        if self.homing is not None:
+            self.homing.brake(now_ns)
+
+    # Keys of an axis
+
+    def release(self, now_ns: int, *, everything: bool = False) -> None:
+        """The key is released; everything: a step ends, too."""
+        if self.jog is not None:
+            self.jog.release(now_ns, everything=everything)
+
+    def scale(self, override: float, now_ns: int) -> None:
+        """Another override, for the key that is held and for steps."""
+        if self.jog is not None:
+            self.jog.scale(override, now_ns)
+
+    def press(self, key: int, now_ns: int, *, free: bool) -> bool:
+        """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program let it. Returns whether one is to begin."""
+        if self.jog is not None:
+            self.release(now_ns)
+            self._axes.follow(self.jog.run)
+        if key not in (1, 2) or self.jog is not None:
+            return False
+        if not free or self.homing is not None:
+            self._say(message(1321, detail="a key of an axis"))
+            return False
+        self.direction = 1 if key == 1 else -1
+        return True
+
+    def begin_jog(self, now_ns: int) -> None:
+        """The move of the key that waits."""
+        sign, self.direction = self.direction, 0
+        axes = self._axes
+        try:
+            override = overrides.factor(self._parameters, AXES)
+            jog = Jog(self._parameters, axes.limits(), axes.counts, sign, PERIOD_NS, now_ns, override=override)
+        except ProgramError as error:
+            self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
+            return
+        if axes.struck(jog.axis, 2 if sign > 0 else 1):
+            self._say(message(2101 if sign > 0 else 2102, detail="XYZ"[jog.axis]))
+            return
+        self.jog = jog
+        axes.follow(jog.run)
+
+    # Reference runs
+
+    def refer(self, axis: int, *, free: bool) -> bool:
+        """A reference run is asked for; free: mode and program let it. Returns whether it is to begin."""
+        if not free or self.jog is not None:
+            self._say(message(1321, detail="a reference run"))
+            return False
+        if self.homing is not None:
+            self._say(message(1321, detail="a reference run is under way"))
+            return False
+        self.wants.append(axis)
+        return True
+
+    def begin_homing(self, axes: list[int], now_ns: int) -> None:
+        """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
+        for axis in axes:
+            self._axes.forget(axis)
+        self._parameters.write(8_579, 0.0)
+        self.homing = Homing(
+            sorted(axes, reverse=True),
+            AXES,
+            PERIOD_NS,
+            now_ns,
+            struck=self._at_motor,
+            to_pulse=self._axes.to_pulse,
+            done=self._at_reference,
+        )
+        self._axes.follow(self.homing.run)
+
+    def _at_motor(self, axis: int) -> bool:
+        return self._axes.struck(axis, 1)
+
+    def _at_reference(self, axis: int) -> None:
+        self._outgoing.add(CounterSet(axis, self._axes.place(axis)))
+
+    def _homed(self) -> None:
+        """All have been, or one has found no switch."""
+        assert self.homing is not None
+        failed, self.homing = self.homing.failed, None
+        if failed is not None:
+            self._say(message(2110, detail="XYZ"[failed]))
+            self._outgoing.fault = True
+        for number in (8_579, 8_709):
+            self._parameters.write(number, float(all(self._axes.referenced)))
+
+    def _say(self, said: Message) -> None:
+        self._outgoing.say(self._axes.now_ns, said)

@@ -1,0 +1,144 @@
+"""HAND: one axis moved by its keys, as far as they are held or by one step (manual 8.5, P8750 to P8769).
+
+P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756)
+P8760 step, mm
+P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel, divide, home) are not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime.path import Limits
+from isel_twin.motion import SetPointRun
+from isel_twin.motion.indexer import Indexer, at_rest
+
+__all__ = ["Jog", "step_on"]
+
+CONTINUOUS, STEP = 1, 2
+FURTHEST_MM: Final = 10_000.0
+"""A continuous move without software limits ends here."""
+SPEED_MM_MIN: Final = 1_000.0
+"""P8755 where nobody has set it."""
+STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)
+"""P8763 to P8769 where nobody has set them."""
+
+
+def step_mm(parameters: Parameters) -> float:
+    """The step: P8760, or that of the table that P8762 points to, the first one if it does not."""
+    if step := parameters.get(8_760):
+        return step
+    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM)) - 1
+    return parameters.get(8_763 + place, STEPS_MM[place])
+
+
+def step_on(parameters: Parameters) -> None:
+    """P8761: the next step of the table that is not 0; the first one comes behind the last."""
+    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM))
+    for _ in STEPS_MM:
+        place = place % len(STEPS_MM) + 1
+        step = parameters.get(8_762 + place, STEPS_MM[place - 1])
+        if step > 0.0:
+            parameters.write(8_762, float(place))
+            parameters.write(8_760, step)
+            break
+    parameters.write(8_761, 0.0)
+
+
+class Jog:
+    """A move in HAND."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        limits: Limits,
+        counts: Sequence[int],
+        sign: int,
+        period_ns: int,
+        now_ns: int,
+        *,
+        override: float = 1.0,
+    ) -> None:
+        """counts: where the axes stand, increments. sign: +1, -1. override: of the speed, 0: it waits.
+
+        Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
+        """
+        p, self._period_ns = parameters, period_ns
+        axis = int(p.given(8_751, 1.0)) - 1
+        if not 0 <= axis < len(counts):
+            raise ProgramError(1216, f"P8751 is {axis + 1}; allowed: 1 to {len(counts)}")
+        kind = int(p.given(8_750, 1.0))
+        if kind not in (CONTINUOUS, STEP):
+            raise ProgramError(1321, f"P8750 is {kind}; there are 1 continuous and 2 step")
+        self.axis, self._kind = axis, kind
+        per_mm = limits.increments_per_mm[axis]
+        high, low = 12_030 + 200 * axis, 12_031 + 200 * axis
+        edge = high if sign > 0 else low
+        far = p.get(edge) if p.loaded(edge) else sign * FURTHEST_MM
+        here = counts[axis] / per_mm
+        way = far - here if kind == CONTINUOUS else sign * step_mm(p)
+        if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
+            raise ProgramError(2103 if sign > 0 else 2104, "XYZ"[axis])
+        fastest = min(p.given(8_754, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
+        speed = min(p.given(8_755, SPEED_MM_MIN) / 60.0, fastest)
+        self._parameters, self._speed, self._per_mm = p, speed, per_mm
+        self._acceleration, self._axes = limits.rapid_acceleration[axis] * per_mm, len(counts)
+        self._left = float(round(way * per_mm))
+        """Way that is left where the present run began."""
+        self._override = 0.0
+        self.over = False
+        """It has come to its end."""
+        self.run: SetPointRun | None = None
+        self.scale(override, now_ns)
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `advance` is due."""
+        return None if self.run is None else self.run.end_ns
+
+    def advance(self, now_ns: int) -> None:
+        """Let time pass."""
+        run = self.run
+        if run is not None and now_ns >= run.end_ns:
+            self._left -= float(run.displacement(run.end_ns)[self.axis])
+            self.run, self.over = None, self._released or self._override > 0.0
+
+    _released = False
+
+    def scale(self, override: float, now_ns: int) -> None:
+        """Another override: the axis goes on at that speed; 0 holds it."""
+        if self._released:
+            return
+        self._override = override
+        self._parameters.write(8_756, override * self._speed * 60.0)
+        speed, run = override * self._speed * self._per_mm, self.run
+        if run is None:
+            if override > 0.0:
+                plan = at_rest(self._axes, self._period_ns, self._acceleration, ("jog", now_ns, self.axis))
+                self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), self._period_ns, now_ns)
+            return
+        assert isinstance(run.plan, Indexer)
+        tick = self._tick(run, now_ns)
+        changed = (
+            run.plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else run.plan.braked(self.axis, tick)
+        )
+        self.run = replace(run, plan=changed)
+
+    def _tick(self, run: SetPointRun, now_ns: int) -> int:
+        return max(0, -((run.start_ns - now_ns) // self._period_ns))
+
+    def release(self, now_ns: int, *, everything: bool = False) -> None:
+        """The key is released: brake, unless it is a step; everything: a step as well."""
+        run = self.run
+        if self._kind == STEP and not everything:
+            return
+        self._released = True
+        if run is None:
+            self.over = True
+            return
+        assert isinstance(run.plan, Indexer)
+        self.run = replace(run, plan=run.plan.braked(self.axis, self._tick(run, now_ns)))

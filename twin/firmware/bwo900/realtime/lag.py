@@ -1,0 +1,104 @@
+"""The watch over the following error (manual 8.7, P12024, P12025): an axis that does not follow ends everything, M2001.
+
+    lag that there ought to be    x   set position, s   its lag behind a position loop with gain KV (P12020)
+                                  s(t + T) = s(t) exp(-KV T) + (x(t + T) - x(t)) (1 - exp(-KV T)) / (KV T)
+                                  at constant speed v: s = v / KV, "feed / (60 KV)"
+    allowed                       (1 + P12024 / 100) |s| + coarse window (P12017), passed for no longer than P12025
+
+P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch. It looks while something moves, every `LOOK_NS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from isel_twin.firmware.bwo900.parameters import MACHINE_AXES, Parameters
+from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
+from isel_twin.units import MILLISECOND_NS, SECOND_NS
+
+__all__ = ["LagWatch", "window_mm"]
+
+LOOK_NS: Final = 25 * MILLISECOND_NS
+MORE_PERCENT: Final = 50.0
+LONGEST_MS: Final = 50.0
+COARSE: Final = 8.0
+"""P12017 over P12016 where nobody has set it."""
+OFF: Final = -1.0
+
+
+def window_mm(parameters: Parameters, axis: int, per_mm: float) -> float:
+    """The fine exact-stop window of an axis: P12016, or the root of one increment in mm."""
+    return positive(parameters.axis(axis, 16, 0.0), math.sqrt(1.0 / per_mm))
+
+
+class LagWatch:
+    """Of all axes. Positions and lags are increments."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self.due_ns: int | None = None
+        """When it looks next; None: nothing moves."""
+        self._last_ns = 0
+        self._counts: tuple[int, ...] = (0,) * MACHINE_AXES
+        self._ought = [0.0] * MACHINE_AXES
+        self._since_ns: list[int | None] = [None] * MACHINE_AXES
+        """Since when the lag of an axis is more than allowed."""
+        self._known: tuple[int, list[tuple[float, float, float, float]]] | None = None
+        """Settings, and the revision of the parameters that they are of."""
+
+    def _settings(self, per_mm: Sequence[float]) -> Sequence[tuple[float, float, float, float]]:
+        """Of each axis: KV in 1/s, P12024 in %, P12025 in ms, coarse window in mm."""
+        p = self._parameters
+        if self._known is None or self._known[0] != p.revision:
+            self._known = (
+                p.revision,
+                [
+                    (
+                        positive(p.axis(axis, 20, 0.0), KV_1_S),
+                        positive(p.axis(axis, 24, 0.0), MORE_PERCENT),
+                        p.axis(axis, 25, 0.0),
+                        positive(p.axis(axis, 17, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
+                    )
+                    for axis in range(MACHINE_AXES)
+                ],
+            )
+        return self._known[1]
+
+    def begin(self, now_ns: int, counts: Sequence[int]) -> None:
+        """Something begins to move, all axes at rest."""
+        if self.due_ns is None:
+            self.due_ns, self._last_ns, self._counts = now_ns + LOOK_NS, now_ns, tuple(counts)
+            self._ought, self._since_ns = [0.0] * MACHINE_AXES, [None] * MACHINE_AXES
+
+    def end(self) -> None:
+        """Nothing moves any more."""
+        self.due_ns = None
+
+    def is_due(self, now_ns: int) -> bool:
+        """Whether it is time to look."""
+        return self.due_ns is not None and now_ns >= self.due_ns
+
+    def look(self, now_ns: int, counts: Sequence[int], lag: Sequence[float], per_mm: Sequence[float]) -> int | None:
+        """Look, if it is time; returns the axis that has lagged for too long."""
+        if not self.is_due(now_ns):
+            return None
+        self.due_ns = now_ns + LOOK_NS
+        passed_s, self._last_ns = (now_ns - self._last_ns) / SECOND_NS, now_ns
+        before, self._counts = self._counts, tuple(counts)
+        late = None
+        for axis, (kv, more, longest_ms, coarse_mm) in enumerate(self._settings(per_mm)):
+            gain = kv * passed_s
+            left = math.exp(-gain)
+            self._ought[axis] = self._ought[axis] * left + (counts[axis] - before[axis]) * (1.0 - left) / gain
+            allowed = (1.0 + more / 100.0) * abs(self._ought[axis]) + coarse_mm * per_mm[axis]
+            if longest_ms == OFF or abs(lag[axis]) <= allowed:
+                self._since_ns[axis] = None
+                continue
+            since_ns = self._since_ns[axis]
+            if since_ns is None:
+                self._since_ns[axis] = now_ns
+            elif now_ns - since_ns >= positive(longest_ms, LONGEST_MS) * MILLISECOND_NS and late is None:
+                late = axis
+        return late

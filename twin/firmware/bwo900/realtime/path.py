@@ -1,0 +1,323 @@
+"""From blocks to pieces of a joined motion: limits of axes and path, corners, exact stops (manual 8.5, P8851 on).
+
+    speed of a piece      the feed, the rapid speed of the axis with the longest way (G00), and what each axis can:
+                          v <= V_i / |d_i|,  d the direction; V_i = P12004, P12120, slope (P12136)
+    acceleration          a <= A_i / |d_i|,  A_i = P12004 / P12008, or P12009 where that is longer and it is no G00
+    on a circle           v^2 / R and the ramp share the acceleration of the plane's axes: each has 1 / sqrt 2 of it
+                          P8852: v <= KV sqrt(2 R P8852), the deviation that the servo's lag makes
+    at a corner           factor of the lower of both speeds: cos(180 deg - angle) ^ P8851, 0 at 90 degrees and sharper
+    P8857                 the same deviation on the circle through the ends of two elements that join, and on arcs
+    feed dynamics         P8850 = 1: the feed is that of the point of contact, F r / R, r of the tool's centre
+                          P8850 > 1: F (1 + p / 100 (P8850 - R) / (P8850 - WR)), WR <= R <= P8850, p P8848 where the
+                          contour is convex, P8849 where it is concave; R its radius, WR the tool's
+
+Lengths in mm, speeds in mm/s, accelerations in mm/s^2; displacements in increments, whole numbers whose sums are those
+of the rounded places, so that no path drifts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.parameters import Parameters, byte
+from isel_twin.motion.joined import Pieces
+
+__all__ = ["Limits", "Path", "circumradius", "corner_factor", "feed_factor", "positive"]
+
+MINUTE_S: Final = 60.0
+FASTEST_MM_MIN: Final = 6_000.0
+"""P12004 where nobody has set it."""
+DYNAMICS_MS: Final = 250.0
+"""P12008 where nobody has set it: time from standstill to the highest speed."""
+KV_1_S: Final = 16.0
+"""P12020 where nobody has set it."""
+FURTHEST: Final = 2.0**31
+"""Increments from zero that a counter of 32 bits holds."""
+SHARE: Final = math.sqrt(0.5)
+"""Of the acceleration, on circles: across the path and along it."""
+STRAIGHT: Final = 1e-9
+"""Sine of an angle that is none."""
+NO_CONTOUR_MM: Final = 1e-6
+"""Radius of a contour that is a corner."""
+SLOWEST: Final = 0.01
+"""Of the feed is left, whatever P8848 and P8849 take away."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the axes and the path can, from the parameters; one value an axis."""
+
+    increments_per_mm: tuple[float, ...]
+    speed: Point
+    """mm/s, of paths."""
+    hand: Point
+    """mm/s, of moves without a program."""
+    acceleration: Point
+    """mm/s^2, with feed."""
+    rapid_acceleration: Point
+    """mm/s^2, with G00."""
+    rapid: float
+    """mm/s, of the axis with the longest way."""
+    corner: float
+    """Exponent of the corner factor; negative: off."""
+    deviation_mm: float
+    """P8852, 0: off."""
+    kv: float
+    test_feed: float | None
+    """P8815, mm/s: in place of all feeds."""
+    feed_share: float = 1.0
+    """P8818: of every programmed feed."""
+    contour_mm: float = 0.0
+    """P8857, 0: off."""
+    convex: float = 0.0
+    """P8848, as a share of the feed: -1 to 1."""
+    concave: float = 0.0
+    """P8849"""
+    reference_mm: float = 0.0
+    """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
+    sine: bool = False
+    """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
+
+    @classmethod
+    def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
+        """The limits as the parameters are now."""
+        p, axes = parameters, range(len(increments_per_mm))
+        fastest = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
+        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, fastest, strict=True))
+        second = tuple(
+            min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
+            for a, v, f in zip(axes, fastest, first, strict=True)
+        )
+        hand = tuple(_slope(p, a, v) for a, v in enumerate(fastest))
+        speed = tuple(min(v, positive(p.axis(a, 120, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
+        exponent = p.get(8_851) if p.loaded(8_851) else 1.0
+        return cls(
+            increments_per_mm=tuple(increments_per_mm),
+            speed=speed,
+            acceleration=second,
+            rapid_acceleration=first,
+            hand=hand,
+            rapid=positive(p.get(8_816), max(fastest) * MINUTE_S) / MINUTE_S,
+            corner=exponent if exponent > 0.0 or exponent == -1.0 else 1.0,
+            deviation_mm=max(p.get(8_852), 0.0),
+            kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
+            test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
+            feed_share=positive(p.get(8_818), 100.0) / 100.0,
+            contour_mm=max(p.get(8_857), 0.0),
+            convex=_share(p.get(8_848)),
+            concave=_share(p.get(8_849)),
+            reference_mm=max(p.get(8_850), 0.0),
+            sine=any(p.axis(a, 10, 0.0) == 1.0 for a in axes),
+        )
+
+
+def positive(value: float, default: float) -> float:
+    """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
+    return value if value > 0.0 else default
+
+
+def circumradius(a: Point, b: Point, c: Point) -> float:
+    """Radius in mm of the circle through three points; infinite for points on a line, there or back."""
+    first, second, chord = math.dist(a, b), math.dist(b, c), math.dist(a, c)
+    if first <= 0.0 or second <= 0.0:
+        return math.inf
+    cosine = sum((y - x) * (z - y) for x, y, z in zip(a, b, c, strict=True)) / (first * second)
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    return chord / (2.0 * sine) if sine > STRAIGHT else math.inf
+
+
+def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
+    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
+
+    An arc around an outer corner has no contour of its own: 1.
+    """
+    reference, tool, centre = limits.reference_mm, correction.radius_mm, arc.radius_mm
+    if not correction.side or tool <= 0.0 or reference < 1.0:
+        return 1.0
+    concave = correction.side * arc.sweep_rad > 0.0
+    contour = centre + tool if concave else centre - tool
+    if contour <= NO_CONTOUR_MM:
+        return 1.0
+    if reference == 1.0:
+        return centre / contour
+    if reference <= tool or contour >= reference:
+        return 1.0
+    part = min((reference - contour) / (reference - tool), 1.0)
+    return max(1.0 + (limits.concave if concave else limits.convex) * part, SLOWEST)
+
+
+def _slope(p: Parameters, axis: int, fastest: float) -> float:
+    """What P12136 lets an axis do, mm/s: P12005 with byte 1, P12006 with byte 2, 10 and 20 % of P12004 unless set."""
+    asked = p.axis(axis, 136, 0.0)
+    most = fastest
+    for number, share in ((1, 0.1), (2, 0.2)):
+        if byte(asked, number) & 1:
+            most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
+    return most
+
+
+def _share(percent: float) -> float:
+    """-100 to 100 %, as a share."""
+    return min(max(percent, -100.0), 100.0) / 100.0
+
+
+def corner_factor(cosine: float, exponent: float) -> float:
+    """Factor of the speed at a corner: cosine of the change of direction, 1 straight on, 0 and less: none.
+
+    P8851 of the manual: exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines;
+    negative: off.
+    """
+    if exponent < 0.0:
+        return 1.0
+    return min(max(cosine, 0.0), 1.0) ** exponent
+
+
+class Path:
+    """Makes pieces of blocks, one block after the other; remembers where the last one ended, and how."""
+
+    def __init__(self, limits: Limits, position: Point) -> None:
+        """position: where the axes stand, mm."""
+        self.limits = limits
+        self._place = self._increments(position)
+        self._end: tuple[Point, float] | None = None
+        """Direction and speed at the end of the last piece; None: it ends at 0."""
+        self._line: tuple[Point, Point] | None = None
+        """The last piece, if it is a line with a feed that the next one joins."""
+
+    def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
+        """The pieces of these blocks, and how many each has. Raises ProgramError: M1230 no feed, M1237."""
+        axes = len(self._place)
+        rows: list[Point] = []
+        columns: list[tuple[float, float, float, float, float]] = []
+        curves: list[tuple[int, _Curve]] = []
+        counts = []
+        for block in blocks:
+            before = len(rows)
+            for element in block.elements:
+                length = element.length_mm
+                end = self._increments(element.end)
+                way = tuple(b - a for a, b in zip(self._place, end, strict=True))
+                if length <= 0.0 or (not any(way) and not isinstance(element, Arc)):
+                    continue
+                wanted, limit, acceleration = self._law(element, block)
+                if not block.rapid:
+                    limit = min(limit, self._contour(element))
+                entry = self._entry(element, min(wanted, limit))
+                if isinstance(element, Arc):
+                    curves.append((len(rows), _Curve(element, self._place, self.limits.increments_per_mm)))
+                rows.append(way)
+                columns.append((length, wanted, limit, acceleration, entry))
+                self._place = end
+                self._end = element.tangent(1.0), min(wanted, limit)
+                line = isinstance(element, Line) and not block.rapid
+                self._line = (element.start, element.end) if line else None
+            if block.end is not BlockEnd.CONTINUOUS:
+                self.stop()
+            elif block.end_feed_mm_min is not None and self._end is not None:
+                self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
+            counts.append(len(rows) - before)
+        table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
+        ways = np.array(rows, dtype=np.float64).reshape(len(rows), axes)
+        return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
+
+    def stop(self) -> None:
+        """The axes stand at the end of the last piece: the next one begins at 0."""
+        self._end = self._line = None
+
+    def _increments(self, place: Point) -> tuple[int, ...]:
+        exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
+        if not all(abs(value) <= FURTHEST for value in exact):
+            raise ProgramError(1202, "a place that no counter holds")
+        return tuple(round(value) for value in exact)
+
+    def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
+        """Speed that is wanted, speed that is never exceeded, acceleration."""
+        limits = self.limits
+        able = limits.rapid_acceleration if block.rapid else limits.acceleration
+        if isinstance(element, Arc):
+            limit, acceleration = self._around(element, able)
+            wanted = limit
+        else:
+            direction = [abs(d) for d in element.tangent()]
+            limit = min(v / d for v, d in zip(limits.speed, direction, strict=True) if d > 0.0)
+            acceleration = min(a / d for a, d in zip(able, direction, strict=True) if d > 0.0)
+            wanted = limits.rapid / max(direction)
+        if not block.rapid:
+            if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
+                raise ProgramError(1230)
+            wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
+            if isinstance(element, Arc):
+                wanted *= feed_factor(element, block.correction, limits)
+        return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
+
+    def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
+        """Highest speed and acceleration on an arc."""
+        limits, plane = self.limits, arc.plane
+        radius = min(arc.radius_mm, arc.end_radius_mm)
+        flat = abs(arc.sweep_rad) * (arc.radius_mm + arc.end_radius_mm) / 2.0 / arc.length_mm
+        pair = (plane.first, plane.second)
+        speed = min(limits.speed[axis] for axis in pair) / flat
+        across = SHARE * min(able[axis] for axis in pair)
+        acceleration = across / flat
+        speed = min(speed, math.sqrt(across * radius) / flat)
+        for axis, (a, b) in enumerate(zip(arc.start, arc.end, strict=True)):
+            if axis not in pair and a != b:
+                share = abs(b - a) / arc.length_mm
+                speed = min(speed, limits.speed[axis] / share)
+                acceleration = min(acceleration, able[axis] / share)
+        if limits.deviation_mm:
+            if limits.deviation_mm > radius:
+                raise ProgramError(1237, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
+            speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
+        return speed, acceleration
+
+    def _contour(self, element: Element) -> float:
+        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before it."""
+        limits = self.limits
+        if not limits.contour_mm:
+            return math.inf
+        if isinstance(element, Arc):
+            radius = min(element.radius_mm, element.end_radius_mm)
+        elif self._line is not None:
+            radius = circumradius(*self._line, element.end)
+        else:
+            return math.inf
+        return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
+
+    def _entry(self, element: Element, speed: float) -> float:
+        """Highest speed at the joint with the piece before."""
+        if self._end is None:
+            return 0.0
+        before, last = self._end
+        cosine = sum(a * b for a, b in zip(before, element.tangent(0.0), strict=True))
+        return corner_factor(cosine, self.limits.corner) * min(last, speed)
+
+
+class _Curve:
+    """An arc as a `Curve` of a joined motion."""
+
+    def __init__(self, arc: Arc, begin: Sequence[int], per_mm: Sequence[float]) -> None:
+        self._arc, self._begin, self._per_mm = arc, np.array(begin, dtype=np.float64), np.array(per_mm)
+
+    def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `Curve.displacement`."""
+        arc = self._arc
+        share = s / arc.length_mm
+        start, end = np.array(arc.start), np.array(arc.end)
+        points = start + share[:, None] * (end - start)
+        radius = arc.radius_mm + share * (arc.end_radius_mm - arc.radius_mm)
+        angle = arc.start_rad + share * arc.sweep_rad
+        points[:, arc.plane.first] = arc.centre[0] + radius * np.cos(angle)
+        points[:, arc.plane.second] = arc.centre[1] + radius * np.sin(angle)
+        way: NDArray[np.float64] = points * self._per_mm - self._begin
+        way[share <= 0.0] = 0.0
+        return way

@@ -1,0 +1,60 @@
+"""Power of the drives: what lets the axes move, and how the control asks for it.
+
+    Start, a key of an axis, a reference run --> request --> relay of the cabinet, reset of the drives
+                                                 |  until all of `ready` is there, at most half a second
+                                                 +--> switch(on): stages, brake
+
+E-stop, the loss of the supply and a fault of a drive switch off.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.units import MILLISECOND_NS
+
+__all__ = ["Power"]
+
+POWER_NS: Final = 500 * MILLISECOND_NS
+
+
+class Power:
+    """Whether the drives have power, and may have it."""
+
+    def __init__(self, levels: dict[str, bool], axes: int, outgoing: Outgoing) -> None:
+        """levels: of the inputs, which someone else keeps up to date."""
+        self._levels, self._outgoing = levels, outgoing
+        self.faulty = [False] * axes
+        """Drives that have switched themselves off."""
+        self.on = False
+        self.until_ns: int | None = None
+        """Until when it is waited for; None: it is not."""
+
+    @property
+    def ready(self) -> bool:
+        """E-stop, supply and drives let the axes move."""
+        return self._levels.get("estop", True) and self._levels.get("power", True) and not any(self.faulty)
+
+    @property
+    def there(self) -> bool:
+        """The axes can move now."""
+        return self.on and self.ready
+
+    @property
+    def missing(self) -> int:
+        """Message about why it is not ready."""
+        return 3001 if not self._levels.get("estop", True) else 3002
+
+    def request(self, now_ns: int) -> None:
+        """Ask the cabinet for its relay, the drives to forget their faults."""
+        self._outgoing.pulse("power_request")
+        if any(self.faulty):
+            self._outgoing.pulse("drive_reset")
+        self.until_ns = now_ns + POWER_NS
+
+    def switch(self, *, on: bool) -> None:
+        """Stages and brake."""
+        self.on = on
+        self._outgoing.output("stages", int(on))
+        self._outgoing.output("brake", int(on))

@@ -1,0 +1,266 @@
+"""The path under way: a stretch of blocks that run into each other, as one motion that is appended to while it runs.
+
+    waiting blocks --> begin, append --> entries:  | block 1 | block 2 | ... | block n |      pieces of `Joined`
+                                         made -----------^                                    so far
+
+A stretch ends where the axes stand: at an exact stop, a dwell, an M00, functions that are waited for. The override, a
+stop and blocks that come late change what is still to be made, from the next tick on (`replan`). What was held goes on
+in a new run with the rest of the motion (`resume`). One that does not end hands over to a new run now and then, which
+knows nothing of what has been made (`MOST_PIECES`): the same set points in bounded memory.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.geometry.elements import Point
+from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.services import Services
+from isel_twin.motion import SetPointRun
+from isel_twin.motion.joined import Joined, Pieces, joined
+from isel_twin.units import MILLISECOND_NS
+
+__all__ = ["PERIOD_NS", "Stretch", "breaks_after", "joining"]
+
+PERIOD_NS: Final = 2 * MILLISECOND_NS
+"""From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
+MOST_PIECES: Final = 8192
+"""Pieces of a motion that are known at a time, made or not, but for those that come at once: some 150 bytes each."""
+
+
+@dataclass
+class _Entry:
+    """A block of the stretch, and how many of its pieces are to be made before it is over."""
+
+    block: PathBlock
+    until: int
+
+
+class Stretch:
+    """The stretch that is made, if there is one: its blocks, its motion, its run of set points."""
+
+    def __init__(self) -> None:
+        self.run: SetPointRun | None = None
+        """Set points, while there are any."""
+        self._plan: Joined | None = None
+        self._path: Path | None = None
+        self._entries: deque[_Entry] = deque()
+        self._made = 0
+        """Pieces of the stretch that were made in earlier runs of it."""
+        self._serial = 0
+
+    # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        """Blocks that are not over."""
+        return len(self._entries)
+
+    @property
+    def first(self) -> PathBlock | None:
+        """The block that is made."""
+        return self._entries[0].block if self._entries else None
+
+    @property
+    def last(self) -> PathBlock | None:
+        """The block that the stretch ends with so far."""
+        return self._entries[-1].block if self._entries else None
+
+    @property
+    def begun(self) -> bool:
+        """There is a motion: it is made, or was held."""
+        return self._plan is not None
+
+    @property
+    def runs(self) -> bool:
+        """Set points are made."""
+        return self.run is not None and self._plan is not None
+
+    @property
+    def brakes(self) -> bool:
+        """It has been asked to hold."""
+        return self._plan is not None and self._plan.hold
+
+    @property
+    def held(self) -> bool:
+        """Its set points end before its pieces do."""
+        return self._plan is not None and self._plan.held
+
+    def over(self, now_ns: int) -> bool:
+        """Whether its set points have come to an end."""
+        return self.run is not None and now_ns >= self.run.end_ns
+
+    def speed_mm_s(self, now_ns: int) -> float:
+        """Along the path."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None or now_ns >= run.end_ns:
+            return 0.0
+        return plan.speed(run.count(now_ns))
+
+    def next_ns(self, now_ns: int, refill: int | None) -> int:
+        """When something is due: the end of the set points, the next block that speaks, room for more blocks.
+
+        refill: the number of blocks that are left by then; None: no more will come.
+        """
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return now_ns
+        marks = [run.end_ns]
+        if not plan.held:
+            before = self._made
+            for number, entry in enumerate(self._entries):
+                if number and entry.block.speaks:
+                    marks.append(self._time_of(before))
+                    break
+                if entry.block.post and entry is not self._entries[-1]:
+                    marks.append(self._time_of(entry.until))
+                    break
+                before = entry.until
+            if refill is not None and len(self._entries) > refill:
+                marks.append(self._time_of(self._entries[-refill].until))
+        return min(marks)
+
+    def _time_of(self, pieces: int) -> int:
+        """When so many pieces of the stretch have been made."""
+        assert self.run is not None
+        assert self._plan is not None
+        try:
+            tick = self._plan.passed(pieces - self._made)
+        except IndexError:
+            return self.run.end_ns
+        return self.run.start_ns + (tick - self.run.first) * PERIOD_NS
+
+    # ---- what happens to it -----------------------------------------------------------------------------------------
+
+    def stand(self, limits: Limits, position: Point) -> None:
+        """The next path begins here, mm."""
+        self._path = Path(limits, position)
+
+    def clear(self) -> None:
+        """There is none any more."""
+        self._entries.clear()
+        self._plan, self.run = None, None
+
+    def begin(self, blocks: Sequence[PathBlock], limits: Limits, scale: float, now_ns: int) -> None:
+        """A stretch begins with these blocks. scale: the override. Raises ProgramError, see Path.pieces."""
+        assert self._path is not None
+        self._path.limits = limits
+        self._entries.clear()
+        self._made = 0
+        self._path.stop()
+        pieces = self._enter(blocks)
+        self._serial += 1
+        self._plan = joined(pieces, PERIOD_NS, sine=limits.sine, scale=scale, identity=self._serial)
+        self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
+
+    def append(self, blocks: Sequence[PathBlock], now_ns: int) -> None:
+        """It goes on with these. Raises ProgramError, see Path.pieces."""
+        pieces = self._enter(blocks)
+        if len(pieces):
+            self.replan(now_ns, append=pieces)
+            self._hand_over(now_ns)
+
+    def _enter(self, blocks: Sequence[PathBlock]) -> Pieces:
+        assert self._path is not None
+        pieces, counts = self._path.pieces(blocks)
+        done = self._entries[-1].until if self._entries else 0
+        for block, count in zip(blocks, counts, strict=True):
+            done += count
+            self._entries.append(_Entry(block, done))
+        return pieces
+
+    def passed(self, now_ns: int) -> Iterator[tuple[PathBlock, PathBlock, int]]:
+        """Blocks that are over, but the last one: each with the next, which is the first one now, and when it began."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return
+        made = self._made + plan.finished(run.count(now_ns))
+        while len(self._entries) > 1 and self._entries[0].until <= made:
+            began_ns = min(self._time_of(self._entries[0].until), now_ns)
+            over = self._entries.popleft()
+            yield over.block, self._entries[0].block, began_ns
+
+    def finish(self, *, gives_up: bool) -> PathBlock | None:
+        """Its set points have ended: the last block, whose path has been made or is given up; None: it was held."""
+        assert self._plan is not None
+        plan, self.run = self._plan, None
+        made = self._made + plan.finished(plan.ticks)
+        if plan.held and made < self._entries[-1].until and not gives_up:
+            self._made = made
+            return None
+        last = self._entries[-1].block
+        self.clear()
+        return last
+
+    def resume(self, scale: float, now_ns: int) -> None:
+        """Go on where it was held."""
+        assert self._plan is not None
+        self._serial += 1
+        self._plan = self._plan.remainder(self._serial, scale=scale)
+        self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
+
+    def hasten(self, speed_mm_s: float, now_ns: int) -> None:
+        """Another wanted speed for what is left of its first block."""
+        if self._plan is None:
+            return
+        wanted = (self._entries[0].until - self._made, speed_mm_s)
+        if self.run is None:
+            self._plan = self._plan.replanned(self._plan.ticks, wanted=wanted)
+        else:
+            self.replan(now_ns, wanted=wanted)
+
+    def replan(self, now_ns: int, **changes: object) -> None:
+        """Another future from the next tick on: `hold`, `drop`, `scale`, `wanted`, `append`: see Joined.replanned."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None:
+            return
+        tick = run.first + max(0, -((run.start_ns - now_ns) // PERIOD_NS))
+        self._plan = plan.replanned(tick, **changes)  # type: ignore[arg-type]
+        self.run = replace(run, plan=self._plan)
+
+    def _hand_over(self, now_ns: int) -> None:
+        """Forget what has been made, if that is much: but for the last tick, for those who ask for speeds."""
+        run, plan = self.run, self._plan
+        if run is None or plan is None or plan.known_pieces <= MOST_PIECES or now_ns < run.start_ns:
+            return
+        tick = run.count(now_ns)
+        self._plan = plan.forgetting(max(tick - 1, run.first))
+        start_ns = run.start_ns + (tick - run.first) * PERIOD_NS
+        self.run = SetPointRun(self._plan, PERIOD_NS, start_ns, first=tick)
+
+
+def breaks_after(block: PathBlock, halts: bool) -> bool:
+    """Whether the axes stand at its end, and something is waited for. halts: single block stops there."""
+    return block.stands or any(function.halt for function in block.post) or halts
+
+
+def joins(block: PathBlock, following: PathBlock, halts: bool, next_halts: bool) -> bool:
+    """Whether a block belongs to the stretch of the one before it. halts, next_halts: single block stops after them."""
+    return (
+        not breaks_after(block, halts)
+        and not any(function.halt for function in following.pre)
+        and following.override == block.override
+        and not (not following.elements and breaks_after(following, next_halts))
+    )
+
+
+def joining(
+    waiting: deque[PathBlock], last: PathBlock | None, halts: Callable[[PathBlock], bool], services: Services
+) -> list[PathBlock]:
+    """Take the waiting blocks that belong to the stretch behind its last block; None: the first of them begins it.
+
+    halts: whether single block stops after a block.
+    """
+    chosen: list[PathBlock] = []
+    while waiting:
+        block = waiting[0]
+        if last is not None and not joins(last, block, halts(last), halts(block)):
+            break
+        if last is not None and (services.allowed(block) or not services.room()):
+            break
+        chosen.append(waiting.popleft())
+        last = block
+    return chosen
