@@ -30,6 +30,7 @@ from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.cycle import Cycle, call_of, chosen, comes_first, step
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.functions import DELETE, DELETED
+from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.reader import Reader
 from isel_twin.firmware.bwo900.analysis.said import Said, correction, path_block
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
@@ -127,6 +128,7 @@ class Interpreter:
         self._skips = skips
         if self._parameters.get(LOCK):
             self._parameters.write(LOCK, 0.0)
+        clear(self._parameters)
         for number in _starting(self._parameters):
             self._coordinates.g(number)
         self._coordinates.renew()
@@ -324,6 +326,8 @@ class Interpreter:
     def _returned(self, level: Level) -> PathBlock:
         """A subprogram has come to its end, or the main program has without M30."""
         self._stack.pop()
+        if level.cycle:
+            clear(self._parameters)
         if not self._stack:
             return self._nothing(level.program.name, stop=Stop.END)
         if not level.change:

@@ -14,7 +14,8 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.functions import Functions
-from isel_twin.firmware.bwo900.analysis.said import Said
+from isel_twin.firmware.bwo900.analysis.handed import handed
+from isel_twin.firmware.bwo900.analysis.said import Called, Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, Stop
@@ -23,7 +24,7 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import MWord, Word
+from isel_twin.firmware.bwo900.programs.syntax import Block, MWord, Word
 
 __all__ = ["CENTRES", "Reader"]
 
@@ -63,6 +64,9 @@ class Reader:
 
     def read(self, said: Said) -> None:
         """G functions, tools and speeds, M functions; what a zero point does to G92."""
+        if (cycle := self._cycle_of_user(said.block)) is not None:
+            said.block = handed(said.block, self._parameters, self._values, self._coordinates.names)
+            said.call = cycle
         block, before = said.block, self._coordinates.modal
         for g in block.g:
             self._g(g.number, said, g.column)
@@ -84,6 +88,12 @@ class Reader:
         self._coordinates.renew()
 
     # G functions
+
+    def _cycle_of_user(self, block: Block) -> Called | None:
+        """The cycle Z that the block calls."""
+        numbers = (g.number for g in block.g)
+        known = (n for n in numbers if not (n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles))
+        return next(((f"Z{n}", None, None) for n in known if n not in (80, 82) and f"Z{n}" in self._store), None)
 
     def _g(self, number: int, said: Said, column: int) -> None:
         group = GROUPS.get(number)
@@ -212,7 +222,7 @@ class Reader:
             return f"P{values[0]}", values[1]
         raise ProgramError(1211, f"M{m.number}.block or M{m.number}.program.block", m.column)
 
-    def _called(self, values: Sequence[int | None], m: MWord) -> tuple[str, int | None, int | None]:
+    def _called(self, values: Sequence[int | None], m: MWord) -> Called:
         """M28.P, M28.P.start, M28.P.start_end, M28..start."""
         if not 1 <= len(values) <= 2 or (values[0] is None and (len(values) == 1 or values[1] is None)):
             raise ProgramError(1219, "M28.program, M28.program.start_end or M28..start", m.column)

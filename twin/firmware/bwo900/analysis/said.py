@@ -8,6 +8,7 @@ block --> reader.py (G, M, S, T) --> Said --> targets.py (axes) --> elements
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.stack import Goal
@@ -19,7 +20,10 @@ from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-__all__ = ["Said", "correction", "path_block"]
+__all__ = ["Called", "Said", "correction", "path_block"]
+
+Called: TypeAlias = tuple[str, int | None, int | None]
+"""A program, and its first and last block if they are named."""
 
 
 @dataclass
@@ -51,7 +55,7 @@ class Said:
     """M23."""
     jump: Goal | None = None
     """Of an M function with a jump."""
-    call: tuple[str, int | None, int | None] | None = None
+    call: Called | None = None
     """A subprogram, its first and last block."""
     hidden: bool = False
     """T calls Z5."""

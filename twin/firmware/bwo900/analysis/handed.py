@@ -1,0 +1,83 @@
+"""What a block that calls a cycle of the user hands to it in parameters (manual 8.5, P8640, P8642; P9700 to P9799).
+
+    P8640 = 1    G1001 X10 F500 M7    -->  P9700: 10, P9739: 500, P9740: 1001, P9750: 7; nothing else is done
+    P8642: 100   with P100: 72 (H), P101: 75 (K), P102: 0       G1001 H3 K-1    -->  P9790: 3, P9791: -1
+
+They are deleted at the start of a program, and when a cycle has returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+from isel_twin.firmware.bwo900.analysis.values import Values
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.programs.syntax import Block
+
+__all__ = ["clear", "handed"]
+
+WHOLE, LIST = 8_640, 8_642
+AXES, G, M, SPEEDS, OWN, LAST = 9_700, 9_740, 9_750, 9_780, 9_790, 9_799
+OTHERS: Final[Mapping[str, int]] = {"I": 9_732, "J": 9_733, "K": 9_734, "R": 9_735, "T": 9_736, "f": 9_738, "F": 9_739}
+EXTENSION: Final = 9_748
+"""Of a G function."""
+MOST: Final = 8
+"""G and M functions, spindles."""
+
+
+def clear(p: Parameters) -> None:
+    """A program begins, or a cycle has returned."""
+    for switch, numbers in ((WHOLE, range(AXES, OWN)), (LIST, range(OWN, LAST + 1))):
+        if p.get(switch):
+            for number in numbers:
+                if p.loaded(number):
+                    p.write(number, None)
+
+
+def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]) -> Block:
+    """Hand over what is to be; what is left of the block. names: axes by their letters. Raises ProgramError."""
+    own = _own(p)
+    for word in block.words:
+        if word.name in own:
+            p.write(own[word.name], values.of(word.value))
+    words = tuple(word for word in block.words if word.name not in own)
+    if p.get(WHOLE) != 1.0:
+        return replace(block, words=words)
+    for word in words:
+        number = _number(word.name, names)
+        if number is not None:
+            p.write(number, values.of(word.value))
+    for at, g in enumerate(block.g[:MOST]):
+        p.write(G + at, float(g.number))
+        if g.extension is not None:
+            p.write(EXTENSION, values.of(g.extension))
+    for at, m in enumerate(block.m[:MOST]):
+        p.write(M + 3 * at, float(m.number))
+        for field, extension in enumerate(m.extensions[:2], 1):
+            p.write(M + 3 * at + field, None if extension is None else values.of(extension))
+    return replace(block, words=(), m=(), g=())
+
+
+def _own(p: Parameters) -> dict[str, int]:
+    """Words of the list that P8642 points to: their parameter."""
+    return {letter: OWN + at for at, letter in enumerate(_letters(p))}
+
+
+def _letters(p: Parameters) -> Iterator[str]:
+    first = int(p.get(LIST))
+    for at in range(LAST - OWN + 1 if first > 0 else 0):
+        code = int(p.get(first + at))
+        if not 32 < code < 127:
+            return
+        yield chr(code)
+
+
+def _number(name: str, names: Mapping[str, int]) -> int | None:
+    if name in names:
+        return AXES + names[name]
+    if name[0] == "S":
+        spindle = int(name[1:] or "1")
+        return SPEEDS + spindle - 1 if 1 <= spindle <= MOST else None
+    return OTHERS.get(name)
