@@ -4,10 +4,23 @@ from __future__ import annotations
 
 import sys
 
-from tests.reliability import connects, echo, flood, heard, kills, memory, punctual, queries, strings, tap, vanished
+from tests.reliability import (
+    connects,
+    echo,
+    feed,
+    flood,
+    heard,
+    kills,
+    memory,
+    punctual,
+    queries,
+    strings,
+    tap,
+    vanished,
+)
 from tests.reliability.figures import table
 
-PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, strings, tap)
+PROGRAMS = (queries, echo, punctual, heard, connects, flood, kills, vanished, memory, feed, strings, tap)
 
 
 def main() -> None:

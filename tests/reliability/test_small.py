@@ -7,7 +7,7 @@ from types import ModuleType
 import pytest
 
 from isel_twin.firmware.imc.controller import Imc
-from tests.reliability import connects, echo, kills, memory, punctual, queries, strings, tap
+from tests.reliability import connects, echo, feed, kills, memory, punctual, queries, strings, tap
 from tests.reliability.figures import Figure, table
 
 GENEROUS = 50.0
@@ -16,7 +16,7 @@ GENEROUS = 50.0
 
 @pytest.mark.parametrize(
     ("program", "number"),
-    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 500), (strings, 300), (tap, 20)],
+    [(queries, 200), (connects, 30), (kills, 3), (punctual, 1), (memory, 500), (feed, 1), (strings, 300), (tap, 20)],
     ids=lambda value: value.__name__.rpartition(".")[2] if isinstance(value, ModuleType) else str(value),
 )
 def test_in_small(program: ModuleType, number: int) -> None:
