@@ -612,10 +612,7 @@ class Twin(Seen):
             self._take_events()
             if self._wiring.settle(self.time_ns) or self._restart():
                 continue
-            if self._hand_over_bytes():
-                rounds = 0  # however many bytes there are, they come to an end, too
-                continue
-            if self._hand_over_levels() or self._hand_over_keys():
+            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
                 continue
             if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
                 if self._observers:

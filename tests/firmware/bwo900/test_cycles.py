@@ -6,6 +6,7 @@ decided in Z40 to Z49 and drawn in docs/images/bwo900_pockets.png.
 
 from __future__ import annotations
 
+import gc
 import itertools
 import math
 import pickle
@@ -345,9 +346,13 @@ class TestPatterns:
         one.begin("P1", (0.0, 0.0, 0.0))
         tracemalloc.start()
         blocks = [one.next() for _ in range(500)]
-        before = tracemalloc.get_traced_memory()[0]
         for _ in range(500):
             one.next()
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(1000):
+            one.next()
+        gc.collect()
         assert tracemalloc.get_traced_memory()[0] - before < 20_000
         tracemalloc.stop()
         assert len({b.finish[0] for b in blocks if isinstance(b, PathBlock)}) > 80, "six moves a hole"
