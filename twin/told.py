@@ -30,6 +30,8 @@ OFTEN = 1024
 """Calls after which it is tried to begin with a pickle, as soon as the controller is idle; that takes 50 us."""
 MOST = 1 << 17
 """Calls that are kept at most: some 15 MB, and a second to tell them again."""
+MOST_BYTES = 4 << 20
+"""Bytes of a host that are kept at most in them: of a program that is fed without an end."""
 
 _ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 """Properties of `Drives`."""
@@ -77,6 +79,7 @@ class Told:
     def receive(self, t_ns: int, data: bytes) -> None:
         """See Controller.receive."""
         self._note(("receive", t_ns, data))
+        self._bytes += len(data)
         self.controller.receive(t_ns, data)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
@@ -94,7 +97,7 @@ class Told:
 
     def advance(self, t_ns: int) -> None:
         """See Controller.advance."""
-        if len(self._calls) >= self._try_at:
+        if len(self._calls) >= self._try_at or self._bytes > MOST_BYTES:
             self._shorten_or_drop()
         self._calls.append(("advance", t_ns, None))
         self.controller.advance(t_ns)
@@ -142,6 +145,8 @@ class Told:
     def _begin(self, life: Life, *, whole: bool) -> None:
         self._life = life
         self._calls: list[tuple[str, Any, Any]] = list(life.calls)
+        self._bytes = 0
+        """Of those that the host has sent, since then."""
         self._whole = whole
         """The calls are all there have been since the beginning."""
         self._try_at = len(self._calls) + OFTEN
@@ -153,9 +158,9 @@ class Told:
         """Between two calls: begin with a pickle if that can be had, and keep no more than MOST calls."""
         if self.controller.idle and self._shorten():
             self._try_at = len(self._calls) + OFTEN
-        if len(self._calls) >= MOST:
+        if len(self._calls) >= MOST or self._bytes > MOST_BYTES:
             self._calls.clear()
-            self._try_at, self._whole = OFTEN, False
+            self._try_at, self._bytes, self._whole = OFTEN, 0, False
 
     def _shorten(self) -> str:
         """Begin with a pickle of what the controller is now; if that cannot be, why."""
