@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 import pytest
 
 from isel_twin import Twin
 from isel_twin.firmware.bwo900.realtime import stretch
+from isel_twin.motion import Motion, Steps
+from isel_twin.trace.runs import add_run, described
 
 PIECE_MM = 0.2
 
@@ -61,3 +66,30 @@ def test_the_machine_does_not_feel_it(monkeypatch: pytest.MonkeyPatch) -> None:
     _, seen = drive("mujoco", 700, 300, monkeypatch, meddle=True)
     _, same = drive("mujoco", 700, 1 << 30, monkeypatch, meddle=True)
     assert seen == same
+
+
+def test_a_recording_of_it_has_every_set_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Motions that begin in flight, written down and read as a recording does it."""
+    monkeypatch.setattr(stretch, "MOST_PIECES", 300)
+    twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=(5.0, 5.0, 5.0))
+    read, shown = Steps(3), list[Motion | None]([None])
+
+    def note(time_ns: int, kind: str, what: Any) -> None:
+        if kind == "motion":
+            before = shown[-1]
+            goes_on = what is not None and before is not None and what.continues(before)
+            run = None if what is None else described(what, before if goes_on else None, time_ns)
+            add_run(read, time_ns, json.loads(json.dumps({"run": run, "continues": goes_on})))
+            shown.append(what)
+
+    twin.listen(note)
+    twin.write(b"D\r\nP8683: 1\r\nP12130: 1\r\nP12330: 1\r\nP12530: 1\r\n#\r\n")
+    assert twin.run_until_idle(100.0)
+    twin.write(contour(1500).encode() + b"D\r\nP8800: 1\r\nP8683: 2\r\nP8684: 1\r\n#\r\n")
+    twin.run(1.5)
+    twin.press("override", 40.0)
+    assert twin.run_until_idle(100.0)
+    made = read.until(twin.time_ns)
+    assert sum(motion.first > 0 for motion in made.motions) >= 3
+    assert np.array_equal(made.t_ns, twin.steps.t_ns)
+    assert np.array_equal(made.delta, twin.steps.delta)
