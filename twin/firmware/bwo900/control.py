@@ -349,8 +349,6 @@ class Control:
             p.write(8_687, 1.0 if channel.active else 0.0)
         if p.get(8_561) != self._feeder.level:
             p.write(8_561, float(self._feeder.level))
-        if p.get(8_559) != channel.halted:
-            p.write(8_559, float(channel.halted))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))

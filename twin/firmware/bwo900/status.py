@@ -94,7 +94,7 @@ def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) ->
         axis, offset = divmod(number - 12_000, AXIS_SIZE)
         return _axis(axis, offset, interpreter, channel, seen)
     if number == WAITING:
-        return float(channel.waits_for_functions)
+        return float(channel.halted)
     if number >= SHIFT_ANALYSED:
         return interpreter.in_force.frame.shift[number - SHIFT_ANALYSED]
     if number >= 9_300:

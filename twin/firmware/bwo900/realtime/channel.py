@@ -101,11 +101,6 @@ class Channel:
         return self.phase is not Phase.IDLE
 
     @property
-    def halted(self) -> bool:
-        """An M function with halt waits for its acknowledgement."""
-        return self.phase is Phase.FUNCTIONS and self._due_ns is None
-
-    @property
     def run(self) -> SetPointRun | None:
         """Set points, while there are any."""
         return self._stretch.run
@@ -139,7 +134,7 @@ class Channel:
         return block.feed_mm_min or block.in_force.feed_mm_min, block.end_feed_mm_min or 0.0
 
     @property
-    def waits_for_functions(self) -> bool:
+    def halted(self) -> bool:
         """An M function with halt has not been acknowledged."""
         return self.phase is Phase.FUNCTIONS and self._due_ns is None
 
