@@ -26,7 +26,7 @@ test: $(READY)       ## all tests, on two workers
 
 quick: $(READY)      ## tests of single parts, in about a minute
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup -m "not slow" \
-	  tests/motion tests/wiring tests/drives tests/models tests/firmware/ismif tests/trace tests/test_borders.py \
+	  tests/motion tests/wiring tests/drives tests/models tests/firmware/ismif tests/recordings tests/test_borders.py \
 	  tests/test_position.py tests/test_testing.py tests/test_verdict.py
 
 bench: $(READY)      ## speed and memory, as ratios measured side by side

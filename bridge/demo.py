@@ -18,12 +18,12 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.server import Server
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.server import Server
+from isel_twin.core.twin import Twin
+from isel_twin.core.warm import warm_up
 from isel_twin.language import create_language, needed
-from isel_twin.twin import Twin
-from isel_twin.warm import warm_up
 
 CONTROLLER = "imc-s8"
 REPLY_TIMEOUT_S = 120.0

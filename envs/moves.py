@@ -10,7 +10,7 @@ controller), and measure what one would measure at the machine with a dial gauge
 position error = true carriage position - counter / (steps per mm), in mm, on each axis.
 
 A motor slips by whole periods of its torque, four full steps: if counter minus rotor changes by half a period or more
-from one rest to the next, steps were lost in between; anything less is load angle (`isel_twin.verdict.lost`).
+from one rest to the next, steps were lost in between; anything less is load angle (`isel_twin.jobs.verdict.lost`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.core.twin import Twin
 from isel_twin.envs.watching import Watch
+from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, load_machine, with_overrides
-from isel_twin.twin import Twin
-from isel_twin.units import MILLISECOND_NS
-from isel_twin.verdict import lost
 
 __all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin", "spoken"]
 

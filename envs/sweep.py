@@ -9,7 +9,7 @@
     best = fastest(Setup(), Settings(20_000), "acceleration_hz_per_ms", margin_nm=0.3)
 
 A trial is a plain function of two frozen values, `run_job(setup, settings)`, so anything with the interface of
-`concurrent.futures.Executor` can run it, by the same code as `isel-twin sweep` (isel_twin.studies.run), which varies
+`concurrent.futures.Executor` can run it, by the same code as `isel-twin sweep` (twin/many/studies), which varies
 whatever there is and keeps its rows in a file.
 """
 
@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, spoken
-from isel_twin.studies.run import Lost, finished, here
+from isel_twin.many.studies.run import Lost, finished, here
 
 __all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
 

@@ -21,7 +21,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, SIZE, TRACK

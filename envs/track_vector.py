@@ -25,7 +25,7 @@ from gymnasium.vector.utils import batch_space
 from numba import carray
 from numpy.typing import ArrayLike, NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos

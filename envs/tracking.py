@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance

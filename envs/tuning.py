@@ -19,6 +19,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from isel_twin.core.state import TwinState
+from isel_twin.core.twin import Twin
 from isel_twin.envs.moves import (
     JOB,
     Job,
@@ -33,8 +35,6 @@ from isel_twin.envs.moves import (
 )
 from isel_twin.language import SETTINGS_RANGES, Ranges
 from isel_twin.machine import Machine
-from isel_twin.state import TwinState
-from isel_twin.twin import Twin
 
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.sampling import TwinSamples
-from isel_twin.twin import Twin
+from isel_twin.core.sampling import TwinSamples
+from isel_twin.core.twin import Twin
 
 __all__ = ["Watch", "error_mm"]
 

@@ -30,7 +30,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def _warm_up() -> None:
-    from isel_twin.warm import warm_up
+    from isel_twin.core.warm import warm_up
 
     for plant in ("kinematic", "mujoco"):
         warm_up(plant)

@@ -41,7 +41,7 @@ def code(path: Path) -> str:
 def test_the_twin_knows_no_cabinet_and_no_terminal() -> None:
     names = "|".join(re.escape(name) for name in sorted({*CABINET, *TERMINALS}))
     for file in ("twin.py", "seen.py", "state.py", "observers.py", "assembly.py"):
-        assert words(ROOT / "twin" / file, rf"(?<![\w.])({names})(?!\w)") == []
+        assert words(ROOT / "twin" / "core" / file, rf"(?<![\w.])({names})(?!\w)") == []
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_controllers_language_is_known_in_its_folder_only(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", list(sources("twin/motion", "twin/plant", "twin/trace")), ids=lambda path: str(path.relative_to(ROOT))
+    "path", list(sources("twin/motion", "twin/plant", "twin/recordings")), ids=lambda path: str(path.relative_to(ROOT))
 )
 def test_ticks_are_not_packed(path: Path) -> None:
     assert words(path, r"(?<!\.)\b(en|de)code\(|packed|PAIR|100 ps") == []
@@ -73,11 +73,11 @@ def test_machines_name_no_terminal() -> None:
 )
 def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
     """What only POSIX has may be asked for where it is used, with an answer for where it is missing."""
-    if path == ROOT / "bridge" / "pty.py":
+    if path == ROOT / "bridge" / "serve" / "pty.py":
         return
     assert words(path, r"^(import|from) (fcntl|grp|posix|pty|pwd|resource|syslog|termios|tty)\b") == []
     if path != DEMONSTRATION:
-        assert words(path, r"^(import|from) isel_twin\.bridge\.pty\b") == []
+        assert words(path, r"^(import|from) isel_twin\.bridge\.serve\.pty\b") == []
 
 
 def test_firmware_has_no_circle_of_imports() -> None:

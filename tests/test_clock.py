@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from motion.plans import Table, table
 
-import isel_twin.assembly
+import isel_twin.core.assembly
 from isel_twin import Twin
+from isel_twin.base.units import MICROSECOND_NS, MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import CounterSet, DriveInput, Drives, Event, FlashWrite, Output, Reply, SerialFormat
 from isel_twin.motion import Motion, SetPointRun, StepRun, constant, line, trapezoid
-from isel_twin.units import MICROSECOND_NS, MILLISECOND_NS, SECOND_NS
 
 SUBSTEP_NS = 25 * MICROSECOND_NS
 STEP_MM = 1 / 320
@@ -168,8 +168,10 @@ def build(monkeypatch: pytest.MonkeyPatch) -> Build:
     """build(controller, **arguments of Twin): a twin of that controller, which has no language."""
 
     def twin(controller: Scripted, plant: str = "kinematic", **options: Any) -> Twin:
-        monkeypatch.setattr(isel_twin.assembly, "controller_factory", lambda name: lambda flash, settings: controller)
-        monkeypatch.setattr(isel_twin.assembly, "language_factory", lambda name: lambda: None)
+        monkeypatch.setattr(
+            isel_twin.core.assembly, "controller_factory", lambda name: lambda flash, settings: controller
+        )
+        monkeypatch.setattr(isel_twin.core.assembly, "language_factory", lambda name: lambda: None)
         return Twin(controller="scripted", plant=plant, start_mm=options.pop("start_mm", START_MM), **options)
 
     return twin

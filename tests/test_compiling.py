@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isel_twin import compiling
+from isel_twin.base import compiling
 
 ROOT = Path(__file__).parents[1]
 

@@ -113,7 +113,7 @@ def test_the_line_is_cut_as_the_reply_goes_out(tmp_path: Path) -> None:
 
 
 def test_without_a_language_bytes_are_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("isel_twin.assembly.language_factory", lambda name: lambda: None)
+    monkeypatch.setattr("isel_twin.core.assembly.language_factory", lambda name: lambda: None)
     twin = twin_with(tmp_path, f'[[event]]\nwhen = "sent 07<13>"\n{PRESS}')
     twin.write(b"@07")
     assert twin.inputs["estop"] == "released"

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from isel_twin import Twin
 from isel_twin.cli import main
-from isel_twin.expect import Expected, ExpectError, excerpt, parse_condition, parse_expected
-from isel_twin.job import JobError, Line, Result, check_conditions, parse_job, play
+from isel_twin.jobs.expect import Expected, ExpectError, excerpt, parse_condition, parse_expected
+from isel_twin.jobs.job import JobError, Line, Result, check_conditions, parse_job, play
+from isel_twin.jobs.verdict import Verdict, judge
 from isel_twin.language import create_language
-from isel_twin.verdict import Verdict, judge
 
 FAR = "@07\n@0R7\n@0M160000,8000,8000,8000,0,30,0,30"
 """Ends at the switch at the far end of X."""

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.control import ControlError, Operator
+from isel_twin.base.parameters import Place
+from isel_twin.bridge.operate.control import ControlError, Operator
 from isel_twin.controller import create_controller
-from isel_twin.parameters import Place
 from isel_twin.wiring import ACTS, ScenarioError, event_now
 
 START_MM = (30.0, 30.0, 30.0)

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from isel_twin.bridge.control import ControlError
+from isel_twin.bridge.operate.control import ControlError
 from isel_twin.cli.ctl import _request
-from isel_twin.trace.reading import read
-from isel_twin.trace.recording import FileRecording
-from isel_twin.trace.replay import rebuilt, replay
-from isel_twin.twin import Twin
+from isel_twin.core.twin import Twin
+from isel_twin.recordings.reading import read
+from isel_twin.recordings.recording import FileRecording
+from isel_twin.recordings.replay import rebuilt, replay
 from isel_twin.wiring import ScenarioError
 from tests.bridge.test_control import Bench
 

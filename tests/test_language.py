@@ -11,7 +11,7 @@ from hypothesis import given
 from isel_twin import Twin
 from isel_twin.controller import PluginError, UnknownNameError, controller_names
 from isel_twin.envs import Settings
-from isel_twin.job import decode_job
+from isel_twin.jobs.job import decode_job
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,

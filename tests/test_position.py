@@ -17,7 +17,7 @@ from by_hand import PlantByHand
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.position import Position, position_error_mm
+from isel_twin.core.position import Position, position_error_mm
 
 START_MM = (100.0, 50.0, 30.0)
 STEP_MM = np.array([1 / 320, 1 / 320, 1 / 400])

@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from isel_twin import robust
-from isel_twin.call import CallError, TwinCall
+from isel_twin.base.errors import CallError
 from isel_twin.cli import main
-from isel_twin.job import parse_job
+from isel_twin.core.spec import TwinCall
+from isel_twin.core.warm import warm_up
+from isel_twin.jobs import robust
+from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language
 from isel_twin.machine import load_machine, with_overrides
-from isel_twin.warm import warm_up
 
 SOUND = "@07\n@0R7\n@0A1600,5000,800,5000,0,900,0,900\n"
 AT_36_V = """based_on = "4030"

@@ -18,12 +18,12 @@ from golden.sessions import FILE, session
 from plugin.card6 import Card6, Card6Language, create
 
 from isel_twin import Twin
+from isel_twin.base.parameters import Place
+from isel_twin.core.sampling import TwinSamples
+from isel_twin.core.state import StateError
+from isel_twin.core.told import OFTEN
 from isel_twin.language import MoveSettings
-from isel_twin.parameters import Place
-from isel_twin.sampling import TwinSamples
-from isel_twin.state import StateError
-from isel_twin.told import OFTEN
-from isel_twin.trace.recorder import Recorder
+from isel_twin.recordings.recorder import Recorder
 from isel_twin.wiring import event_now
 
 READY = ("@07", "@0R7")
@@ -200,10 +200,10 @@ def test_a_controller_from_outside(factory: Any, plant: str, monkeypatch: pytest
     """Six axes, set points, drives that are asked; one can be pickled in mid-motion, one never."""
     build = partial(factory, "card6")
     monkeypatch.setattr(
-        "isel_twin.assembly.controller_factory",
+        "isel_twin.core.assembly.controller_factory",
         lambda name: lambda flash, settings: build(flash=flash, settings=settings),
     )
-    monkeypatch.setattr("isel_twin.assembly.language_factory", lambda name: Card6Language)
+    monkeypatch.setattr("isel_twin.core.assembly.language_factory", lambda name: Card6Language)
     twin, other = (Twin("4030", "card6", plant, seed, start_mm=(100.0, 50.0, 30.0)) for seed in (1, 2))
     twin.query("zero")
     twin.query("move 800 -1600 320 7 0 -9 16000")

@@ -202,7 +202,7 @@ def test_more_events_at_one_instant_than_a_broken_controller_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However many there are, they come to an end; what does not is a controller that goes on for ever."""
-    monkeypatch.setattr("isel_twin.twin._ENDLESS", 50)
+    monkeypatch.setattr("isel_twin.core.twin._ENDLESS", 50)
     events = "[[event]]\nat = 1.0\nset = { user_0 = 'high' }\n[[event]]\nat = 1.0\nset = { user_0 = 'low' }\n"
     twin = twin_with(tmp_path, 60 * events + "[[event]]\nat = 1.0\nset = { user_1 = 'high' }\n")
     twin.run(2.0)
@@ -211,7 +211,7 @@ def test_more_events_at_one_instant_than_a_broken_controller_needs(
 
 
 def test_a_controller_that_does_not_come_to_an_end_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("isel_twin.twin._ENDLESS", 50)
+    monkeypatch.setattr("isel_twin.core.twin._ENDLESS", 50)
     twin = twin_with(tmp_path, 60 * "[[event]]\nat = 1.0\nset = { user_0 = 'high' }\n")
     monkeypatch.setattr(twin._line, "at_controller", lambda t_ns, at_once: b"x")
     with pytest.raises(RuntimeError, match="does not come to an end at 1000000000 ns"):

@@ -11,13 +11,13 @@ import pytest
 from plugin.card6 import Card6, Card6Language
 
 from isel_twin import Twin
-from isel_twin.checks.asserts import MotionError, assert_no_step_lost
-from isel_twin.checks.watched import Watched
 from isel_twin.controller import Drives, Output, UsesDrives
-from isel_twin.expect import parse_condition
+from isel_twin.jobs.checks.asserts import MotionError, assert_no_step_lost
+from isel_twin.jobs.checks.watched import Watched
+from isel_twin.jobs.expect import parse_condition
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.verdict import judge
 from isel_twin.machine import MachineError
-from isel_twin.result import Result
-from isel_twin.verdict import judge
 from isel_twin.wiring import ScenarioEvent
 
 WORDS = Card6Language()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from isel_twin.position import position_error_mm
-from isel_twin.snapshot import snapshot
-from isel_twin.twin import Twin
+from isel_twin.core.position import position_error_mm
+from isel_twin.core.snapshot import snapshot
+from isel_twin.core.twin import Twin
 
 STEP_MM = np.array([0.003125, 0.003125, 0.00625])
 

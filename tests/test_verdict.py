@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from isel_twin.job import parse_job, play
-from isel_twin.twin import Twin
-from isel_twin.verdict import SETTLE_S, Verdict, halfway, judge, lost
+from isel_twin.core.twin import Twin
+from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.verdict import SETTLE_S, Verdict, halfway, judge, lost
 
 SLIP = 32.0
 """Four full steps at 1600 steps a revolution."""

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from isel_twin import files
-from isel_twin.bridge import tcp
+from isel_twin.base import files
+from isel_twin.bridge.serve import tcp
 from isel_twin.plant import mujoco
 
 BARE = str(Path(__file__).with_name("bare.py"))
@@ -49,10 +49,10 @@ def start(started: list[subprocess.Popen[str]], *arguments: str) -> dict[str, st
 
 def test_the_modules_are_hidden():
     """Else the rest of this file shows nothing."""
-    code = "import bare; bare.hide(); import isel_twin.bridge.pty"
+    code = "import bare; bare.hide(); import isel_twin.bridge.serve.pty"
     ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
     assert "No module named 'fcntl'" in ended.stderr
-    assert "bridge/pty.py" in ended.stderr
+    assert "bridge/serve/pty.py" in ended.stderr
     code = "import bare; bare.hide(); import os, select; print(hasattr(os, 'fork'), hasattr(select, 'poll'))"
     ended = subprocess.run([sys.executable, "-c", code], cwd=Path(BARE).parent, capture_output=True, text=True)
     assert ended.stdout == "False False\n"

@@ -23,20 +23,20 @@ import serial
 from isel_twin.version import VERSION
 
 if TYPE_CHECKING:
-    from isel_twin.twin import Twin
+    from isel_twin.core.twin import Twin
 
 __all__ = ["Twin"]
 __version__ = VERSION
 
 # serial.serial_for_url("twin://...") finds our handler once this package is imported.
-if "isel_twin.bridge" not in serial.protocol_handler_packages:
-    serial.protocol_handler_packages.append("isel_twin.bridge")
+if "isel_twin.bridge.virtual" not in serial.protocol_handler_packages:
+    serial.protocol_handler_packages.append("isel_twin.bridge.virtual")
 
 
 def __getattr__(name: str) -> Any:
     """Import `Twin` (and with it MuJoCo and numba) only when somebody asks for it."""
     if name == "Twin":
-        from isel_twin.twin import Twin
+        from isel_twin.core.twin import Twin
 
         return Twin
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

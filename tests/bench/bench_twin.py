@@ -22,7 +22,7 @@ from bench.bench_plant import SECONDS, bare
 
 from isel_twin import Twin
 from isel_twin.plant.mujoco import MujocoPlant
-from isel_twin.trace.recording import FileRecording
+from isel_twin.recordings.recording import FileRecording
 
 THERE_AND_BACK = ("@0M40000,10000,40000,10000,40000,10000,0,30", "@0M0,10000,0,10000,0,10000,0,30")
 """Three axes at 10 kHz, 8 s of machine time and a little more for the ramps."""

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 import serial
 
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.server import Endpoint, Server
-from isel_twin.twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Endpoint, Server
+from isel_twin.core.twin import Twin
 
 START_S = 120.0
 """Longest wait for a process to listen: the first one may have to compile."""

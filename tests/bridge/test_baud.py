@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import serial
 
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.rfc2217 import Rfc2217Codec
-from isel_twin.bridge.server import Endpoint
-from isel_twin.bridge.tcp import TcpEndpoint
-from isel_twin.bridge.uart import heard
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
+from isel_twin.bridge.serve.server import Endpoint
+from isel_twin.bridge.serve.tcp import TcpEndpoint
+from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat
 from tests.bridge.conftest import REPLY_S, ask
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.control import ControlError, Operator, Pending
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.server import Server
+from isel_twin.bridge.operate.control import ControlError, Operator, Pending
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
 from tests.bridge.test_network import Mouth
 from tests.bridge.test_pacing import MS, Clock
 

@@ -20,11 +20,11 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.control_port import CLIENTS, LINE_BYTES, UNREAD_BYTES, ControlPort
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.server import Server
-from isel_twin.bridge.tcp import TcpEndpoint, parse_address
-from isel_twin.bridge.wire_log import WireLog
+from isel_twin.bridge.operate.control_port import CLIENTS, LINE_BYTES, UNREAD_BYTES, ControlPort
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
+from isel_twin.bridge.serve.wire_log import WireLog
 from isel_twin.cli import main
 from tests.bridge.conftest import REPLY_S, STOP_S, ask
 

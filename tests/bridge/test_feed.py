@@ -8,7 +8,7 @@ import time
 
 import serial
 
-from isel_twin.bridge.server import LINE_BYTES
+from isel_twin.bridge.serve.server import LINE_BYTES
 
 CONTROL = ("--controller", "bwo900", "--machine", "4030-servo", "--control", "127.0.0.1:0")
 REFERENCE = b"D\r\nP8683: 1\r\nP12530: 1\r\nP12330: 1\r\nP12130: 1\r\n#\r\n"

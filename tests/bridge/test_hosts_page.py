@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.tcp import TcpEndpoint, parse_address
+from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from isel_twin.cli import main
 
 PAGE = (Path(__file__).parents[2] / "docs" / "hosts.md").read_text()

@@ -15,8 +15,8 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from isel_twin.bridge.log import QUEUE_LINES, SHOWN, PatientHandler, log_to
-from isel_twin.bridge.tcp import TcpEndpoint, parse_address
+from isel_twin.bridge.serve.log import QUEUE_LINES, SHOWN, PatientHandler, log_to
+from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from tests.bridge.conftest import REPLY_S
 
 log = logging.getLogger("tests.log")
@@ -160,7 +160,7 @@ def test_a_process_ends_while_its_log_waits_for_a_reader():
     """Its standard error is a pipe that is full: it still comes to its end, and without a complaint."""
     code = (
         "import logging, sys\n"
-        "from isel_twin.bridge.log import log_to\n"
+        "from isel_twin.bridge.serve.log import log_to\n"
         "with log_to(2, count=False):\n"
         "    for _ in range(3000):\n"
         "        logging.getLogger('isel_twin').info('x' * 200)\n"

@@ -9,12 +9,12 @@ import socket
 import pytest
 import serial
 
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
-from isel_twin.bridge.server import LINE_BYTES, OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
-from isel_twin.bridge.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
-from isel_twin.twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
+from isel_twin.bridge.serve.server import LINE_BYTES, OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
+from isel_twin.bridge.serve.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
+from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask
 from tests.bridge.test_pacing import MS, Clock
 

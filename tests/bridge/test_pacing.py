@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from isel_twin.bridge.pacing import LONGEST_S, PATIENCE_NS, SLIP_NS, STEADY_NS, TICK_NS, Pacer, parse_speed
+from isel_twin.bridge.serve.pacing import LONGEST_S, PATIENCE_NS, SLIP_NS, STEADY_NS, TICK_NS, Pacer, parse_speed
 
 MS = 1_000_000
 

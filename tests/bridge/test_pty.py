@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from isel_twin.bridge.pty import PtyEndpoint
+from isel_twin.bridge.serve.pty import PtyEndpoint
 from tests.bridge.conftest import REPLY_S, Served, ask
 
 MOVED = "0003E80001F40000000"

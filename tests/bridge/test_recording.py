@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from isel_twin.trace.reading import read
+from isel_twin.recordings.reading import read
 from tests.bridge.conftest import STOP_S, ask
 
 

@@ -15,8 +15,8 @@ import pytest
 
 from isel_twin.controller import controller_names
 from isel_twin.language import MoveSettings, create_language, needed
-from isel_twin.trace.mcap import RecordingWriter
-from isel_twin.trace.reading import read
+from isel_twin.recordings.mcap import RecordingWriter
+from isel_twin.recordings.reading import read
 from tests.bridge.conftest import STOP_S
 
 SCENARIO = """

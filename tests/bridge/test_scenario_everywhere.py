@@ -13,7 +13,7 @@ import pytest
 import serial
 
 from isel_twin import Twin
-from isel_twin.call import CallError
+from isel_twin.base.errors import CallError
 from isel_twin.cli import main
 from isel_twin.cli.ctl import _request
 from isel_twin.envs import Settings, Setup, run_job

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from isel_twin.bridge.keeping import keep, serve_and_keep
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.server import Server, on_signals
-from isel_twin.trace.recorder import Recorder
-from isel_twin.twin import Twin
+from isel_twin.bridge.serve.keeping import keep, serve_and_keep
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.server import Server, on_signals
+from isel_twin.core.twin import Twin
+from isel_twin.recordings.recorder import Recorder
 from tests.bridge.test_network import Mouth
 from tests.bridge.test_pacing import MS, Clock
 

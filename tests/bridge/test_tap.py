@@ -19,19 +19,18 @@ import pytest
 import serial
 from mcap.reader import NonSeekingReader
 
-from isel_twin.bridge import real_port
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.rfc2217 import Rfc2217Codec
-from isel_twin.bridge.server import OUTBOX_BYTES, Endpoint, Server
-from isel_twin.bridge.tap import LOOK_S, Scribe, Tap
-from isel_twin.bridge.tcp import TcpEndpoint
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
+from isel_twin.bridge.serve.server import OUTBOX_BYTES, Endpoint, Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint
+from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap, real_port
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
+from isel_twin.core.twin import Twin
 from isel_twin.language import create_language
-from isel_twin.trace.compare import compare
-from isel_twin.trace.reading import read
-from isel_twin.twin import Twin
+from isel_twin.recordings.compare import compare
+from isel_twin.recordings.reading import read
 from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask
 
 SESSION = (("@07", 1), ("@0R7", 1), ("@0A 1600,5000,800,5000,0,5000,0,30", 1), ("@0P", 19), ("@0Q", 1), ("@0P", 19))

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from isel_twin.bridge.uart import heard, levels
+from isel_twin.bridge.serve.uart import heard, levels
 from isel_twin.controller import SerialFormat
 
 ALL = bytes(range(256))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.server import Server
-from isel_twin.bridge.wire_log import LINE_BYTES, WireLog
-from isel_twin.twin import Twin
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.wire_log import LINE_BYTES, WireLog
+from isel_twin.core.twin import Twin
 from tests.bridge.test_network import Mouth
 from tests.bridge.test_pacing import Clock
 

@@ -16,12 +16,12 @@ from isel_twin.capture.play import play as play_capture
 from isel_twin.capture.player import Player
 from isel_twin.capture.ticks import Ticks
 from isel_twin.cli import main
-from isel_twin.job import parse_job, play
+from isel_twin.jobs.job import parse_job, play
+from isel_twin.jobs.verdict import SETTLE_S, judge
 from isel_twin.machine import load_machine
-from isel_twin.trace.npz import write_npz
-from isel_twin.trace.recorder import Recorder
-from isel_twin.trace.vcd import write_vcd
-from isel_twin.verdict import SETTLE_S, judge
+from isel_twin.recordings.npz import write_npz
+from isel_twin.recordings.recorder import Recorder
+from isel_twin.recordings.vcd import write_vcd
 
 REFERENCED = "@07\n@0R7\n@0M16000,8000,8000,4000,0,30,2000,800\n<0.4s>\n@0M8000,5000,9000,1000,0,30,0,30\n"
 STOPPED = "@07\n@0ID2\n@0R7\n@0A8000,5000,400,900,0,30,0,30<13> <0.6s> <253>\n@0S\n"

@@ -9,9 +9,10 @@ import pytest
 import serial
 
 import isel_twin  # noqa: F401  (registers twin://)
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import main
-from isel_twin.files import flash_file
+from isel_twin.core.flash import flash_file
+from isel_twin.core.spec import TwinCall
 
 
 class Asked(CallError):

@@ -10,8 +10,8 @@ import junitparser
 import pytest
 from sarif_pydantic import Sarif
 
-from isel_twin.checks import RULES
 from isel_twin.cli import main
+from isel_twin.jobs.checks import RULES
 
 HOME = "@07\n@0R7\n"
 WELL = HOME + "@0M3200,3000,1600,3000,0,30,0,30\n"

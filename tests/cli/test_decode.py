@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 
 from isel_twin.cli import main
-from isel_twin.decode import DecodeError, Piece, explain, marked, typed
+from isel_twin.jobs.decode import DecodeError, Piece, explain, marked, typed
 from isel_twin.language import create_language, language_names, readable
 
 

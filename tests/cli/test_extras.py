@@ -10,8 +10,8 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.cli import main
-from isel_twin.trace.recorder import Recorder
-from isel_twin.trace.write import write_trace
+from isel_twin.recordings.recorder import Recorder
+from isel_twin.recordings.write import write_trace
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = {"pyarrow": "trace", "matplotlib": "report", "optuna": "tune", "viser": "panel"}
@@ -22,7 +22,7 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As after `pip install isel-twin`, in a folder with a job."""
     for package in EXTRAS:
         monkeypatch.setitem(sys.modules, package, None)
-    for module in ("isel_twin.trace.parquet", "isel_twin.trace.report", "isel_twin.bridge.panel.site"):
+    for module in ("isel_twin.recordings.parquet", "isel_twin.report.report", "isel_twin.bridge.operate.panel.site"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")

@@ -12,7 +12,8 @@ import threading
 
 import pytest
 
-from isel_twin.files import FLASH_BYTES, Claim, FlashFile, atomic_write, flash_file, replacing
+from isel_twin.base.files import Claim, atomic_write, replacing
+from isel_twin.core.flash import FLASH_BYTES, FlashFile, flash_file
 
 
 class PowerCut(BaseException):
@@ -184,7 +185,7 @@ def test_a_flash_file_is_nobodys_before_there_is_a_twin(tmp_path):
 HOLD = """
 import sys, time
 from pathlib import Path
-from isel_twin.files import FlashFile
+from isel_twin.core.flash import FlashFile
 keeper = FlashFile(Path(sys.argv[1]))
 keeper.hold()
 print("held", flush=True)
@@ -230,7 +231,7 @@ def test_a_fork_does_not_let_go_of_what_its_parent_holds(tmp_path):
     claim = Claim(tmp_path / "thing")
     code = (
         "import os, sys\n"
-        "from isel_twin.files import Claim\n"
+        "from isel_twin.base.files import Claim\n"
         "claim = Claim(sys.argv[1])\n"
         "child = os.fork()\n"
         "if child == 0:\n"
@@ -248,7 +249,7 @@ def test_many_who_want_one_thing_get_it_one_after_the_other(tmp_path):
     """The lock file is removed and made anew all the time; never do two have it."""
     code = (
         "import sys, os\n"
-        "from isel_twin.files import Claim\n"
+        "from isel_twin.base.files import Claim\n"
         "had = 0\n"
         "while had < 100:\n"
         "    try:\n"

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 
 from isel_twin import Twin
 from isel_twin.cli import main
-from isel_twin.golden import Golden, Move, differences, dumps, load
+from isel_twin.jobs.golden import Golden, Move, differences, dumps, load
 
 JOB = """# out and back
 @07

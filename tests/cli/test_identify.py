@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from isel_twin.cli import main
-from isel_twin.identification.experiment import Block, assemble, job_text
-from isel_twin.identification.experiment import _reversal as reversal
-from isel_twin.identification.experiment import _Teller as Teller
-from isel_twin.identification.measured import read_measured, written
-from isel_twin.identification.stand_in import carry_out, write_recording
-from isel_twin.job import parse_job
+from isel_twin.jobs.job import parse_job
 from isel_twin.language import create_language, needed
 from isel_twin.machine import load_machine, with_overrides
+from isel_twin.many.identification.experiment import Block, assemble, job_text
+from isel_twin.many.identification.experiment import _reversal as reversal
+from isel_twin.many.identification.experiment import _Teller as Teller
+from isel_twin.many.identification.measured import read_measured, written
+from isel_twin.many.identification.stand_in import carry_out, write_recording
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isel_twin import Twin
-from isel_twin.job import JobError, Line, decode_job, parse_job, play
+from isel_twin.jobs.job import JobError, Line, decode_job, parse_job, play
 from isel_twin.language import create_language
 
 CONTROLLERS = ("imc-s8", "ismif")

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin, controller
+from isel_twin.base.parameters import Limits
 from isel_twin.cli import main
 from isel_twin.controller import takes
 from isel_twin.machine import MachineError, load_machine
-from isel_twin.parameters import Limits
 
 MOTOR = """
 [axes.x]

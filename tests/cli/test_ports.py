@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import serial
 
-from isel_twin.bridge import registry
+from isel_twin.bridge.serve import registry
 
 STOP_S = 60.0
 

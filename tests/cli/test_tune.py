@@ -12,7 +12,7 @@ import pytest
 
 from isel_twin.cli import main
 from isel_twin.cli.tune import _Table
-from isel_twin.warm import warm_up
+from isel_twin.core.warm import warm_up
 
 JOB = """@07
 @0d5000,5000,5000

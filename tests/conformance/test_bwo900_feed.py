@@ -8,10 +8,10 @@ from conformance.bwo900_desk import file, fresh, mm, parameters, said, value
 from conformance.rows import shows
 
 from isel_twin import Twin
+from isel_twin.base.parameters import Place
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs import feed as feed_module
 from isel_twin.firmware.bwo900.programs.feed import HIGH, ROOM, Feed
-from isel_twin.parameters import Place
 from isel_twin.wiring import ScenarioError, event_now
 
 FEED = parameters(p8811=1, p8800=12, p8683=2, p8684=1)

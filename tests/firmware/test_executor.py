@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor
 from isel_twin.motion import Displacement, SetPointRun, StepRun, Stream, TimeLaw, constant, line, trapezoid
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 MS = MILLISECOND_NS
 

@@ -33,9 +33,9 @@ from golden.random_sessions import (
     spoil,
 )
 
+from isel_twin.core.twin import Twin
+from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, MoveSettings
-from isel_twin.twin import Twin
-from isel_twin.verdict import lost
 
 HOUR_S = 3600.0
 """Limit of what must be done in the end."""

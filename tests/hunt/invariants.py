@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import Controller, CounterSet, Event, Reply, SerialFormat
+from isel_twin.core.twin import Twin
 from isel_twin.machine import Contact
 from isel_twin.motion import Motion
 from isel_twin.plant.margin import SPEED_STEP_RAD_S
-from isel_twin.twin import Twin
 from isel_twin.wiring import FAULTS
 
 COUNTED = 16

@@ -29,12 +29,12 @@ from golden.random_sessions import Draw, pick
 from hunt.host import Heard, Host, Listen, NotDone, Pass, Seat, Send, dialect_of, habitual, recovery
 from hunt.invariants import Border, Broken, Life, Watch, check_counters, check_read, difference
 from hunt.world import PACED_GRID_NS, World, calm_doings, draw_world
-from isel_twin import assembly
-from isel_twin.bridge.pacing import TICK_NS, Pacer
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.bridge.serve.pacing import TICK_NS, Pacer
 from isel_twin.controller import Controller, controller_factory
+from isel_twin.core import assembly
+from isel_twin.core.twin import Twin
 from isel_twin.language import create_language, needed
-from isel_twin.twin import Twin
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 MOST_HABITS, STRICT_HABITS = 40, 2
 """So many things a host does, and then it is silent: commands that are refused at once take no time."""

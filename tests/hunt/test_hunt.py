@@ -20,14 +20,14 @@ from hunt.host import dialect_of
 from hunt.invariants import Broken, Watch
 from hunt.play import Stage, hunt, play
 from hunt.world import CONTROLLERS, Event, World, draw_world
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.core.twin import Twin
 from isel_twin.firmware.imc import commands as imc
 from isel_twin.firmware.imc.grammar import AXES_CODE
 from isel_twin.firmware.ismif.commands import FORMS, CommandError, parse
 from isel_twin.motion.step_run import StepRun
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.mujoco import MujocoPlant
-from isel_twin.twin import Twin
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.wiring import FAULTS, SerialLine, Wiring
 from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 from isel_twin.wiring.contacts import Contacts

@@ -17,10 +17,10 @@ import numpy as np
 from golden.random_sessions import IMC_FIELDS, IMC_SETTINGS, OVERRIDES, STATES, Draw, chance, fill, pick
 
 from hunt.host import HABITS
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
+from isel_twin.core.twin import Twin
 from isel_twin.machine import load_machine
-from isel_twin.twin import Twin
-from isel_twin.units import MICROSECOND_NS, SECOND_NS
 from isel_twin.wiring import FAULTS
 from isel_twin.wiring.cabinet import ELEMENTS
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from isel_twin.base.parameters import FileError, Limits
 from isel_twin.drives import Motor, Screw, Stage
 from isel_twin.drives.screw import Rod
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
@@ -24,7 +25,6 @@ from isel_twin.machine import (
     load_machine,
     machine_names,
 )
-from isel_twin.parameters import FileError, Limits
 from isel_twin.wiring import ScenarioError
 
 MACHINE = load_machine("4030")

@@ -11,10 +11,10 @@ import pytest
 from websockets.sync.client import ClientConnection, connect
 
 from isel_twin import Twin
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.panel.guest import Panel
-from isel_twin.bridge.server import Server
-from isel_twin.bridge.tcp import TcpEndpoint
+from isel_twin.bridge.operate.panel.guest import Panel
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint
 
 LOOPBACK = "127.0.0.1:0"
 WAIT_S = 60.0

@@ -13,11 +13,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from isel_twin import Twin
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
-from isel_twin.bridge.panel.site import BROWSERS, UNANSWERED
-from isel_twin.bridge.server import Server
-from isel_twin.bridge.tcp import TcpEndpoint, parse_address
+from isel_twin.bridge.operate.panel.guest import FRAMES_PER_S, SAID_BYTES, Panel
+from isel_twin.bridge.operate.panel.site import BROWSERS, UNANSWERED
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
 pytestmark = pytest.mark.xdist_group("panel")

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
-from isel_twin.bridge.control import ControlError
-from isel_twin.bridge.panel.menu import menu
-from isel_twin.parameters import Place
+from isel_twin.base.parameters import Place
+from isel_twin.bridge.operate.control import ControlError
+from isel_twin.bridge.operate.panel.menu import menu
 from isel_twin.wiring import event_now
 from isel_twin.wiring.acts import ACTS
 

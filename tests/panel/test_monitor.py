@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from isel_twin.bridge.panel.monitor import LINES, PIECES, Monitor
+from isel_twin.bridge.operate.panel.monitor import LINES, PIECES, Monitor
 
 
 def begun() -> Monitor:

@@ -10,8 +10,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from isel_twin.bridge.panel.guest import Panel
-from isel_twin.bridge.panel.site import Gate
+from isel_twin.bridge.operate.panel.guest import Panel
+from isel_twin.bridge.operate.panel.site import Gate
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
 pytestmark = pytest.mark.xdist_group("panel")

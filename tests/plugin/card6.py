@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import CounterSet, DriveInput, Drives, Event, Output, Reply, SerialFormat
 from isel_twin.language import Language, LanguageError, Message, MoveSettings
 from isel_twin.motion import Displacement, SetPointRun
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 AXES = 6
 PERIOD_NS = 4 * MILLISECOND_NS

@@ -236,9 +236,9 @@ RECORDED = """
 import sys
 from pathlib import Path
 from isel_twin import Twin
-from isel_twin.trace.reading import read
-from isel_twin.trace.recording import FileRecording
-from isel_twin.trace.replay import rebuilt, replay
+from isel_twin.recordings.reading import read
+from isel_twin.recordings.recording import FileRecording
+from isel_twin.recordings.replay import rebuilt, replay
 path = Path(sys.argv[1])
 twin = Twin(controller="card6", plant=sys.argv[2], start_mm=(100.0, 50.0, 30.0), line_speed=True)
 recording = FileRecording(path, twin, 10_000_000)

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 
-import isel_twin.bridge.control_port
-import isel_twin.bridge.protocol_twin
-import isel_twin.bridge.rfc2217
-import isel_twin.bridge.server
-import isel_twin.bridge.virtual_host
-import isel_twin.checks.asserts
-import isel_twin.trace.replay
-import isel_twin.trace.sketch  # noqa: F401
-from isel_twin.bridge import pytest_kept
-from isel_twin.twin import Twin
+import isel_twin.bridge.operate.control_port
+import isel_twin.bridge.serve.rfc2217
+import isel_twin.bridge.serve.server
+import isel_twin.bridge.virtual.protocol_twin
+import isel_twin.bridge.virtual.virtual_host
+import isel_twin.jobs.checks.asserts
+import isel_twin.recordings.replay
+import isel_twin.report.sketch  # noqa: F401
+from isel_twin.bridge.pytest import kept as pytest_kept
+from isel_twin.core.twin import Twin
 
 INI = """
     [pytest]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pytest_plugin.projects import INI, project, warm
 
-from isel_twin.checks import asserts
-from isel_twin.checks.asserts import MotionError, arc
-from isel_twin.checks.watched import Watched
-from isel_twin.golden import GoldenError
-from isel_twin.twin import Twin
+from isel_twin.core.twin import Twin
+from isel_twin.jobs.checks import asserts
+from isel_twin.jobs.checks.asserts import MotionError, arc
+from isel_twin.jobs.checks.watched import Watched
+from isel_twin.jobs.golden import GoldenError
 
 __all__ = ["project", "warm"]
 pytest_plugins = ["pytester"]
@@ -49,7 +49,7 @@ CONFTEST = """
 
 TESTS = """
     import pytest
-    from isel_twin.checks.asserts import *
+    from isel_twin.jobs.checks.asserts import *
 
     pytestmark = pytest.mark.twin(start_mm=(5.0, 5.0, 5.0))
 

@@ -21,7 +21,7 @@ pytest_plugins = ["pytester"]
 def test_the_plugin_comes_with_the_package() -> None:
     entries = (entry for found in distributions() for entry in found.entry_points if entry.group == "pytest11")
     plugins = {entry.value for entry in entries if entry.name == "isel_twin"}
-    assert plugins == {"isel_twin.bridge.pytest_plugin"}, "installed before there was a plugin: install it again"
+    assert plugins == {"isel_twin.bridge.pytest.plugin"}, "installed before there was a plugin: install it again"
 
 
 def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> None:
@@ -31,8 +31,9 @@ def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> N
         import sys
 
         def test_nothing_heavy():
-            heavy = {"numpy", "mujoco", "numba", "mcap", "matplotlib", "isel_twin.twin", "isel_twin.call", "cyclopts"}
-            assert "isel_twin.bridge.pytest_plugin" in sys.modules
+            heavy = {"numpy", "mujoco", "numba", "mcap", "matplotlib", "cyclopts"}
+            heavy |= {"isel_twin.core.twin", "isel_twin.core.spec"}
+            assert "isel_twin.bridge.pytest.plugin" in sys.modules
             assert not heavy & set(sys.modules)
         """
     )
@@ -531,7 +532,7 @@ def test_a_full_disk_is_a_line(project: pytest.Pytester) -> None:
     """/dev/full takes nothing; the test fails with what it is about all the same."""
     project.makeconftest(
         """
-        import isel_twin.bridge.pytest_kept as kept
+        import isel_twin.bridge.pytest.kept as kept
         from pathlib import Path
 
         class Full(type(Path())):
@@ -558,7 +559,7 @@ def test_a_full_disk_is_a_line(project: pytest.Pytester) -> None:
 
 def test_without_matplotlib_there_is_a_recording(project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "isel_twin.trace.sketch")
+    monkeypatch.delitem(sys.modules, "isel_twin.report.sketch")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     monkeypatch.setitem(sys.modules, "matplotlib.backends.backend_agg", None)
     project.makepyfile("def test_it(twin):\n    assert twin.query('@07') == '1'\n")

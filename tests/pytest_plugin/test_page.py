@@ -59,8 +59,8 @@ def test_the_project_of_the_page_is_green_and_red(tmp_path: Path) -> None:
 
 
 def test_every_fixture_ini_key_and_assertion_is_on_the_page() -> None:
-    from isel_twin.bridge import pytest_plugin
-    from isel_twin.checks import asserts
+    from isel_twin.bridge.pytest import plugin as pytest_plugin
+    from isel_twin.jobs.checks import asserts
 
     page = section()
     assert [key for key in pytest_plugin.INI if f"isel_twin_{key}" not in page] == []

@@ -20,10 +20,10 @@ import numpy as np
 from golden.random_sessions import Draw, chance, pick, spoil
 from hunt.host import Dialect, dialect_of
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Controller, Reply, create_controller
+from isel_twin.core.twin import Twin
 from isel_twin.language import create_language, needed
-from isel_twin.twin import Twin
-from isel_twin.units import MILLISECOND_NS
 from tests.reliability.figures import Figure, main
 
 NUMBER = 1_000_000

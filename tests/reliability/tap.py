@@ -24,9 +24,9 @@ import serial
 from mcap.reader import make_reader
 
 from isel_twin import Twin
-from isel_twin.bridge.pacing import Pacer
-from isel_twin.bridge.pty import PtyEndpoint
-from isel_twin.bridge.server import Server
+from isel_twin.bridge.serve.pacing import Pacer
+from isel_twin.bridge.serve.pty import PtyEndpoint
+from isel_twin.bridge.serve.server import Server
 from tests.reliability.figures import REPLY_S, Figure, ask, main
 
 NUMBER = 500

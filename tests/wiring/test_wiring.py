@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from by_hand import PlantByHand
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import DriveInput
 from isel_twin.drives.heat import HYSTERESIS_K, steady_c
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Contact, Machine, load_machine, with_overrides
 from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.wiring import FAULTS, ScenarioEvent, SerialLine, Wiring, thresholds
 from isel_twin.wiring.cabinet import ELEMENTS
 

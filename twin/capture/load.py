@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.mapping import Signal, parse_map, recognise
 from isel_twin.capture.table import Table
 from isel_twin.capture.ticks import Needs, Ticks, ticks_of

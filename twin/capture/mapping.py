@@ -18,7 +18,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.wave import CaptureError, WrongCallError
 
 __all__ = ["OUTPUTS", "Signal", "check_roles", "parse_map", "recognise"]

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.capture.player import Player
-from isel_twin.job import Line, Result
-from isel_twin.snapshot import snapshot
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.core.snapshot import snapshot
+from isel_twin.jobs.job import Line, Result
 
 if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
     from isel_twin.motion import StepRun
-    from isel_twin.twin import Twin
 
 __all__ = ["Strikes", "lines_of", "play"]
 

@@ -22,10 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
+from isel_twin.base.compiling import njit
+from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.vcd import PIECE, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
-from isel_twin.compiling import njit
-from isel_twin.units import SECOND_NS
 
 __all__ = ["UNITS", "Table"]
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.capture.mapping import OUTPUTS, Signal
 from isel_twin.capture.wave import Capture, Wave
 

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
-from isel_twin.compiling import njit
 
 __all__ = ["Dump", "waves_of"]
 

@@ -39,7 +39,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from isel_twin.call import CallError, one_line
+from isel_twin.base.errors import CallError, one_line
 from isel_twin.cli import (
     check,
     compare,

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
 from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
-    from isel_twin.checks import Report
-    from isel_twin.checks.settings import Task
-    from isel_twin.twin import Twin
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.checks import Report
+    from isel_twin.jobs.checks.settings import Task
 
 INTERVAL_NS = 10_000_000
 """Between two samples of what a page shows."""
@@ -67,9 +67,9 @@ def check(
     pages = _pages(tasks, report)
     check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
 
-    from isel_twin.checks.formats import as_annotations, as_json
-    from isel_twin.checks.formats import junit as as_junit
-    from isel_twin.checks.formats import sarif as as_sarif
+    from isel_twin.jobs.checks.formats import as_annotations, as_json
+    from isel_twin.jobs.checks.formats import junit as as_junit
+    from isel_twin.jobs.checks.formats import sarif as as_sarif
 
     reports = []
     with ExitStack() as stack:
@@ -85,7 +85,7 @@ def check(
     failures: list[CallError] = []
     for path, write in ((junit, as_junit), (sarif, as_sarif)):
         if path is not None:
-            from isel_twin.files import atomic_write
+            from isel_twin.base.files import atomic_write
 
             with put_off(failures, path):
                 atomic_write(path, write(reports).encode())
@@ -110,8 +110,8 @@ def _check_options(options: dict[str, Any], processes: int) -> None:
 
 def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any]) -> list[Task]:
     """What is to be done, all of it looked at before anything is begun. Raises CallError."""
-    from isel_twin.checks import settings as demanded
-    from isel_twin.golden import golden_file, load
+    from isel_twin.jobs.checks import settings as demanded
+    from isel_twin.jobs.golden import golden_file, load
 
     if not jobs:
         raise CallError("name the jobs: isel-twin check JOB...")
@@ -166,7 +166,7 @@ def _reports(tasks: Sequence[Task], pages: Sequence[Path | None], processes: int
     if processes == 1 or len(tasks) == 1:
         yield from map(perform, tasks, pages)
         return
-    from isel_twin.robust import processes as pool
+    from isel_twin.jobs.robust import processes as pool
 
     executor = stack.enter_context(pool(min(processes, len(tasks))))
     yield from executor.map(perform, tasks, pages)
@@ -174,10 +174,10 @@ def _reports(tasks: Sequence[Task], pages: Sequence[Path | None], processes: int
 
 def perform(task: Task, page: Path | None = None) -> Report:
     """Check one job, and write a page about it; in this process or another."""
-    from isel_twin.checks import check_job
-    from isel_twin.checks.job import Inspection
-    from isel_twin.golden import called, golden_file, load
-    from isel_twin.trace.recorder import Recorder
+    from isel_twin.jobs.checks import check_job
+    from isel_twin.jobs.checks.job import Inspection
+    from isel_twin.jobs.golden import called, golden_file, load
+    from isel_twin.recordings.recorder import Recorder
 
     file = golden_file(task.job)
     golden = load(file) if task.golden and file.is_file() else None
@@ -193,7 +193,7 @@ def perform(task: Task, page: Path | None = None) -> Report:
         if golden is not None:
             report = report.compared(golden, called(report.run, task.call, task.job, file))
         for inspection, recorder in watched:
-            from isel_twin.trace.report import write_report
+            from isel_twin.report.report import write_report
 
             call = {"controller": task.call.controller, "plant": task.call.plant, "seed": task.call.seed}
             summary = {**report.verdict.summary(), **call}
@@ -205,7 +205,7 @@ def perform(task: Task, page: Path | None = None) -> Report:
 
 
 def _in_words(report: Report) -> str:
-    from isel_twin.checks.formats import where
+    from isel_twin.jobs.checks.formats import where
 
     verdict = report.verdict
     commands = many(verdict.commands, "command")

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import check_seconds
 from isel_twin.cli.outputs import many
-from isel_twin.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.language import Language
-    from isel_twin.trace.compare import Comparison, Exchange, Pair
-    from isel_twin.trace.reading import Recorded
+    from isel_twin.recordings.compare import Comparison, Exchange, Pair
+    from isel_twin.recordings.reading import Recorded
 
 ROWS = 40
 """Most rows of a table that is not asked to have all."""
@@ -36,8 +36,8 @@ def compare(
     A duration is the time from the last byte of a command to the last byte of its reply. Says what differs first and
     most. Exit code 0 if nothing differs beyond the tolerance, 1 otherwise.
     """
-    from isel_twin.trace.compare import compare as compare_recordings
-    from isel_twin.trace.reading import read
+    from isel_twin.recordings.compare import compare as compare_recordings
+    from isel_twin.recordings.reading import read
 
     check_seconds("time-tolerance", time_tolerance, 0.0)
     with call_errors(a):

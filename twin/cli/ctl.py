@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError
+from isel_twin.base.errors import CallError
 
 if TYPE_CHECKING:
     import socket
@@ -121,7 +121,7 @@ def _request(command: Command, what: Sequence[str], place: str | None) -> dict[s
 
 def _act(command: str, act: Act, what: Sequence[str]) -> dict[str, Any]:
     """The event that does one thing, to each NAME=VALUE or as a whole, with for=SECONDS if wanted."""
-    from isel_twin.parameters import Limits
+    from isel_twin.base.parameters import Limits
 
     ends = [item.removeprefix("for=") for item in what if item.startswith("for=")]
     lasting: dict[str, Any] = {"for": _value(ends[-1])} if ends else {}

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
-from isel_twin.units import SECOND_NS
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.decode import Piece, Row
+    from isel_twin.jobs.decode import Piece, Row
     from isel_twin.language import Language
-    from isel_twin.trace.reading import Recorded
+    from isel_twin.recordings.reading import Recorded
 
 CHUNK_BYTES = 1 << 16
 """Read at once, so that a file of any size takes the same memory."""
@@ -52,7 +53,7 @@ def decode(
     """
     if sent + received + marked > 1:
         raise CallError("--sent, --received, --marked: only one of them can be so")
-    from isel_twin.decode import explain
+    from isel_twin.jobs.decode import explain
     from isel_twin.language import create_language
 
     recorded = _recording(source) if not text else None
@@ -87,8 +88,8 @@ def _recording(source: str) -> Recorded | None:
     path = Path(source)
     if is_standard_input(Path(source)) or not _exists(path) or not path.is_file():
         return None
-    from isel_twin.trace.container import MAGIC
-    from isel_twin.trace.reading import read
+    from isel_twin.recordings.container import MAGIC
+    from isel_twin.recordings.reading import read
 
     with call_errors(source):
         with path.open("rb") as file:
@@ -99,8 +100,8 @@ def _recording(source: str) -> Recorded | None:
 
 def _of_recording(recorded: Recorded) -> Iterator[Piece]:
     """Bytes of both directions with their times. Raises CallError."""
-    from isel_twin.decode import Piece
-    from isel_twin.trace.compare import traffic
+    from isel_twin.jobs.decode import Piece
+    from isel_twin.recordings.compare import traffic
 
     return (Piece(data, by_host, time_ns) for time_ns, data, by_host, _ in traffic(recorded))
 
@@ -109,7 +110,7 @@ def _pieces(
     source: str, is_text: bool, marked: bool, sent: bool, language: Language, controller: str
 ) -> Iterator[Piece]:
     """Bytes to explain. Raises CallError."""
-    from isel_twin import decode
+    from isel_twin.jobs import decode
 
     path = Path(source)
     if not is_text and (source == STANDARD_INPUT or _exists(path)):
@@ -131,7 +132,7 @@ def _pieces(
 def _suggest(path: Path, language: Language, controller: str) -> None:
     """Say so if a file looks like a program of another controller; its bytes are explained all the same."""
     from isel_twin.cli.outputs import say
-    from isel_twin.job import JobError, check_controller
+    from isel_twin.jobs.job import JobError, check_controller
 
     with path.open("rb") as file:
         head = file.read(CHUNK_BYTES).decode("latin-1")
@@ -143,8 +144,8 @@ def _suggest(path: Path, language: Language, controller: str) -> None:
 
 def _of_marked(name: str, chunks: Any, language: Language, controller: str) -> Iterator[Piece]:
     """Pieces of both directions. Raises CallError."""
-    from isel_twin.decode import DecodeError, marked
-    from isel_twin.job import JobError, decode_job
+    from isel_twin.jobs.decode import DecodeError, marked
+    from isel_twin.jobs.job import JobError, decode_job
 
     data = bytearray()
     for chunk in chunks:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import call_errors
+from isel_twin.base.errors import call_errors
 
 
 def describe(name: Annotated[str, Parameter(help="Name of a machine or path of a machine folder.")]) -> int:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.axes import CARRIAGES
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
 from isel_twin.cli.options import (
     Interval,
     MachineName,
@@ -23,7 +24,7 @@ from isel_twin.cli.options import (
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.cli.run import MOST_SAMPLES, interruption, need_pyarrow, need_report
-from isel_twin.units import MICROSECOND_NS, SECOND_NS
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
     from isel_twin.capture.play import Strikes
@@ -112,10 +113,10 @@ def drive(
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import Player
         from isel_twin.cli import outputs
+        from isel_twin.core.warm import told_of_compiling
+        from isel_twin.jobs.verdict import judge
         from isel_twin.machine import load_machine
-        from isel_twin.trace.write import write_trace
-        from isel_twin.verdict import judge
-        from isel_twin.warm import told_of_compiling
+        from isel_twin.recordings.write import write_trace
 
         with call_errors():
             as_built = load_machine(machine)
@@ -152,7 +153,7 @@ def drive(
                 recorded = keep(recording, record)
         with call_errors(report):
             if report is not None and recorder is not None:
-                from isel_twin.trace.report import write_report
+                from isel_twin.report.report import write_report
 
                 write_report(report, f"isel-twin: {capture}", twin, recorder, results, {**verdict.summary(), **told})
         show.verdict(verdict, told)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.call import TwinCall, call_errors
+from isel_twin.base.errors import call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -23,13 +24,13 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.units import SECOND_NS
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.virtual_host import HostRun
-    from isel_twin.bridge.virtual_time import VirtualTime
-    from isel_twin.bridge.wire_log import WireLog
-    from isel_twin.twin import Twin
+    from isel_twin.bridge.serve.wire_log import WireLog
+    from isel_twin.bridge.virtual.virtual_host import HostRun
+    from isel_twin.bridge.virtual.virtual_time import VirtualTime
+    from isel_twin.core.twin import Twin
 
 
 def exec_(
@@ -70,7 +71,7 @@ def exec_(
     Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
-    from isel_twin.bridge.virtual_host import parse_program, run_host
+    from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
 
     if timeout is not None:
         check_seconds("timeout", timeout, 0.0)
@@ -82,8 +83,8 @@ def exec_(
     call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
     from isel_twin.cli import outputs
-    from isel_twin.trace.write import write_trace
-    from isel_twin.warm import told_of_compiling
+    from isel_twin.core.warm import told_of_compiling
+    from isel_twin.recordings.write import write_trace
 
     with ExitStack() as stack:
         stack.enter_context(told_of_compiling())
@@ -118,7 +119,7 @@ def _wire_log(controller: str, stack: ExitStack) -> WireLog:
     """The traffic on standard error until the stack is unwound."""
     import logging
 
-    from isel_twin.bridge.wire_log import WireLog
+    from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.language import create_language
 
     handler = logging.StreamHandler()

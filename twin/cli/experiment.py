@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
 from isel_twin.cli.options import ControllerName, MachineName, check_writable
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from isel_twin.identification.unknowns import Unknown
+    from isel_twin.many.identification.unknowns import Unknown
 
 
 def experiment(
@@ -56,15 +57,15 @@ def experiment(
     job, form = name.with_suffix(".txt"), name.with_suffix(".toml")
     series, recording = name.with_name(f"{name.name}-stall.txt"), name.with_suffix(".mcap")
     check_writable(job, form, series, *([recording] if carry_out else []))
-    from isel_twin.axes import CARRIAGES
-    from isel_twin.files import atomic_write
-    from isel_twin.identification import experiment as experiments
-    from isel_twin.identification.choice import choose
-    from isel_twin.identification.measured import written
-    from isel_twin.identification.stand_in import carry_out as carried_out
-    from isel_twin.identification.stand_in import write_recording
+    from isel_twin.base.axes import CARRIAGES
+    from isel_twin.base.files import atomic_write
     from isel_twin.language import create_language, needed
     from isel_twin.machine import load_machine
+    from isel_twin.many.identification import experiment as experiments
+    from isel_twin.many.identification.choice import choose
+    from isel_twin.many.identification.measured import written
+    from isel_twin.many.identification.stand_in import carry_out as carried_out
+    from isel_twin.many.identification.stand_in import write_recording
 
     wanted = [axis.strip() for axis in axes.split(",") if axis.strip()]
     if not wanted or any(axis not in CARRIAGES for axis in wanted):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import check_writable
 
 
@@ -21,14 +21,14 @@ def export(
     A recording that was cut off (a killed process, a full disk) is written as far as it goes.
     """
     from isel_twin.cli.outputs import say
-    from isel_twin.trace.write import trace_kind
+    from isel_twin.recordings.write import trace_kind
 
     try:
         trace_kind(out)
     except ValueError as error:
         raise CallError(str(error)) from None
     check_writable(out, kept=(recording,))
-    from isel_twin.trace.export import export
+    from isel_twin.recordings.export import export
 
     with call_errors(recording):
         whole = export(recording, out)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import (
     STANDARD_INPUT,
@@ -21,9 +21,10 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.outputs import many
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.golden import Difference, Golden
+    from isel_twin.jobs.golden import Difference, Golden
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
@@ -56,7 +57,7 @@ def record(
         check_writable(file, kept=(job, scenario))
         if file.exists() and not update:
             raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
-    from isel_twin.golden import called
+    from isel_twin.jobs.golden import called
 
     call = TwinCall(machine, controller, plant, seed, scenario)
     for job, file in files:
@@ -82,7 +83,7 @@ def compare(
     Exit code 0 if nothing is different (or --update has written it down), 1 if something is, 2 if a golden run is
     missing.
     """
-    from isel_twin.golden import called, differences, load
+    from isel_twin.jobs.golden import called, differences, load
 
     files = _files(jobs)
     check_seconds("timeout", timeout, 0.0)
@@ -113,7 +114,7 @@ def compare(
 
 def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     """Each job with its golden file. Raises CallError."""
-    from isel_twin.golden import golden_file
+    from isel_twin.jobs.golden import golden_file
 
     if not jobs:
         raise CallError("name the jobs: isel-twin golden record JOB...")
@@ -132,9 +133,9 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
 
 def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
     """What a job does, and when the windows of its stream begin and end."""
-    from isel_twin.golden import Golden, Scribe
-    from isel_twin.job import play
-    from isel_twin.verdict import judge
+    from isel_twin.jobs.golden import Golden, Scribe
+    from isel_twin.jobs.job import play
+    from isel_twin.jobs.verdict import judge
 
     twin, scribe = call.build(), Scribe()
     lines = read_job(job, call.controller)
@@ -159,8 +160,8 @@ def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinCall:
 
 
 def _write(file: Path, run: Golden) -> None:
-    from isel_twin.files import atomic_write
-    from isel_twin.golden import dumps
+    from isel_twin.base.files import atomic_write
+    from isel_twin.jobs.golden import dumps
 
     with call_errors(file):
         atomic_write(file, dumps(run).encode())

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import MachineName, check_writable
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.identification.fit import Fit, Prospect
-    from isel_twin.identification.measured import Measured
-    from isel_twin.identification.session import Session
-    from isel_twin.identification.unknowns import Unknown
     from isel_twin.machine import Machine
+    from isel_twin.many.identification.fit import Fit, Prospect
+    from isel_twin.many.identification.measured import Measured
+    from isel_twin.many.identification.session import Session
+    from isel_twin.many.identification.unknowns import Unknown
 
 Names = Annotated[
     list[str] | None,
@@ -64,10 +65,10 @@ def identify(
     if patch is not None and patch.exists() and not patch.is_dir():
         raise CallError(f"{patch}: is a file; name a folder for the machine")
     check_writable(report, kept=(*recordings, *(measured or ())))
-    from isel_twin.identification.fit import fit as fit_sessions
-    from isel_twin.identification.patch import as_json, based_on
-    from isel_twin.identification.patch import patch as as_patch
     from isel_twin.machine import load_machine
+    from isel_twin.many.identification.fit import fit as fit_sessions
+    from isel_twin.many.identification.patch import as_json, based_on
+    from isel_twin.many.identification.patch import patch as as_patch
 
     with call_errors():
         known = load_machine(machine)
@@ -84,13 +85,13 @@ def identify(
     with ExitStack() as stack, call_errors():
         executor = None
         if processes > 1:
-            from isel_twin.robust import processes as begin
+            from isel_twin.jobs.robust import processes as begin
 
             executor = stack.enter_context(begin(processes))
         result = fit_sessions(known, unknowns, fitted, held, executor=executor, told=say_prospect, progress=progress())
     if report is not None:
-        from isel_twin.files import atomic_write
-        from isel_twin.identification.page import page
+        from isel_twin.base.files import atomic_write
+        from isel_twin.many.identification.page import page
 
         with call_errors(report):
             atomic_write(report, page(f"{known.name} identified", result, names, held_names).encode())
@@ -105,7 +106,7 @@ def identify(
         )
         return 1
     if patch is not None and target is not None:
-        from isel_twin.files import atomic_write
+        from isel_twin.base.files import atomic_write
 
         name = sessions[0].controller
         with call_errors(target):
@@ -128,7 +129,7 @@ def need_scipy() -> None:
 def read_all(files: Sequence[Path] | None) -> Measured:
     """What all files together say. Raises CallError."""
     from isel_twin.cli.outputs import say
-    from isel_twin.identification.measured import read_measured
+    from isel_twin.many.identification.measured import read_measured
 
     total: Measured | None = None
     for file in files or ():
@@ -149,7 +150,7 @@ def unknowns_of(
     machine: Machine, fit: Sequence[str] | None, prior: Sequence[str] | None, axes: Sequence[str]
 ) -> list[Unknown]:
     """The parameters that a call names, or those that everybody has. Raises CallError."""
-    from isel_twin.identification.unknowns import default_names, parse_prior, unknown
+    from isel_twin.many.identification.unknowns import default_names, parse_prior, unknown
 
     with call_errors():
         spans = {name: (low, high) for name, low, high in map(parse_prior, prior or ())}
@@ -161,8 +162,8 @@ def unknowns_of(
 
 
 def _sessions(recordings: Sequence[Path], told: Measured, controller: str, machine: Machine) -> list[Session]:
-    from isel_twin.identification.session import session_of, stand_alone
-    from isel_twin.trace.reading import read
+    from isel_twin.many.identification.session import session_of, stand_alone
+    from isel_twin.recordings.reading import read
 
     if not recordings:
         raise CallError("name the recordings: isel-twin identify RECORDING... --measured FILE")

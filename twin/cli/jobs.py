@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import is_standard_input
 
 if TYPE_CHECKING:
-    from isel_twin.job import Line
-    from isel_twin.twin import Twin
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.job import Line
 
 __all__ = ["JOB_BYTES", "check_names", "job_name", "read_job"]
 
@@ -31,7 +31,7 @@ def job_name(job: Path) -> str:
 
 def read_job(job: Path, controller: str) -> list[Line]:
     """The lines of a job file, or of standard input, for a controller. Raises CallError."""
-    from isel_twin.job import check_controller, decode_job, parse_job
+    from isel_twin.jobs.job import check_controller, decode_job, parse_job
     from isel_twin.language import RunsPrograms, create_language
 
     with call_errors(job_name(job)):
@@ -59,7 +59,7 @@ def _read(job: Path, most: int) -> bytes:
 
 def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
     """Raise CallError for a condition about something that this twin does not have."""
-    from isel_twin.job import check_conditions
+    from isel_twin.jobs.job import check_conditions
 
     with _told(job):
         check_conditions(lines, twin)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import check_writable
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def motor(
     if picture is not None:
         _check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
-        from isel_twin.axes import CARRIAGES
+        from isel_twin.base.axes import CARRIAGES
         from isel_twin.drives.motor import MOTORS
         from isel_twin.drives.report import show_motor
         from isel_twin.machine import load_machine
@@ -56,7 +56,7 @@ def motor(
 
 def _keep(drawn: Path | None, picture: Path | None) -> int:
     """The picture, if there is one, goes where it is wanted."""
-    from isel_twin.files import atomic_write
+    from isel_twin.base.files import atomic_write
 
     if picture is not None and drawn is not None:
         atomic_write(picture, drawn.read_bytes())
@@ -65,7 +65,7 @@ def _keep(drawn: Path | None, picture: Path | None) -> int:
 
 def _show_servo(machine: Machine, name: str, picture: Path | None) -> bool:
     """Show the motor of a servo axis; False if the axis is none."""
-    from isel_twin.axes import CARRIAGES
+    from isel_twin.base.axes import CARRIAGES
     from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
     from isel_twin.drives.servo_report import show_servo
 

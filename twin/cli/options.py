@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError
+from isel_twin.base.errors import CallError
 
 MachineName = Annotated[str, Parameter(help="Name of a machine (see `machines`) or path of a machine folder.")]
 ControllerName = Annotated[str, Parameter(help="Name of a controller (see `controllers`).")]

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
-from isel_twin.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.call import CallError, call_errors
-from isel_twin.units import SECOND_NS
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from isel_twin.job import Line, Result
-    from isel_twin.robust import Trial
-    from isel_twin.trace.recorder import Recorder
-    from isel_twin.twin import Twin
-    from isel_twin.verdict import Verdict
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.job import Line, Result
+    from isel_twin.jobs.robust import Trial
+    from isel_twin.jobs.verdict import Verdict
+    from isel_twin.recordings.recorder import Recorder
 
 WIDE = 160
 """Columns of a table that goes to a file or pipe."""
@@ -83,7 +83,7 @@ def tell(failures: Sequence[CallError]) -> None:
 
 def record(twin: Twin, interval_s: float, stack: ExitStack) -> Recorder:
     """Samples of the twin every interval_s of virtual time, kept until the stack is unwound; many are said to be so."""
-    from isel_twin.trace.recorder import Recorder
+    from isel_twin.recordings.recorder import Recorder
 
     recorder = stack.enter_context(Recorder(twin, round(interval_s * SECOND_NS)))
     many = MANY_SAMPLES
@@ -145,7 +145,7 @@ class JsonOutput:
         """A line a repetition and one for all."""
         import json
 
-        from isel_twin.robust import agree
+        from isel_twin.jobs.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
@@ -264,7 +264,7 @@ class TableOutput:
 
     def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
-        from isel_twin.robust import agree
+        from isel_twin.jobs.robust import agree
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         runs = f"{many(len(trials), 'repetition')} with small perturbations"

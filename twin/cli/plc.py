@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import STANDARD_INPUT, ControllerName, check_writable, is_standard_input
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def assemble(
     if output is None:
         print(image.hex(" ").upper())
         return 0
-    from isel_twin.files import atomic_write
+    from isel_twin.base.files import atomic_write
 
     with call_errors(output):
         atomic_write(output, image)

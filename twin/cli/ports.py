@@ -15,7 +15,7 @@ def ports(*, json: Annotated[bool, Parameter(help="One JSON object.")] = False) 
     """
     from serial.tools.list_ports import comports
 
-    from isel_twin.bridge.registry import served
+    from isel_twin.bridge.serve.registry import served
 
     served_now = served()
     real = [

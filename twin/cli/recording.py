@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
-from isel_twin.units import SECOND_NS
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
-    from isel_twin.trace.recording import FileRecording
-    from isel_twin.twin import Twin
+    from isel_twin.core.twin import Twin
+    from isel_twin.recordings.recording import FileRecording
 
 RecordPath = Annotated[
     Path | None,
@@ -28,7 +28,7 @@ def check_record(record: Path | None) -> None:
     """Raise CallError unless the name says what is to be written, and it can be."""
     if record is None or record.suffix == MCAP:
         return
-    from isel_twin.trace.write import trace_kind
+    from isel_twin.recordings.write import trace_kind
 
     try:
         trace_kind(record)
@@ -42,7 +42,7 @@ def begin(record: Path, twin: Twin, interval_s: float, said: Mapping[str, str], 
 
     Raises CallError.
     """
-    from isel_twin.trace.recording import FileRecording
+    from isel_twin.recordings.recording import FileRecording
 
     path = record
     if record.suffix != MCAP:
@@ -63,7 +63,7 @@ def keep(recording: FileRecording, record: Path) -> bool:
     """
     whole = recording.close()
     if record.suffix != MCAP:
-        from isel_twin.trace.export import export
+        from isel_twin.recordings.export import export
 
         export(recording.path, record, record.suffix)
     return whole

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import MachineName, PlantName, Seed, check_seconds, check_writable
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.units import SECOND_NS
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.trace.reading import Recorded
-    from isel_twin.trace.replay import Difference, Pace
-    from isel_twin.twin import Twin
+    from isel_twin.core.twin import Twin
+    from isel_twin.recordings.reading import Recorded
+    from isel_twin.recordings.replay import Difference, Pace
 
 
 def replay(
@@ -44,10 +45,10 @@ def replay(
     from contextlib import ExitStack
     from tempfile import TemporaryDirectory
 
-    from isel_twin.bridge.pacing import Pacer, parse_speed
+    from isel_twin.bridge.serve.pacing import Pacer, parse_speed
     from isel_twin.cli.outputs import say
-    from isel_twin.trace import replay as replaying
-    from isel_twin.trace.reading import read
+    from isel_twin.recordings import replay as replaying
+    from isel_twin.recordings.reading import read
 
     check_seconds("interval", interval, 1e-9)
     with call_errors():
@@ -89,7 +90,7 @@ def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinCall) -> 
     """The twin that is played to. Raises CallError."""
     import dataclasses
 
-    from isel_twin.trace.replay import rebuilt
+    from isel_twin.recordings.replay import rebuilt
 
     if recorded.of_twin:
         if controller:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.jobs import check_names, job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
@@ -29,11 +30,11 @@ from isel_twin.cli.options import (
     is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.units import SECOND_NS
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.job import Line
-    from isel_twin.robust import Trial
+    from isel_twin.jobs.job import Line
+    from isel_twin.jobs.robust import Trial
 
 MOST_SAMPLES = 100_000_000
 """Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
@@ -96,8 +97,8 @@ def run(
     call = TwinCall(machine, controller, plant, seed, scenario, flash)
     golden = None
     if report is not None:
-        from isel_twin.golden import called as as_called
-        from isel_twin.golden import golden_file, load
+        from isel_twin.jobs.golden import called as as_called
+        from isel_twin.jobs.golden import golden_file, load
 
         if not is_standard_input(job) and (file := golden_file(job)).is_file():
             with call_errors(file):
@@ -107,12 +108,12 @@ def run(
         wants_stream = any(path is not None for path in (steps, vcd, trace, report))
         twin = call.build(keep_motions=None if wants_stream else 1)
 
-        from isel_twin.checks.job import Bounds, Inspection
         from isel_twin.cli import outputs
-        from isel_twin.job import play
-        from isel_twin.trace.write import write_trace
-        from isel_twin.verdict import judge
-        from isel_twin.warm import told_of_compiling
+        from isel_twin.core.warm import told_of_compiling
+        from isel_twin.jobs.checks.job import Bounds, Inspection
+        from isel_twin.jobs.job import play
+        from isel_twin.jobs.verdict import judge
+        from isel_twin.recordings.write import write_trace
 
         check_names(job, lines, twin)
         stack.enter_context(told_of_compiling())
@@ -154,7 +155,7 @@ def run(
             with outputs.put_off(failures, record):
                 recorded = keep(recording, record)
         if report is not None and recorder is not None and inspection is not None:
-            from isel_twin.trace.report import write_report
+            from isel_twin.report.report import write_report
 
             with outputs.put_off(failures, report):
                 summary = {**verdict.summary(), **called}
@@ -192,7 +193,7 @@ def _repetitions(
         raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
     if number == 0:
         return None
-    from isel_twin.robust import check, processes, trials
+    from isel_twin.jobs.robust import check, processes, trials
 
     check(call, number)
     flash = None
@@ -244,7 +245,7 @@ def _lines_are(number: int) -> str:
 
 def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
     """Refuse a trace that cannot but be too long: the pauses alone make more samples than MOST_SAMPLES."""
-    from isel_twin.verdict import SETTLE_S
+    from isel_twin.jobs.verdict import SETTLE_S
 
     least_s = SETTLE_S + sum(line.pauses_ns for line in lines) / SECOND_NS
     if least_s / interval_s > MOST_SAMPLES:
@@ -257,7 +258,7 @@ def _check_samples(lines: Sequence[Line], interval_s: float) -> None:
 
 def need_pyarrow() -> None:
     """Raise CallError unless a trace can be written."""
-    from isel_twin.trace.write import check_kind
+    from isel_twin.recordings.write import check_kind
 
     try:
         check_kind(".parquet", "trace")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
-from isel_twin.bridge.endpoints import addresses, open_endpoints, ports
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli.options import (
     ControllerName,
     FlashPath,
@@ -25,11 +25,12 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.recording import MCAP, RecordPath, check_record
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.control_port import ControlPort
-    from isel_twin.bridge.panel.guest import Panel
-    from isel_twin.bridge.server import Guest, WireTap
+    from isel_twin.bridge.operate.control_port import ControlPort
+    from isel_twin.bridge.operate.panel.guest import Panel
+    from isel_twin.bridge.serve.server import Guest, WireTap
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
@@ -78,16 +79,16 @@ def serve(
     """
     import json
 
-    from isel_twin.bridge.keeping import serve_and_keep
-    from isel_twin.bridge.log import log_to
-    from isel_twin.bridge.pacing import Pacer, parse_speed
-    from isel_twin.bridge.recording import Freshness, TimeTap
-    from isel_twin.bridge.registry import registered
-    from isel_twin.bridge.server import Server, on_signals
-    from isel_twin.bridge.wire_log import Taps, WireLog
+    from isel_twin.bridge.serve.keeping import serve_and_keep
+    from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.pacing import Pacer, parse_speed
+    from isel_twin.bridge.serve.recording import Freshness, TimeTap
+    from isel_twin.bridge.serve.registry import registered
+    from isel_twin.bridge.serve.server import Server, on_signals
+    from isel_twin.bridge.serve.wire_log import Taps, WireLog
     from isel_twin.cli.recording import begin, keep
+    from isel_twin.core.warm import warm_up
     from isel_twin.language import create_language
-    from isel_twin.warm import warm_up
 
     check_seconds("interval", interval, 1e-9)
     if control_token is not None and (control is None or not control_token):
@@ -141,7 +142,7 @@ def _control_port(address: str | None, token: str | None, stack: ExitStack) -> C
     """Listen for clients that operate the machine."""
     if address is None:
         return None
-    from isel_twin.bridge.control_port import ControlPort
+    from isel_twin.bridge.operate.control_port import ControlPort
 
     with call_errors():
         port = ControlPort(address, token)
@@ -153,7 +154,7 @@ def _panel(address: str | None, token: str | None, stack: ExitStack) -> Panel | 
     """Listen for browsers."""
     if address is None:
         return None
-    from isel_twin.bridge.panel.guest import Panel
+    from isel_twin.bridge.operate.panel.guest import Panel
 
     try:
         with call_errors():

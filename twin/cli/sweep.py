@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.options import check_writable, is_standard_input
 
 if TYPE_CHECKING:
-    from isel_twin.studies.plan import Plan
-    from isel_twin.studies.row import Point
-    from isel_twin.studies.run import Crew
-    from isel_twin.studies.sensitivity import Index
-    from isel_twin.studies.table import Table
+    from isel_twin.many.studies.plan import Plan
+    from isel_twin.many.studies.row import Point
+    from isel_twin.many.studies.run import Crew
+    from isel_twin.many.studies.sensitivity import Index
+    from isel_twin.many.studies.table import Table
 
 
 def sweep(
@@ -48,16 +48,16 @@ def sweep(
         raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
     if workers is not None and cluster is not None:
         raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
-    from isel_twin.studies.plan import load_plan
-    from isel_twin.studies.points import points
-    from isel_twin.studies.table import Table, journal_of
+    from isel_twin.many.studies.plan import load_plan
+    from isel_twin.many.studies.points import points
+    from isel_twin.many.studies.table import Table, journal_of
 
     with call_errors(plan):
         read = load_plan(plan)
         wanted = points(read)
     file = out if out is not None else plan.with_suffix(".parquet")
     if sensitivity is not None:
-        from isel_twin.studies.sensitivity import check_picture
+        from isel_twin.many.studies.sensitivity import check_picture
 
         check_picture(sensitivity, read)
     call = read.call
@@ -70,7 +70,7 @@ def sweep(
     if code:
         return code
     if sensitivity is not None:
-        from isel_twin.studies.sensitivity import draw, indices
+        from isel_twin.many.studies.sensitivity import draw, indices
 
         found = indices(read, rows)
         with call_errors(sensitivity):
@@ -80,7 +80,7 @@ def sweep(
 
 
 def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
-    from isel_twin.studies import run
+    from isel_twin.many.studies import run
 
     if address is not None:
         return run.cluster(address)
@@ -106,8 +106,8 @@ def _try_out(plan: Plan) -> None:
 def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     """Make the missing rows; an exit code if somebody stops it, else 0."""
     from isel_twin.cli.run import interruption
-    from isel_twin.studies.row import MismatchError, compute
-    from isel_twin.studies.run import Lost, finished
+    from isel_twin.many.studies.row import MismatchError, compute
+    from isel_twin.many.studies.run import Lost, finished
 
     missing = table.missing()
     had = len(table.rows)
@@ -240,7 +240,7 @@ def _share(bad: int, total: int) -> str:
     """So many of so many, and where the true part lies with 95 % certainty (E. B. Wilson, 1927)."""
     if not total:
         return "0"
-    from isel_twin.studies import wilson
+    from isel_twin.many.studies import wilson
 
     low, high = wilson(bad, total)
     return f"{bad} of {total} ({100.0 * bad / total:.0f} %, {100.0 * low:.0f} to {100.0 * high:.0f} %)"

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from isel_twin.bridge.endpoints import addresses, open_endpoints, ports
-from isel_twin.call import CallError, TwinCall, call_errors
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli.options import ControllerName, Ptys, Rfc2217s, Tcps, check_writable
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.tap import Scribe
+    from isel_twin.bridge.tap.tap import Scribe
     from isel_twin.controller import SerialFormat
 
 SWITCH_S = 0.0005
@@ -45,11 +46,11 @@ def tap(
     """
     import json
 
-    from isel_twin.bridge.log import log_to
-    from isel_twin.bridge.registry import registered
-    from isel_twin.bridge.server import on_signals
-    from isel_twin.bridge.tap import Tap
-    from isel_twin.bridge.wire_log import WireLog
+    from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.registry import registered
+    from isel_twin.bridge.serve.server import on_signals
+    from isel_twin.bridge.serve.wire_log import WireLog
+    from isel_twin.bridge.tap.tap import Tap
     from isel_twin.cli.serve import file_number
     from isel_twin.language import create_language
 
@@ -109,9 +110,9 @@ def _check(record: Path | None, replace: bool) -> None:
 def _scribe(record: Path, device: str, controller: str, form: SerialFormat) -> Scribe:
     from datetime import UTC, datetime
 
-    from isel_twin.bridge.tap import Scribe
+    from isel_twin.bridge.tap.tap import Scribe
     from isel_twin.language import create_language
-    from isel_twin.trace.mcap import RecordingWriter
+    from isel_twin.recordings.mcap import RecordingWriter
 
     began = datetime.now(UTC).isoformat(timespec="milliseconds")
     metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from isel_twin.call import CallError, TwinCall, call_errors, one_line
+from isel_twin.base.errors import CallError, call_errors, one_line
 from isel_twin.cli.jobs import job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
@@ -24,14 +24,15 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.outputs import many
+from isel_twin.core.spec import TwinCall
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from isel_twin.tuning import Problem, Tuned
-    from isel_twin.tuning.judge import Judgement, Repetition
-    from isel_twin.tuning.result import Tried
-    from isel_twin.tuning.study import Study
+    from isel_twin.many.tuning import Problem, Tuned
+    from isel_twin.many.tuning.judge import Judgement, Repetition
+    from isel_twin.many.tuning.result import Tried
+    from isel_twin.many.tuning.study import Study
 
 TRIALS = 60
 REPETITIONS = 5
@@ -105,12 +106,12 @@ def tune(
     overrides = dict(parse_override(text) for text in set)
     call = TwinCall(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
 
-    from isel_twin.files import Claim, atomic_write
-    from isel_twin.job import decode_job
-    from isel_twin.robust import check
-    from isel_twin.tuning import Problem, front
-    from isel_twin.tuning.study import Study, StudyError, need_optuna
-    from isel_twin.warm import told_of_compiling
+    from isel_twin.base.files import Claim, atomic_write
+    from isel_twin.core.warm import told_of_compiling
+    from isel_twin.jobs.job import decode_job
+    from isel_twin.jobs.robust import check
+    from isel_twin.many.tuning import Problem, front
+    from isel_twin.many.tuning.study import Study, StudyError, need_optuna
 
     try:
         need_optuna()
@@ -200,7 +201,7 @@ def _workers(number: int) -> Iterator[Executor | None]:
         yield None
         return
     from isel_twin.cli.run import without_ctrl_c
-    from isel_twin.robust import processes
+    from isel_twin.jobs.robust import processes
 
     with processes(number) as executor:
         with without_ctrl_c():
@@ -214,7 +215,7 @@ def _failures(job: Path) -> Iterator[None]:
     """What ends a study from outside is told in a line."""
     from concurrent.futures import BrokenExecutor
 
-    from isel_twin.tuning.study import StudyError
+    from isel_twin.many.tuning.study import StudyError
 
     try:
         yield
@@ -234,8 +235,8 @@ def _chosen(
     show: _Json | _Table,
 ) -> Tuned | None:
     """The fastest setting of the front that holds; None if none does, or if it was stopped."""
-    from isel_twin.tuning.result import confirm as confirmed
-    from isel_twin.tuning.result import front, tuned
+    from isel_twin.many.tuning.result import confirm as confirmed
+    from isel_twin.many.tuning.result import front, tuned
 
     hard: list[int] = []
     if problem.each_move and any(tried.judgement.good for tried in study.tried):
@@ -268,7 +269,7 @@ def _permanent_text(job: Path, found: Tuned) -> str:
 
 
 def _summary(study: Study, found: Tuned | None) -> dict[str, Any]:
-    from isel_twin.tuning.result import PUT_TOGETHER, as_json, front, gain
+    from isel_twin.many.tuning.result import PUT_TOGETHER, as_json, front, gain
 
     def reference(what: str) -> Judgement | None:
         return study.reference(what)
@@ -307,7 +308,7 @@ class _Json:
 
     def tried(self, tried: Tried) -> None:
         """A trial is over."""
-        from isel_twin.tuning.result import as_json
+        from isel_twin.many.tuning.result import as_json
 
         self._say({"trial": tried.number, "values": dict(tried.values), **as_json(tried.judgement)})
 
@@ -387,8 +388,8 @@ class _Table:
 
     def tried(self, tried: Tried) -> None:
         """See _Json."""
-        from isel_twin.tuning.front import in_words
-        from isel_twin.tuning.result import front
+        from isel_twin.many.tuning.front import in_words
+        from isel_twin.many.tuning.result import front
 
         self._seen.append(tried)
         best = front(self._seen)
@@ -424,7 +425,7 @@ class _Table:
     ) -> None:
         """See _Json."""
         from isel_twin.cli.outputs import say
-        from isel_twin.tuning.front import rows
+        from isel_twin.many.tuning.front import rows
 
         self._progress.stop()
         before = study.reference("as it stands")
@@ -443,7 +444,7 @@ class _Table:
             self._found(found, study, files)
 
     def _found(self, found: Tuned, study: Study, files: Sequence[Path]) -> None:
-        from isel_twin.tuning.result import ALONE
+        from isel_twin.many.tuning.result import ALONE
 
         told = _summary(study, found)
         saved = [

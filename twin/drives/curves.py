@@ -38,7 +38,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import BOTH, axis_parameters, drop_stale_code, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw

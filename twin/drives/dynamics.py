@@ -46,7 +46,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft, trigonometry
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw

@@ -41,7 +41,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from isel_twin.parameters import check, number
+from isel_twin.base.parameters import check, number
 
 log = logging.getLogger("isel_twin")
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from isel_twin.parameters import check, number
+from isel_twin.base.parameters import check, number
 
 STEEL_KG_M3 = 7850.0
 STEEL_GROWTH_PER_K = 11.5e-6

@@ -32,7 +32,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import OPEN
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import I2T_BACK, ServoDrive, ServoMotor

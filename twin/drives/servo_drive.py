@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from isel_twin.parameters import check, number
+from isel_twin.base.parameters import check, number
 
 I2T_BACK = 0.9
 """Where an overload is over."""

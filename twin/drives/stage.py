@@ -20,8 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from isel_twin.base.parameters import check, number
 from isel_twin.drives.servo_drive import ServoDrive
-from isel_twin.parameters import check, number
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from isel_twin.base.parameters import check, flag, number
 from isel_twin.drives.stage import AnyStage
-from isel_twin.parameters import check, flag, number
 
 LARGEST_CHANGE = 0.05
 """Of the voltage in a window at the greatest power that the stages can draw at once; real moves are far below it."""

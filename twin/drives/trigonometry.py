@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 
 FAR_RAD = 1e6
 """From here on the library is asked: 3000 turns of a rotor with 50 pole pairs."""

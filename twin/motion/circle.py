@@ -35,7 +35,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
 __all__ = ["Circle", "circle", "helix"]

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.units import SECOND_NS
 from isel_twin.motion import Displacement, SetPoints
-from isel_twin.units import SECOND_NS
 
 __all__ = ["Braked", "Indexer", "Phase", "at_rest", "braked"]
 

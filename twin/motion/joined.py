@@ -39,7 +39,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.blocks import Block, Law, State
 from isel_twin.motion.look_ahead import (
     DT,
@@ -59,7 +60,6 @@ from isel_twin.motion.look_ahead import (
 )
 from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Curve, Pieces, chain, piece
-from isel_twin.units import SECOND_NS
 
 __all__ = ["Curve", "Joined", "Pieces", "Stretch", "chain", "joined", "piece", "written"]
 

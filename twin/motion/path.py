@@ -17,8 +17,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import AXIS_NAMES
-from isel_twin.compiling import njit
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.compiling import njit
 
 __all__ = ["Displacement", "Line", "Path", "even", "fill_even", "line"]
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.motion.look_ahead import FAULTS, faults
 
 __all__ = ["Curve", "Pieces", "chain", "piece", "table"]

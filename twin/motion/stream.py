@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
-from isel_twin.units import SECOND_NS
 
 __all__ = ["Stream"]
 

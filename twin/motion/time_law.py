@@ -31,8 +31,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
-from isel_twin.units import SECOND_NS
+from isel_twin.base.compiling import njit
+from isel_twin.base.units import SECOND_NS
 
 __all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "law_from_numbers", "law_numbers", "trapezoid"]
 

@@ -22,7 +22,7 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.drives.stage import AnyStage
 from isel_twin.plant.cutting import Cut
 

@@ -37,7 +37,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.parameters import check, flag, number
+from isel_twin.base.parameters import check, flag, number
 
 CUT = np.dtype(
     [

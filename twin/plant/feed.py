@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.dynamics import OPEN
 from isel_twin.drives.servo import VOLTAGE_FAULT, fail
 from isel_twin.drives.shaft import SERVO

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.plant.model import blank
 
 DEFLECTION_M = 2e-3

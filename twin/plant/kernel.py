@@ -41,7 +41,7 @@ from numba import types
 from numba.extending import intrinsic
 
 import isel_twin.plant
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives import dynamics, servo, shaft, trigonometry
 from isel_twin.drives.dynamics import OPEN, stepper_torque
 from isel_twin.drives.servo import cool, servo_torque

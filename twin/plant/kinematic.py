@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import CARRIAGES
-from isel_twin.compiling import njit
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.compiling import njit
+from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
 from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
-from isel_twin.units import SECOND_NS
 
 FAR = 1 << 62
 """Microsteps that no axis makes."""

@@ -23,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage

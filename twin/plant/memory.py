@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 import isel_twin.plant
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.drives import shaft
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE

@@ -25,7 +25,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
 

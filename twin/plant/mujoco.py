@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
 from isel_twin.drives.dynamics import BOTH, OPEN, axis_parameters, stored_energy_j
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.servo import CAUSES, cool, forget, servo_parameters

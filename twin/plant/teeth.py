@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 
 LEAST_M_S = 1e-6
 """Feed below which a tooth rubs and takes no chip."""

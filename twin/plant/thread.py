@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 
 SCREW = np.dtype(
     [

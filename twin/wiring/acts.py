@@ -17,9 +17,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, table, text
 from isel_twin.controller import Key
-from isel_twin.parameters import FileError, Limits, Place, hint, known, plain, table, text
 from isel_twin.plant import PLACES
 from isel_twin.wiring.contacts import FAULTS
 

@@ -45,11 +45,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import (
+    FileError,
+    Limits,
+    Place,
+    known,
+    parse_toml,
+    plain,
+    read_text,
+    section,
+    table,
+    text,
+)
+from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import OUTPUTS, Key
-from isel_twin.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, section, table, text
 from isel_twin.plant import PLACES, Cut
-from isel_twin.units import SECOND_NS
 from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, ended, read_act
 from isel_twin.wiring.when import EXAMPLES, Condition, condition
 

@@ -26,7 +26,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.when import Condition
 
 if TYPE_CHECKING:

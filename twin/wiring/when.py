@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from isel_twin.axes import CARRIAGES
-from isel_twin.parameters import Limits, Place, hint, plain
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import Limits, Place, hint, plain
 
 __all__ = ["EXAMPLES", "SWITCH_STATES", "condition"]
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from isel_twin.axes import CARRIAGES
+from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine

@@ -11,7 +11,7 @@ import pytest
 from isel_twin import Twin
 from isel_twin.firmware.bwo900.realtime import stretch
 from isel_twin.motion import Motion, Steps
-from isel_twin.trace.runs import add_run, described
+from isel_twin.recordings.runs import add_run, described
 
 PIECE_MM = 0.2
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from isel_twin.controller import create_controller
+from isel_twin.core.twin import Twin
 from isel_twin.testing import Desk
-from isel_twin.twin import Twin
 
 MIDDLE = (60_000, 48_000, 22_000, 50_000)
 TOLERANT = {"extra_values": True, "relative_unreferenced": True}

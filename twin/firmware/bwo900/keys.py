@@ -21,10 +21,10 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Final
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import Key, KeyValue
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.firmware.bwo900.realtime.overrides import AXIS_OVERRIDE, is_override
-from isel_twin.parameters import Limits
 
 __all__ = ["KEYS", "MODES", "OUTPUT", "Wish", "values", "wish", "writes"]
 

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.plc import Memory, Plc, Rights
 from isel_twin.firmware.plc.assembler import assemble
-from isel_twin.units import MILLISECOND_NS
 
 __all__ = ["DEFAULT", "MachinePlc"]
 

@@ -22,12 +22,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import takes
 from isel_twin.firmware.gmi99.controller import Gmi99
 from isel_twin.firmware.gmi99.drives import TURN
 from isel_twin.firmware.gmi99.link import Dil
 from isel_twin.firmware.gmi99.logic import safety_program
-from isel_twin.parameters import Limits
 
 __all__ = ["Gmi99", "create"]
 

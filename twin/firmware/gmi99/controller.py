@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
 from isel_twin.firmware.gmi99 import images, link, queries
 from isel_twin.firmware.gmi99.commands import Kind, command_of, parse
@@ -21,7 +22,6 @@ from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.motion import SetPointRun
-from isel_twin.parameters import Limits
 
 BUFFER_FULL = 0x08
 ABORT, STATUS, SPINDLE_SPEED, OVERRIDE = 0, 1, 8, 9

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.waiting import Wait
-from isel_twin.units import MILLISECOND_NS
 
 WOSI, WORI, WOSO, WORO, WOSF, WORF, WAIT, SETO, RESO, INVO, CLAO = 2, 3, 6, 7, 10, 11, 14, 16, 17, 24, 26
 WORDS = {

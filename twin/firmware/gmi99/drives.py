@@ -22,6 +22,7 @@ import re
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
@@ -29,7 +30,6 @@ from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
-from isel_twin.units import MILLISECOND_NS
 
 MECHANICAL = 3
 """Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.base.units import MILLISECOND_NS
 
 __all__ = ["ACKNOWLEDGED", "GAP_NS", "SHORT_COMMANDS", "Dil", "Frame", "Receiver", "Variant", "information_extension"]
 

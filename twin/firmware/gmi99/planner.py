@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.compiling import njit
+from isel_twin.base.compiling import njit
 from isel_twin.motion.joined import Joined, Pieces, chain, joined
 
 __all__ = [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.activity import Activity, Pause
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
@@ -16,7 +17,6 @@ from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
 from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, Settings, default_settings
-from isel_twin.units import MILLISECOND_NS
 
 A_AXIS = 8
 

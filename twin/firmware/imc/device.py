@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Event, FlashWrite, Output, Remark, Reply
 from isel_twin.firmware.executor import Executor
 from isel_twin.firmware.imc import settings as flash_image
@@ -31,7 +32,6 @@ from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
 from isel_twin.motion import Displacement, TimeLaw, trapezoid
-from isel_twin.units import MILLISECOND_NS
 
 POSITION_LIMIT = 1 << 23
 """Counters have 24 bits, two's complement."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.firmware.imc.ports import LIMIT_PORT, Inputs
 from isel_twin.firmware.imc.settings import AXES, Settings
 

@@ -9,8 +9,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import Setting
-from isel_twin.parameters import Limits
 
 BASE = "imc-s8"
 

@@ -14,13 +14,13 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.activity import Activity, Listen, Pause
 from isel_twin.firmware.imc.adjust import WHOLE_BYTE
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.purpose import WAITING
 from isel_twin.firmware.imc.replies import BAD_NUMBER, INVALID_FIELD, MEMORY_FULL, Refusal
 from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, Program
-from isel_twin.units import MILLISECOND_NS
 
 Line = tuple[str, tuple[int, ...]]
 DECISECOND_NS = 100 * MILLISECOND_NS

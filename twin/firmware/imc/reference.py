@@ -16,7 +16,8 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.activity import Activity, Pause, Travel
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import name_of, switches_of
@@ -25,7 +26,6 @@ from isel_twin.firmware.imc.purpose import REFERENCE, Reference
 from isel_twin.firmware.imc.replies import LIMIT_SWITCH, Refusal
 from isel_twin.firmware.imc.safety import Event
 from isel_twin.motion import constant, line
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 ORDER = (2, 1, 0, 3)
 """Z, Y, X, A (2.2.22)."""

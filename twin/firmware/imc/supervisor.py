@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.activity import Activity, Listen, Unfinished
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.limits import axis_of
@@ -28,7 +29,6 @@ from isel_twin.firmware.imc.replies import FAULT, HOOD_OPEN, LIMIT_SWITCH, NOT_R
 from isel_twin.firmware.imc.safety import State, hood_safe, powered
 from isel_twin.firmware.imc.settings import Watch
 from isel_twin.motion import Displacement, Motion, StepRun
-from isel_twin.units import MILLISECOND_NS
 
 
 @dataclass

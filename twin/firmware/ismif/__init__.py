@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from isel_twin.base.parameters import Limits
 from isel_twin.controller import takes
 from isel_twin.firmware.ismif.interface import Ismif
-from isel_twin.parameters import Limits
 
 __all__ = ["Ismif", "create"]
 

@@ -20,7 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from isel_twin.axes import AXIS_NAMES
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Event, Output, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
@@ -28,7 +29,6 @@ from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Command, Target
 from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import line
-from isel_twin.units import MILLISECOND_NS
 
 AXES = range(3)
 COUNTERS = 4

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from isel_twin.units import MILLISECOND_NS
+from isel_twin.base.units import MILLISECOND_NS
 
 __all__ = ["MOST", "Counter", "Timer", "bcd", "from_bcd"]
 

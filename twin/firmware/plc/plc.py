@@ -18,10 +18,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from isel_twin.base.units import MICROSECOND_NS
 from isel_twin.firmware.plc.image import ImageError, Program
 from isel_twin.firmware.plc.memory import Memory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
-from isel_twin.units import MICROSECOND_NS
 
 __all__ = ["INSTRUCTION_NS", "Plc"]
 

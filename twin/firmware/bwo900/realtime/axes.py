@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
@@ -18,7 +19,6 @@ from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
 from isel_twin.firmware.bwo900.realtime.path import Limits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["AXES", "Axes"]
 

@@ -18,6 +18,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Point
@@ -27,7 +28,6 @@ from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, REFILL, Ahead, Fi
 from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS, Stretch, breaks_after, joining
 from isel_twin.motion import SetPointRun
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["Channel", "Phase"]
 

@@ -14,9 +14,9 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.parameters import MACHINE_AXES, Parameters
 from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
-from isel_twin.units import MILLISECOND_NS, SECOND_NS
 
 __all__ = ["LagWatch", "window_mm"]
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
-from isel_twin.units import MILLISECOND_NS
 
 __all__ = ["Power"]
 

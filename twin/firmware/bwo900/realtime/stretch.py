@@ -16,13 +16,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.realtime.path import Limits, Path
 from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, Pieces, joined
-from isel_twin.units import MILLISECOND_NS
 
 __all__ = ["PERIOD_NS", "Stretch", "breaks_after", "joining"]
 

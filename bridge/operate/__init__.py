@@ -1,0 +1,1 @@
+"""Operating a served twin: functions, control port, panel."""

@@ -1,0 +1,286 @@
+"""The control port: JSON lines over TCP, one request a line, one answer a line, in the order of the requests.
+
+    {"set": {"estop": "pressed"}}      --->
+                                       <---      {"ok": {"time_s": 12.5, "time_ns": 12500000000, "inputs": {...}}}
+    {"set": {"estop": "half"}}         --->
+                                       <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
+
+What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
+meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
+has gone waits for nothing any more. None of them can hold up the server: reading, writing and the requests done in one
+round of its loop are bounded.
+
+Who may: whoever reaches a port of the loopback interface. Beyond it a token is needed, as the first request:
+{"token": "..."}. A connection that begins with anything but a JSON object, as a browser's would, is closed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import selectors
+import socket
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import Any, NoReturn
+
+from isel_twin.bridge.operate.control import ControlError, Operator, Pending
+from isel_twin.bridge.operate.token import is_token, token_for
+from isel_twin.bridge.serve.server import Outbox, Server, Watch
+from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
+from isel_twin.core.twin import Twin
+
+__all__ = ["LINE_BYTES", "ControlPort", "parse_request"]
+
+log = logging.getLogger("isel_twin")
+
+LINE_BYTES = 65_536
+"""Longest request, and most of what waits to be dealt with."""
+
+CLIENTS = 16
+"""Connections at once."""
+
+UNREAD_BYTES = 16_384
+"""Answers not yet read beyond which a client is not listened to."""
+
+ROUND = 8
+"""Requests of a client dealt with in one round of the server's loop."""
+
+ERROR_CHARACTERS = 600
+"""Longest error, whatever it quotes."""
+
+
+def parse_request(line: bytes) -> dict[str, Any]:
+    """The object in a line. Raises ControlError for anything else; nothing in it is ever evaluated."""
+    try:
+        content = json.loads(line.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_table)
+    except (ValueError, RecursionError) as error:
+        why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise ControlError(f'request: no JSON: {why}; allowed: one object a line, {{"state": true}}') from None
+    if not isinstance(content, dict):
+        raise ControlError('request: no object; allowed: one object a line, {"state": true}')
+    return content
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is no number")
+
+
+def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        raise ValueError("a key stands twice in an object")
+    return content
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(self, connection: socket.socket, trusted: bool) -> None:
+        self.connection = connection
+        self.outbox = Outbox(connection.send)
+        self.buffer = bytearray()
+        self.trusted = trusted
+        self.begun = False
+        """It has sent an object."""
+        self.skipping = False
+        """The rest of a line that was too long is still to come."""
+        self.leaving = False
+        """It sends no more, or is to be closed once it has its answers."""
+        self.pending: Pending | None = None
+
+    @property
+    def has_line(self) -> bool:
+        return b"\n" in self.buffer
+
+    @property
+    def ready(self) -> bool:
+        """Whether its next request can be dealt with."""
+        return self.pending is None and self.has_line and len(self.outbox) <= UNREAD_BYTES
+
+    @property
+    def overlong(self) -> bool:
+        """Whether its next request is longer than any may be."""
+        return self.pending is None and len(self.buffer) > LINE_BYTES and not self.has_line
+
+    def lines(self) -> Iterator[bytes]:
+        """Requests to be dealt with in this round."""
+        for _ in range(ROUND):
+            if not self.ready:
+                return
+            line, _, self.buffer = self.buffer.partition(b"\n")
+            if self.skipping:
+                self.skipping = False
+            elif line.strip():
+                yield bytes(line)
+
+
+class ControlPort:
+    """A guest of a server that lets clients operate its twin. Raises ValueError, OSError as `TcpEndpoint`."""
+
+    kind = "control"
+
+    def __init__(self, address: str, token: str | None = None) -> None:
+        """token: what clients have to know; None: nothing on the loopback interface, elsewhere one is made up."""
+        self._listener, self.address = listen(address)
+        self.token = token_for(self.address, token)
+        self._spare = Spare()
+        self._clients: list[_Client] = []
+        self._operator: Operator | None = None
+
+    def attach(self, server: Server) -> None:
+        """The server whose twin is operated. Raises TypeError for one that serves something else."""
+        if not isinstance(server.twin, Twin):
+            raise TypeError("a control port operates a Twin")
+        self._operator = Operator(server, server.twin)
+
+    @property
+    def operator(self) -> Operator:
+        """Who does what is asked. Raises RuntimeError before there is a server."""
+        if self._operator is None:
+            raise RuntimeError("the control port has no server yet")
+        return self._operator
+
+    def watches(self) -> Iterable[Watch]:
+        """See Guest."""
+        yield Watch(self._listener, selectors.EVENT_READ, self._accept)
+        for client in self._clients:
+            room = not client.leaving and len(client.buffer) <= LINE_BYTES and len(client.outbox) <= UNREAD_BYTES
+            events = (selectors.EVENT_READ if room else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
+            if events:
+                yield Watch(client.connection, events, partial(self._ready, client))
+
+    def wait_s(self) -> float | None:
+        """See Guest."""
+        return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
+
+    def look(self) -> None:
+        """Answer who has waited, and deal with requests that have come."""
+        self.operator.look()
+        for client in list(self._clients):
+            self._serve(client)
+        if self.operator.look():  # what has just been done is what somebody waits for
+            for client in list(self._clients):
+                self._answer_pending(client)
+
+    def close(self) -> None:
+        """See Guest. May be called again, and before there is a server."""
+        if self._operator is not None:
+            self._operator.end()
+        for client in list(self._clients):
+            self._answer_pending(client)
+            self._drop(client)
+        self._listener.close()
+        self._spare.close()
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError as error:
+            if lacks_files(error):
+                self._spare.turn_away(self._listener, self.kind)
+            return  # else it has gone already
+        connection.setblocking(False)
+        with suppress(OSError):
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client = _Client(connection, trusted=self.token is None)
+        self._clients.append(client)
+        if len(self._clients) > CLIENTS:
+            self._put(client, {"error": f"the control port has {CLIENTS} clients already; let one of them go"})
+            self._drop(client)
+
+    def _ready(self, client: _Client) -> None:
+        if client not in self._clients:
+            return
+        try:
+            client.outbox.flush()
+            if client.leaving or len(client.buffer) > LINE_BYTES:
+                return
+            data = client.connection.recv(LINE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            self._drop(client)
+            return
+        if not data:
+            client.leaving = True
+            if client.pending is not None:  # nobody waits there any more
+                self._drop(client)
+                return
+        client.buffer += data
+
+    def _serve(self, client: _Client) -> None:
+        self._answer_pending(client)
+        for line in client.lines():
+            self._put(client, self._ask(client, line))
+            if client not in self._clients:
+                return
+        if client.overlong:
+            client.buffer.clear()
+            if not client.skipping:
+                self._put(client, {"error": f"request: longer than {LINE_BYTES} bytes; allowed: one object a line"})
+            client.skipping = True
+        if client.leaving and not client.outbox and not client.ready and client.pending is None:
+            self._drop(client)
+
+    def _answer_pending(self, client: _Client) -> None:
+        pending = client.pending
+        if pending is not None and pending.over:
+            client.pending = None
+            self._put(client, _error(pending.error, timeout=True) if pending.error else {"ok": pending.answer})
+
+    def _ask(self, client: _Client, line: bytes) -> dict[str, Any] | None:
+        """The answer to a request; None if it is still to come."""
+        try:
+            if len(line) > LINE_BYTES:
+                raise ControlError(f"request: longer than {LINE_BYTES} bytes; allowed: one object a line")
+            request = parse_request(line)
+            client.begun = True
+            if "token" in request:
+                return self._admit(client, request)
+            if not client.trusted:
+                client.leaving = True
+                client.buffer.clear()
+                raise ControlError('request: token: missing; allowed: {"token": "..."} before anything else')
+            result = self.operator.ask(request)
+        except ControlError as error:
+            if not client.begun:
+                client.leaving = True
+                client.buffer.clear()
+            return _error(str(error))
+        if not isinstance(result, Pending):
+            return {"ok": result}
+        client.pending = result
+        self._answer_pending(client)
+        return None
+
+    def _admit(self, client: _Client, request: dict[str, Any]) -> dict[str, Any]:
+        given = request["token"]
+        if not is_token(given, self.token) or len(request) > 1:
+            client.leaving = True
+            client.buffer.clear()
+            return _error("request: token: not the one of this server; allowed: the one it was started with, alone")
+        client.trusted = True
+        return {"ok": {}}
+
+    def _put(self, client: _Client, answer: dict[str, Any] | None) -> None:
+        if answer is None:
+            return
+        try:
+            client.outbox.put(json.dumps(answer, allow_nan=False).encode() + b"\n")
+        except OSError:
+            self._drop(client)
+
+    def _drop(self, client: _Client) -> None:
+        if client in self._clients:
+            self._clients.remove(client)
+            if client.pending is not None:
+                self.operator.forget(client.pending)
+            client.connection.close()
+
+
+def _error(text: str, timeout: bool = False) -> dict[str, Any]:
+    line = " ".join(text.split())
+    short = line if len(line) <= ERROR_CHARACTERS else f"{line[:ERROR_CHARACTERS]} ..."
+    return {"error": short, "timeout": True} if timeout else {"error": short}

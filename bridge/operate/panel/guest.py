@@ -1,0 +1,317 @@
+"""The panel's side of the server: does what browsers ask, in the server's loop, and samples the twin for them.
+
+    browser --- request ---> site (its thread) --- queue, wake ---> Panel.look --- Operator.ask ---> the twin
+            <-- frame ------                   <-- at most FRAMES_PER_S -------'
+
+Requests are those of the control port (bridge/operate/control.py) with a number, so that answers find their way back:
+
+    {"id": 7, "ask": {"set": {"estop": "pressed"}}}    -->  {"id": 7, "ok": {...}} or {"id": 7, "error": "one line"}
+    {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is asked if the browser goes before it asks again
+    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file; see `_Line`
+
+A frame is the state the control port tells, with what the panel draws besides. While nobody looks there are none, and
+the server does nothing for the panel that it would not do without. Sampling changes nothing: a twin looked at has the
+same bits as one that is not.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import socket
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from types import MappingProxyType
+from typing import Any, Protocol
+
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.parameters import Place, known
+from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.bridge.operate.control import ControlError, Operator, Pending
+from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
+from isel_twin.bridge.operate.panel.menu import BESIDE, key_menu, menu
+from isel_twin.bridge.operate.panel.monitor import Monitor
+from isel_twin.bridge.operate.token import token_for
+from isel_twin.bridge.serve.server import Line, Server, Watch
+from isel_twin.bridge.serve.tcp import listen, parse_address
+from isel_twin.core.twin import Twin
+from isel_twin.jobs.decode import DecodeError, typed
+from isel_twin.language import LanguageError, needed
+from isel_twin.machine import Machine
+from isel_twin.version import VERSION
+from isel_twin.wiring import FAULTS
+
+__all__ = ["COME", "FRAMES_PER_S", "Asked", "Panel", "Site"]
+
+log = logging.getLogger("isel_twin")
+
+FRAMES_PER_S = 20.0
+"""Samples of the twin in a wall second, at most."""
+
+ROUND = 32
+"""Requests dealt with in one round of the server's loop."""
+
+MARGIN_NS = 5 * MILLISECOND_NS
+"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
+
+SAID_BYTES = 4096
+"""Longest text typed at once, as bytes on the line."""
+
+
+class Site(Protocol):
+    """What the panel needs of its page; see site.py. All of it may be called from the server's thread."""
+
+    @property
+    def watched(self) -> bool:
+        """Whether a browser looks."""
+
+    def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None) -> None:
+        """Let browsers in. about: what does not change while the server runs; recording: a file that they may have."""
+
+    def show(self, frame: Frame) -> None:
+        """Show this from now on."""
+
+    def answer(self, client: int, answer: Mapping[str, Any]) -> None:
+        """What has become of a request."""
+
+    def close(self) -> None:
+        """Let everybody go."""
+
+
+class _Line:
+    """Implements Endpoint: a person who types. Replies go to whoever spoke last, and everybody sees them."""
+
+    kind = "panel"
+    address = ""
+    gathers = False
+    busy = False
+    waiting = 0
+    settings: Mapping[str, Any] = MappingProxyType({})
+    """As those of the line, whatever it is."""
+
+    def attach(self, line: Line) -> None:
+        """See Endpoint."""
+
+    def watches(self, listening: bool) -> Iterable[Watch]:
+        """See Endpoint."""
+        return ()
+
+    def send(self, data: bytes) -> None:
+        """The monitor has them already."""
+
+    def give_way(self) -> None:
+        """See Endpoint."""
+
+    def close(self) -> None:
+        """See Endpoint."""
+
+
+class Panel:
+    """A guest of a server that shows its twin on a page. Raises ValueError, OSError as `TcpEndpoint`."""
+
+    kind = "panel"
+
+    def __init__(self, address: str, token: str | None = None, site: Site | None = None) -> None:
+        """token: what browsers have to know; None: nothing on the loopback interface, elsewhere one is made up.
+
+        site: None for the page itself. Raises ImportError without the extra `panel`.
+        """
+        self.monitor = Monitor()
+        self.recording: Path | None = None
+        """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
+        self._asked: SimpleQueue[Asked] = SimpleQueue()
+        self._server: Server | None = None
+        self._line = _Line()
+        self._pending: list[tuple[int, Any, Pending]] = []
+        self._gone: dict[int, Mapping[str, Any]] = {}
+        self._next_s = 0.0
+        self._last: Frame = {}
+        self._margin_ns = -MARGIN_NS
+        self._margin: list[float | None] = []
+        """Least margins from the frame before to that time."""
+        if site is not None:
+            self.address, self.token, self._site = address, token, site
+            return
+        from isel_twin.bridge.operate.panel.site import WebSite
+
+        listener, self.address = listen(address)
+        self.token = token_for(self.address, token)
+        self._site = WebSite(listener, self.address, self.token, self.take)
+
+    @property
+    def url(self) -> str:
+        """What a person types into a browser."""
+        host, port = parse_address(self.address)
+        if host in ("0.0.0.0", "::"):  # everywhere: by the name that others know this computer by
+            host = socket.gethostname()
+        where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        return f"http://{where}/" + (f"?token={self.token}" if self.token else "")
+
+    def take(self, asked: Asked) -> None:
+        """A browser wants something. Called from any thread."""
+        self._asked.put(asked)
+        if self._server is not None:
+            self._server.wake()
+
+    # As a guest
+
+    def attach(self, server: Server) -> None:
+        """The server whose twin is shown. Raises TypeError for one that serves something else."""
+        if not isinstance(server.twin, Twin):
+            raise TypeError("a panel shows a Twin")
+        self._server, self._twin = server, server.twin
+        self._operator = Operator(server, server.twin)
+        self.monitor.begin(server.twin.controller_name)
+        self._site.start(self._about(), self._twin.machine, self.recording)
+
+    def watches(self) -> Iterable[Watch]:
+        """See Guest: browsers are not waited for here, they wake the server."""
+        return ()
+
+    def wait_s(self) -> float | None:
+        """See Guest."""
+        waits = [self._operator.wait_s]
+        if not self._asked.empty():
+            return 0.0
+        if self._site.watched:
+            waits.append(max(0.0, self._next_s - time.monotonic()))
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def look(self) -> None:
+        """See Guest: answer, act, sample."""
+        self._operator.look()
+        for _ in range(ROUND):
+            try:
+                asked = self._asked.get_nowait()
+            except Empty:
+                break
+            self._deal_with(asked)
+        self._operator.look()  # what has just been done is what somebody waits for
+        self._answer_pending()
+        if self._site.watched and (now := time.monotonic()) >= self._next_s:
+            self._next_s = now + 1.0 / FRAMES_PER_S
+            self._sample()
+
+    def close(self) -> None:
+        """See Guest. May be called again, and before there is a server."""
+        if self._server is not None:
+            self._operator.end()
+            self._answer_pending()
+        self._site.close()
+
+    # What browsers ask
+
+    def _deal_with(self, asked: Asked) -> None:
+        if asked.request is None:
+            self._leave(asked.client)
+            return
+        if asked.request is COME:
+            self._last = {}
+            return
+        number = asked.request.get("id")
+        try:
+            self._gone.pop(asked.client, None)
+            result = self._ask(asked.client, dict(asked.request))
+        except ControlError as error:
+            self._site.answer(asked.client, {"id": number, "error": str(error)})
+            return
+        if isinstance(result, Pending):
+            self._pending.append((asked.client, number, result))
+        else:
+            self._site.answer(asked.client, {"id": number, "ok": result})
+
+    def _ask(self, client: int, request: dict[str, Any]) -> dict[str, Any] | Pending:
+        place = Place("request", ControlError)
+        known(request, ("id", "ask", "gone", "say"), place)
+        if ("ask" in request) == ("say" in request):
+            raise place.wrong("nothing to do; allowed: either ask or say")
+        if "say" in request:
+            return self._say(request["say"])
+        result = self._operator.ask(request["ask"])
+        if isinstance(gone := request.get("gone"), dict):
+            self._gone[client] = gone
+        return result
+
+    def _say(self, text: Any) -> dict[str, Any]:
+        """Send text to the controller, as a host that takes the line would. Raises ControlError.
+
+        A host that holds the line through the network would lose its replies to the panel, so it is not interrupted.
+        """
+        if not isinstance(text, str):
+            raise ControlError("request: say: no text; allowed: commands as in a job file")
+        assert self._server is not None
+        for endpoint in self._server.endpoints:
+            if endpoint.busy:
+                raise ControlError(f"request: say: a host holds the line ({endpoint.kind}); allowed: when it has gone")
+        name = self._twin.controller_name
+        if not self._server.listening:
+            raise ControlError("request: say: the line is full; allowed: when the controller has taken what is on it")
+        try:
+            data = b"".join(piece.data for piece in typed(text, True, needed(self._twin.language, name), name))
+        except (DecodeError, LanguageError) as error:
+            raise ControlError(f"request: say: {error}") from None
+        if len(data) > SAID_BYTES:
+            raise ControlError(f"request: say: {len(data)} bytes; allowed: up to {SAID_BYTES} at once")
+        self._server.receive(self._line, data)
+        return {"sent": len(data)}
+
+    def _leave(self, client: int) -> None:
+        """A browser has gone: nobody waits there, and what it held down is let go."""
+        for entry in [entry for entry in self._pending if entry[0] == client]:
+            self._pending.remove(entry)
+            self._operator.forget(entry[2])
+        if (gone := self._gone.pop(client, None)) is not None:
+            try:
+                self._operator.ask(gone)
+            except ControlError as error:
+                log.warning("panel: %s", error)
+
+    def _answer_pending(self) -> None:
+        for entry in [entry for entry in self._pending if entry[2].over]:
+            self._pending.remove(entry)
+            client, number, pending = entry
+            said = {"error": pending.error} if pending.error else {"ok": pending.answer}
+            self._site.answer(client, {"id": number, **said})
+
+    # What browsers see
+
+    def _about(self) -> dict[str, Any]:
+        twin = self._twin
+        return {
+            "version": VERSION,
+            "machine": twin.machine.name,
+            "controller": twin.controller_name,
+            "physics": twin.physics,
+            "axes": list(AXIS_NAMES[: len(twin.counts)]),
+            "step_mm": twin.step_mm.tolist(),
+            "slip_steps": [steps if math.isfinite(steps) else None for steps in twin.slip_steps.tolist()],
+            "closed_loop": twin.closed_loop.tolist(),
+            "settable": {name: list(states) for name, states in twin.settable.items()},
+            "fault_states": list(FAULTS),
+            "terminals": {terminal: list(names) for terminal, names in twin.terminals.items()},
+            "acts": menu(),
+            "keys": key_menu(twin.keys),
+            "beside": list(BESIDE),
+            "recording": None if self.recording is None else self.recording.name,
+            "language": twin.language is not None,
+        }
+
+    def _sample(self) -> None:
+        """Show the twin as it is, if that is anything new."""
+        assert self._server is not None
+        twin, pacer = self._twin, self._server.pacer
+        frame = self._operator.state()
+        frame["step_hz"] = twin.step_hz.tolist()
+        if twin.time_ns >= self._margin_ns + MARGIN_NS:
+            self._margin_ns = twin.time_ns
+            self._margin = [None if math.isnan(margin) else margin for margin in twin.take_margin().tolist()]
+        frame["margin_now"] = self._margin
+        frame["supply_v"] = twin.supply_v if math.isfinite(twin.supply_v) else None
+        frame["behind"] = pacer.behind
+        frame["hosts"] = [endpoint.kind for endpoint in self._server.endpoints if endpoint.busy]
+        lines = self.monitor.lines()
+        if lines or frame != self._last:
+            self._last = frame
+            self._site.show({**frame, "wall_s": pacer.wall_s, "lines": lines})

@@ -1,0 +1,89 @@
+"""What goes over the line, for people who watch: each message with its time, direction and meaning.
+
+    bytes as they go by --- kept, the last PIECES ---> lines() --- the controller's language ---> messages
+
+Explaining takes far longer than carrying, so bytes are explained when somebody looks, and while nobody does the last
+ones are kept. What is lost that way is told as what it is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from isel_twin.bridge.serve.wire_log import WireLine, WireLog
+from isel_twin.language import create_language
+
+__all__ = ["Monitor"]
+
+PIECES = 2000
+"""Pieces of bytes kept for somebody who looks later."""
+
+LINES = 300
+"""Messages shown at once, the last ones."""
+
+
+class Monitor:
+    """Follows the traffic (`isel_twin.bridge.serve.server.WireTap`)."""
+
+    def __init__(self) -> None:
+        self._pieces: deque[tuple[int, bytes | str, bool]] = deque()
+        self._lost = 0
+        self._now_ns = 0
+        self._controller = ""
+        self._begun: list[WireLine] = []
+        self._log = WireLog(None, say=self._begun.append)
+
+    def begin(self, controller: str) -> None:
+        """What is spoken on the line."""
+        self._controller = controller
+        self._log = WireLog(create_language(controller), say=self._begun.append)
+
+    # As a tap
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """See WireTap."""
+        self._keep((time_ns, data, sent))
+
+    def look(self, time_ns: int) -> None:
+        """See WireTap."""
+        self._now_ns = time_ns
+
+    def act(self, time_ns: int, text: str) -> None:
+        """See WireTap."""
+        self._keep((time_ns, text, False))
+
+    def close(self) -> None:
+        """See WireTap."""
+
+    def _keep(self, piece: tuple[int, bytes | str, bool]) -> None:
+        if len(self._pieces) >= PIECES:
+            self._pieces.popleft()
+            self._lost += 1
+        self._pieces.append(piece)
+
+    # For those who look
+
+    def lines(self) -> list[dict[str, Any]]:
+        """Messages complete since the last call, the last LINES of them.
+
+        Each with `s` (virtual time in seconds), `who` (host, twin, ctl), `text`, `means`.
+        """
+        lost, self._lost = self._lost, 0
+        if lost:
+            self.begin(self._controller)  # it has not seen where the first message begins
+        for time_ns, data, sent in self._pieces:
+            if isinstance(data, str):
+                self._log.act(time_ns, data)
+            else:
+                self._log.carry(time_ns, data, sent)
+        self._pieces.clear()
+        self._log.look(self._now_ns)
+        lines = [{"s": line.time_s, "who": line.who, "text": line.text, "means": line.meaning} for line in self._begun]
+        self._begun.clear()
+        if len(lines) > LINES:
+            lost, lines = lost + len(lines) - LINES, lines[-LINES:]
+        if lost:
+            when = lines[0]["s"] if lines else self._now_ns / 1e9
+            lines.insert(0, {"s": when, "who": "", "text": "", "means": f"{lost} messages before are not shown"})
+        return lines

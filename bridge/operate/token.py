@@ -1,0 +1,29 @@
+"""Who may operate a machine: whoever reaches a port of the loopback interface; beyond it, whoever knows a token."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+from typing import Any
+
+from isel_twin.bridge.serve.tcp import parse_address
+
+__all__ = ["is_loopback", "is_token", "token_for"]
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this computer reaches an address HOST:PORT, the host being a number."""
+    return ipaddress.ip_address(parse_address(address)[0].partition("%")[0]).is_loopback
+
+
+def token_for(address: str, given: str | None) -> str | None:
+    """What has to be known at an address: what was given, else nothing on loopback, else one that nobody guesses."""
+    return given or (None if is_loopback(address) else secrets.token_urlsafe(16))
+
+
+def is_token(given: Any, token: str | None) -> bool:
+    """Whether `given`, which anybody may have sent, is the token; anything is if there is none."""
+    return token is None or (
+        isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "surrogatepass"), token.encode("utf-8"))
+    )

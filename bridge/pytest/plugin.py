@@ -1,0 +1,301 @@
+"""A plugin of pytest: twins as fixtures, and of a failing test what its machine did.
+
+    marker, ini keys --- call_of ---> twin, twin_serial, twin_server, virtual_host, watched
+                                        |
+    a test fails ---> the twin is built again and does the same again, now recorded (bridge/pytest/kept.py)
+                      ---> recording, picture and how to repeat it, in the report of the test
+
+pytest imports this at every start, in projects that have nothing to do with twins, too: so it imports nothing but
+pytest, and what fixtures need where they need it.
+
+A wrong key or value is a line: of the marker in each test that has it, of an ini key before any test.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from isel_twin.bridge.pytest.kept import KeptTwins, ServedTwin
+    from isel_twin.bridge.virtual.protocol_twin import Serial
+    from isel_twin.bridge.virtual.virtual_host import HostRun
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.checks.watched import Watched
+
+__all__ = ["twin", "twin_call", "twin_factory", "twin_serial", "twin_server", "virtual_host", "watched"]
+
+INI: Mapping[str, str] = {
+    "machine": "name of a machine, or a machine folder seen from the ini file",
+    "controller": "name of a controller",
+    "plant": "mujoco or kinematic",
+    "scenario": "scenario file, seen from the ini file",
+    "seed": "whole number",
+    "artifacts": "folder for what failing tests leave, seen from the ini file; without it the temporary folder of each",
+}
+"""Keys of the ini file, with isel_twin_ before them."""
+KEYS = ("machine", "controller", "plant", "scenario", "seed", "overrides", "start_mm")
+"""Of the marker."""
+LISTED = ("machine", "controller", "plant", "scenario", "seed")
+"""Keys of which a list makes a test of each."""
+OF_SERVERS = ("endpoint", "speed")
+"""Keys for `twin_server` alone."""
+
+MARKER = (
+    f"twin({', '.join(f'{key}=...' for key in (*KEYS, *OF_SERVERS))}): how the twin of this test is built; "
+    "a list of machines, controllers, plants, scenarios or seeds makes a test of each"
+)
+
+_FIXTURES = ("twin_call", "twin", "twin_serial", "twin_server", "virtual_host", "watched")
+_kept = pytest.StashKey["KeptTwins"]()
+
+
+# The project's defaults
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    for key, meaning in INI.items():
+        parser.addini(f"isel_twin_{key}", f"isel-twin: {meaning}", default="")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", MARKER)
+    if (seed := config.getini("isel_twin_seed")) and not (seed.isascii() and seed.isdigit()):
+        raise pytest.UsageError(f"isel_twin_seed = {seed}: must be a whole number from 0")
+    if (plant := config.getini("isel_twin_plant")) and plant not in ("mujoco", "kinematic"):
+        raise pytest.UsageError(f"isel_twin_plant = {plant}: must be mujoco or kinematic")
+
+
+def _defaults(config: pytest.Config) -> dict[str, Any]:
+    said = {key: config.getini(f"isel_twin_{key}") for key in ("machine", "controller", "plant", "scenario", "seed")}
+    call: dict[str, Any] = {key: value for key, value in said.items() if value}
+    if "seed" in call:
+        call["seed"] = int(call["seed"])
+    return {key: _seen_from(_folder(config), key, value) for key, value in call.items()}
+
+
+def _folder(config: pytest.Config) -> Path:
+    """Of the ini file, from which its paths are seen."""
+    return config.rootpath if config.inipath is None else config.inipath.parent
+
+
+# The marker
+
+
+def _marked(node: Any) -> dict[str, Any]:
+    """What all twin markers of a node say; the nearer one goes before, overrides are laid over each other.
+
+    Fails with one line for a key or value that is none.
+    """
+    call: dict[str, Any] = {}
+    for mark in reversed(list(node.iter_markers("twin"))):
+        if mark.args:
+            _wrong(f"pytest.mark.twin({mark.args[0]!r}): takes keys only, such as machine={mark.args[0]!r}")
+        for key, value in mark.kwargs.items():
+            if key == "overrides" and isinstance(value, Mapping):
+                value = {**call.get("overrides", {}), **value}
+            call[key] = value
+    folder = node.path.parent
+    return {key: _seen_from(folder, key, value) for key, value in _checked(call, "pytest.mark.twin").items()}
+
+
+def _seen_from(folder: Path, key: str, value: Any) -> Any:
+    """The value, as a path seen from a folder if it is the name of something there."""
+    if key == "scenario" and isinstance(value, str | os.PathLike) and (folder / value).is_file():
+        return folder / value
+    if key == "machine" and isinstance(value, str | os.PathLike) and (folder / value / "machine.toml").is_file():
+        return str(folder / value)
+    return value
+
+
+def _checked(call: Mapping[str, Any], where: str) -> dict[str, Any]:
+    allowed = (*KEYS, *OF_SERVERS)
+    for key, value in call.items():
+        if key not in allowed:
+            _wrong(f"{where}: unknown key {key!r}; there are: {', '.join(allowed)}")
+        for one in value if key in LISTED and isinstance(value, list | tuple) else (value,):
+            if key == "seed" and (not isinstance(one, int) or isinstance(one, bool) or one < 0):
+                _wrong(f"{where}: seed={one!r}; must be a whole number from 0")
+            if key == "overrides" and not isinstance(one, Mapping):
+                _wrong(f"{where}: overrides={one!r}; must be a table, such as {{'payload.mass': 5.0}}")
+        if key in LISTED and isinstance(value, list | tuple) and not value:
+            _wrong(f"{where}: {key}={value!r} is empty; name one or more")
+    return dict(call)
+
+
+def _wrong(line: str) -> None:
+    pytest.fail(line, pytrace=False)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """A list in the marker makes a test of each of its entries, of two lists a test of each pair."""
+    if "twin_call" not in metafunc.fixturenames:
+        return
+    marks = list(metafunc.definition.iter_markers("twin"))
+    lists: dict[str, list[Any]] = {}
+    for mark in reversed(marks):
+        for key, value in mark.kwargs.items():
+            lists.pop(key, None)
+            if key in LISTED and isinstance(value, list | tuple) and value:
+                lists[key] = list(value)
+    if not lists:
+        return
+    choices = [dict(zip(lists, values, strict=True)) for values in itertools.product(*lists.values())]
+    ids = ["-".join(_id(key, value) for key, value in choice.items()) for choice in choices]
+    metafunc.parametrize("twin_call", choices, indirect=True, ids=ids)
+
+
+def _id(key: str, value: Any) -> str:
+    return f"seed{value}" if key == "seed" else str(getattr(value, "name", value)).rpartition("/")[2]
+
+
+# Fixtures
+
+
+@pytest.fixture
+def twin_call(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """How the twin of this test is built: ini keys, the marker over them, and over these a parameter, a table.
+
+    `@pytest.mark.parametrize("twin_call", [{"seed": 1}, {"machine": "traverse"}], indirect=True)`
+    """
+    return _call_for(request)
+
+
+def _call_for(request: pytest.FixtureRequest) -> dict[str, Any]:
+    return _call(request, _parameter(request), "twin_call")
+
+
+def _parameter(request: pytest.FixtureRequest) -> Mapping[str, Any]:
+    """The table that a test gives to a fixture, if it does."""
+    given: Any = getattr(request, "param", {})
+    if not isinstance(given, Mapping):
+        _wrong(f"{request.fixturename}: the parameter {given!r} is no table; give one such as {{'seed': 1}}")
+    return given
+
+
+def _call(request: pytest.FixtureRequest, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Ini keys, markers over them, what is given over these."""
+    given = {key: _seen_from(request.path.parent, key, value) for key, value in _checked(given, where).items()}
+    call = _defaults(request.config) | _marked(request.node) | given
+    for key in LISTED:
+        if isinstance(call.get(key), list | tuple):
+            _wrong(f"{where}: {key}={call[key]!r}: a list makes tests, and here is one twin; give one of them")
+    return call
+
+
+@pytest.fixture(scope="session")
+def _twins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KeptTwins:
+    from isel_twin.bridge.pytest.kept import KeptTwins
+
+    config = request.config
+    folder = config.getini("isel_twin_artifacts")
+    kept = KeptTwins(_folder(config) / folder if folder else None, tmp_path_factory.mktemp)
+    config.stash[_kept] = kept
+    return kept
+
+
+@pytest.fixture(scope="session")
+def twin_factory(_twins: KeptTwins) -> Callable[..., Twin]:
+    """twin_factory(request, **changes): another twin, for a test or for a fixture of any scope.
+
+    It is built as the marker and the ini keys say, with the changes, and lives as long as the fixture or test whose
+    `request` it is given.
+    """
+
+    def make(request: pytest.FixtureRequest, **changes: Any) -> Twin:
+        twin = _twins.build(request.node, _call(request, changes, "twin_factory"))
+        request.addfinalizer(lambda: _twins.forget(twin))
+        return twin
+
+    return make
+
+
+@pytest.fixture
+def twin(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twins: KeptTwins) -> Iterator[Twin]:
+    """A twin in this process, in virtual time, switched on."""
+    given = _parameter(request)
+    made = _twins.build(request.node, _call(request, {**twin_call, **given}, "twin") if given else twin_call)
+    yield made
+    _twins.forget(made)
+
+
+@pytest.fixture
+def watched(twin: Twin) -> Watched:
+    """The same twin under observation, for the assertions of `isel_twin.jobs.checks.asserts`; it plays jobs, too."""
+    from isel_twin.jobs.checks.watched import Watched
+
+    return Watched(twin)
+
+
+@pytest.fixture
+def twin_serial(twin: Twin) -> Iterator[Serial]:
+    """An open pySerial port with the same twin at its other end; its timeout is 60 s of virtual time."""
+    from isel_twin.bridge.virtual.protocol_twin import Serial
+
+    port = Serial.on(twin, timeout=60.0)
+    yield port
+    port.close()
+
+
+@pytest.fixture
+def twin_server(request: pytest.FixtureRequest, twin_call: dict[str, Any], _twins: KeptTwins) -> Iterator[ServedTwin]:
+    """A twin served on a free port for a host in any language, and operated by `ask`. As fast as possible."""
+    from isel_twin.bridge.pytest.kept import ServedTwin
+
+    call = dict(twin_call)
+    endpoint, speed = call.pop("endpoint", "tcp"), call.pop("speed", "max")
+    made = _twins.build(request.node, call, line_speed=str(speed) != "max")
+    served, wrong = None, ""
+    try:
+        served = ServedTwin(made, endpoint, str(speed))
+    except ValueError as error:
+        wrong = str(error)
+    if served is None:  # outside of the `except`, which would make more than a line of it
+        _twins.forget(made)
+        _wrong(f"pytest.mark.twin: {wrong}")
+        return
+    yield served
+    try:
+        served.stop()
+    finally:
+        _twins.forget(made)
+
+
+@pytest.fixture
+def virtual_host(twin: Twin) -> Callable[..., HostRun]:
+    """virtual_host(["host.py", "--port", "COM4"], port="COM4"): an unmodified Python host drives the same twin.
+
+    In virtual time, by `isel_twin.bridge.virtual.virtual_host.run_host`. What it prints is captured as the test's.
+    """
+
+    def run(argv: Any, port: str | None = None, **options: Any) -> HostRun:
+        from isel_twin.bridge.virtual.virtual_host import run_host
+
+        twin.line_speed = True
+        if isinstance(argv, str | os.PathLike):
+            argv = [argv]
+        words = [os.fspath(word) for word in argv] if isinstance(argv, list | tuple) else argv
+        return run_host(twin, words, port, **options)
+
+    return run
+
+
+# What a failing test leaves
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Any:
+    report = yield
+    if report.failed and (kept := item.config.stash.get(_kept, None)) is not None:
+        funcargs = getattr(item, "funcargs", {})
+        text, recordings = kept.tell(item, funcargs.get("tmp_path"))
+        if text:
+            report.sections.append(("isel-twin", text))
+        item.user_properties += [("isel_twin_recording", str(path)) for path in recordings]  # for JUnit's XML
+    return report

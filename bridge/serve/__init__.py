@@ -1,0 +1,1 @@
+"""A twin behind ports, in real time."""

@@ -1,0 +1,70 @@
+"""Where hosts connect: pseudo terminals, TCP and RFC 2217, each as often as wanted; imported when it is wanted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from isel_twin.base.errors import CallError, call_errors
+
+if TYPE_CHECKING:
+    from isel_twin.bridge.serve.server import Endpoint
+
+__all__ = ["addresses", "open_endpoints", "ports"]
+
+
+def open_endpoints(
+    ptys: Sequence[str] | None, tcps: Sequence[str] | None, rfc2217s: Sequence[str] | None, stack: ExitStack
+) -> list[Endpoint]:
+    """Listen everywhere, so that a taken port is found before anything else. Raises CallError.
+
+    What one gets without a word is a pseudo terminal.
+    """
+    endpoints: list[Endpoint] = []
+    with call_errors():
+        for link in ptys or ([] if tcps or rfc2217s else [""]):
+            try:
+                from isel_twin.bridge.serve.pty import PtyEndpoint
+            except ImportError:  # Windows
+                raise CallError(
+                    "pty: this system has no pseudo terminals; name --tcp HOST:PORT or --rfc2217 HOST:PORT", option=True
+                ) from None
+
+            endpoints.append(PtyEndpoint(link or None))
+            stack.callback(endpoints[-1].close)
+        if tcps or rfc2217s:
+            from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
+            from isel_twin.bridge.serve.tcp import TcpEndpoint
+
+            for address in tcps or ():
+                endpoints.append(TcpEndpoint(address))
+                stack.callback(endpoints[-1].close)
+            for address in rfc2217s or ():
+                endpoints.append(TcpEndpoint(address, "rfc2217", Rfc2217Codec))
+                stack.callback(endpoints[-1].close)
+    return endpoints
+
+
+def ports(endpoints: Sequence[Endpoint]) -> list[dict[str, str]]:
+    """Each endpoint: kind and address, which is the link of a pseudo terminal if there is one; `device`: its device."""
+    found = []
+    for endpoint in endpoints:
+        link = getattr(endpoint, "link", None)
+        port = {"kind": endpoint.kind, "address": os.path.abspath(link) if link else endpoint.address}
+        found.append({**port, "device": endpoint.address} if link else port)
+    return found
+
+
+def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
+    """What a command prints: the first address of each kind under its name, and all `ports` if there are more.
+
+    pty: the link as it was given if there is one; `device`: what it leads to.
+    """
+    first: dict[str, Any] = {}
+    for endpoint in endpoints:
+        if endpoint.kind not in first:
+            link = getattr(endpoint, "link", None)
+            first |= {endpoint.kind: link, "device": endpoint.address} if link else {endpoint.kind: endpoint.address}
+    return {**first, "ports": ports(endpoints)} if len(first.keys() - {"device"}) < len(endpoints) else first

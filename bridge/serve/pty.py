@@ -1,0 +1,160 @@
+"""A pseudo terminal: a serial device that any program on this computer opens, /dev/pts/N, with a link to it if wanted.
+
+    host program --open--> LINK -> /dev/pts/N  <=kernel=>  master --> Server
+
+The slave side is kept open here too. So a host may close and reopen the device as often as it likes without the kernel
+hanging up, and what it sets (raw mode, no echo) is in force before it comes. A pseudo terminal has no bit times, but it
+keeps the speed and the stop bits that a host sets; data bits and parity it keeps at 8N (Linux, `pty_set_termios`), so
+they cannot be seen. At first it has the speed of the controller's line.
+
+A link left behind by a server that was killed is replaced, also if its /dev/pts/N exists: the number may belong to
+somebody else by now. A server claims its link (isel_twin.base.files), so it is known who lives and who was killed.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import selectors
+import struct
+import sys
+import termios
+import tty
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from isel_twin.base.files import Claim
+from isel_twin.bridge.serve.server import Line, Outbox, Watch
+
+__all__ = ["PtyEndpoint"]
+
+
+class PtyEndpoint:
+    """A pseudo terminal; `link`: path of a symbolic link to it, made here and removed by `close`.
+
+    Raises OSError if there is no pseudo terminal or the link's name is taken.
+    """
+
+    kind = "pty"
+    gathers = False  # a device hands on each byte as it comes
+    busy = False  # whether a program has the device open cannot be told, and does not matter
+
+    def __init__(self, link: str | None = None) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.address = os.ttyname(self._slave)
+        self.link = link
+        self._outbox = Outbox(lambda data: os.write(self._master, data))
+        self._listening = True
+        self._claim: Claim | None = None
+        if link is not None:
+            try:
+                self._claim = Claim(link)
+                self._make_link(Path(link), self._claim.abandoned)
+            except OSError:
+                self.link = None
+                self.close()
+                raise
+
+    def _make_link(self, link: Path, abandoned: bool) -> None:
+        """Link to the device. A link that a killed server has left, or that leads nowhere, is replaced."""
+        if link.is_symlink() and (abandoned or not link.exists()):
+            link.unlink()
+        elif os.path.lexists(link):
+            raise OSError(errno.EEXIST, "exists already; remove it or choose another name for the link", str(link))
+        link.symlink_to(self.address)
+
+    @property
+    def waiting(self) -> int:
+        return len(self._outbox)
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        return _settings(self._master)
+
+    def attach(self, line: Line) -> None:
+        self._line = line
+        _set_speed(self._slave, line.serial_format.baud)
+
+    def watches(self, listening: bool) -> Iterable[Watch]:
+        self._listening = listening
+        events = (selectors.EVENT_READ if listening else 0) | (selectors.EVENT_WRITE if self._outbox else 0)
+        return [Watch(self._master, events, self._ready)] if events else []
+
+    def _ready(self) -> None:
+        if self._outbox:
+            self._outbox.flush()
+        if not self._listening:
+            return
+        try:
+            data = os.read(self._master, 4096)
+        except BlockingIOError:
+            return
+        if data:
+            self._line.receive(self, data)
+
+    def send(self, data: bytes) -> None:
+        self._outbox.put(data)
+
+    def give_way(self) -> None:
+        """Nothing to do: no network client here."""
+
+    def close(self) -> None:
+        if self._master < 0:
+            return
+        if self.link is not None and os.path.islink(self.link) and os.readlink(self.link) == self.address:
+            os.unlink(self.link)
+        if self._claim is not None:
+            self._claim.release()
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = self._slave = -1
+
+
+_TCGETS2 = 0x802C542A
+"""Linux: the settings of a terminal with its speeds in bit/s (asm-generic/ioctls.h, struct termios2)."""
+_TCSETS2 = 0x402C542B
+_CBAUD, _BOTHER = 0o010017, 0o010000
+"""Linux: the bits of the speed among the control flags; there: it stands for itself."""
+_TERMIOS2 = struct.Struct("4I20B2I")
+_SPEEDS = {
+    int(getattr(termios, name)): int(name[1:]) for name in dir(termios) if name.startswith("B") and name[1:].isdigit()
+}
+"""Code of each speed that POSIX or this system names."""
+
+
+def _settings(file: int) -> dict[str, Any]:
+    """Speed and stop bits of a terminal as a host has set them; only what can be told."""
+    flags, speed = _flags_and_speed(file)
+    known = {"baudrate": speed} if speed else {}
+    return {**known, "stopbits": 2 if flags & termios.CSTOPB else 1}
+
+
+def _flags_and_speed(file: int) -> tuple[int, int]:
+    """Control flags, and the speed towards the host in bit/s; 0 if it has none or an unknown one."""
+    if sys.platform == "linux":  # any number can be a speed there
+        with suppress(OSError):
+            values = _TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size)))
+            return values[2], values[-1]
+    now = termios.tcgetattr(file)
+    return now[2], _SPEEDS.get(now[5], 0)
+
+
+def _set_speed(file: int, baud: int) -> None:
+    """Give a terminal its first speed; where any number can be one, any, else one of those with a name."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            values = list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))
+            values[2] = values[2] & ~_CBAUD | _BOTHER
+            values[-2:] = baud, baud
+            fcntl.ioctl(file, _TCSETS2, _TERMIOS2.pack(*values))
+            return
+    codes = {speed: code for code, speed in _SPEEDS.items()}
+    if baud in codes:
+        now = termios.tcgetattr(file)
+        now[4] = now[5] = codes[baud]
+        termios.tcsetattr(file, termios.TCSANOW, now)

@@ -1,0 +1,82 @@
+"""A served twin's recording, kept fresh on the disk: what is lost when the process is killed is the last moment only.
+
+    the twin records itself (recordings/recording.py) --> gathered in memory --> flush, FLUSH_S after the first of it
+
+The recording has what is done to the twin from the twin itself. What is done to its time (pause, speed, steps) the twin
+does not know, so it is written down here.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+
+from isel_twin.bridge.serve.server import Server, Watch
+from isel_twin.recordings.recording import FileRecording
+
+__all__ = ["FLUSH_S", "Freshness", "TimeTap"]
+
+FLUSH_S = 0.5
+"""Wall time for which what has been recorded stays in memory."""
+
+_TIME_KEYS = frozenset(("pause", "resume", "speed", "step"))
+
+
+class Freshness:
+    """A guest of the server that hands a recording to the operating system every FLUSH_S, if there is anything."""
+
+    def __init__(self, recording: FileRecording) -> None:
+        self._recording = recording
+        self._since_s: float | None = None
+
+    def attach(self, server: Server) -> None:
+        """See Guest."""
+
+    def watches(self) -> Iterable[Watch]:
+        """See Guest."""
+        return ()
+
+    def wait_s(self) -> float | None:
+        """See Guest."""
+        if self._since_s is None:
+            return None
+        return max(0.0, self._since_s + FLUSH_S - time.monotonic())
+
+    def look(self) -> None:
+        """See Guest."""
+        if not self._recording.unwritten or self._recording.writer.ended:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = time.monotonic()
+        elif time.monotonic() - self._since_s >= FLUSH_S:
+            self._recording.flush()
+            self._since_s = None
+
+    def close(self) -> None:
+        """See Guest."""
+        self._recording.flush()
+
+
+class TimeTap:
+    """A wire tap that writes down what is done to virtual time; bytes and the rest the twin tells by itself."""
+
+    def __init__(self, recording: FileRecording) -> None:
+        self._recording = recording
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """See WireTap."""
+
+    def look(self, time_ns: int) -> None:
+        """See WireTap."""
+
+    def act(self, time_ns: int, text: str) -> None:
+        """See WireTap."""
+        with suppress(ValueError):
+            request = json.loads(text)
+            if isinstance(request, dict) and _TIME_KEYS & request.keys():
+                self._recording.tell_time(text)
+
+    def close(self) -> None:
+        """See WireTap."""

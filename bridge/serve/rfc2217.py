@@ -1,0 +1,96 @@
+"""RFC 2217: a serial port over Telnet, for hosts that set baud rate and lines over the network.
+
+    serial.serial_for_url("rfc2217://127.0.0.1:PORT")
+
+The negotiation is pySerial's own `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set;
+what they mean for the bytes is the line's business (server.py, tap.py), as for those of a pseudo terminal.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import serial
+from serial.rfc2217 import PortManager
+
+from isel_twin.bridge.serve.tcp import ProtocolError
+from isel_twin.controller import SerialFormat
+
+__all__ = ["Rfc2217Codec"]
+
+SUBOPTION_BYTES = 256
+"""Longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes."""
+
+SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
+"""What a client may set and a serial port can be told."""
+
+DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS)
+
+
+@dataclass
+class LineSettings:
+    """The serial port as `PortManager` sees it: settings that a client may read and set."""
+
+    baudrate: int = 19_200
+    bytesize: int = serial.EIGHTBITS
+    parity: str = serial.PARITY_NONE
+    stopbits: float = serial.STOPBITS_ONE
+    xonxoff: bool = False
+    rtscts: bool = False
+    break_condition: bool = False
+    dtr: bool = True
+    rts: bool = True
+    cts: bool = True
+    dsr: bool = True
+    ri: bool = False
+    cd: bool = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What no port can be set to raises ValueError, which `PortManager` answers with what there was."""
+        if (name == "bytesize" and value not in DATA_BITS) or (name == "baudrate" and value <= 0):
+            raise ValueError(f"{name} {value}")
+        super().__setattr__(name, value)
+
+    def reset_input_buffer(self) -> None:
+        """A client purges what it has not read: nothing is kept back here."""
+
+    def reset_output_buffer(self) -> None:
+        """A client purges what it has written: that is on the line already."""
+
+
+class _Connection:
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self.write = send
+
+
+class Rfc2217Codec:
+    """Telnet with the com port option on one connection.
+
+    `send`: sends bytes to the client directly. `form`: of the controller's line, and so of the port until it is set.
+    """
+
+    def __init__(self, send: Callable[[bytes], None], form: SerialFormat = SerialFormat(19_200)) -> None:  # noqa: B008
+        self._port = LineSettings(form.baud, form.data_bits, form.parity, form.stop_bits)
+        self._manager = PortManager(self._port, _Connection(send))
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What the client has set: attributes of a pySerial port."""
+        return {name: value for name, value in asdict(self._port).items() if name in SETTINGS}
+
+    def decode(self, data: bytes) -> bytes:
+        """Bytes for the line; negotiation is answered on the way. Raises ProtocolError for malformed Telnet."""
+        try:
+            line = b"".join(self._manager.filter(data))
+        except (ValueError, KeyError, IndexError, TypeError, struct.error) as error:
+            raise ProtocolError(f"malformed RFC 2217 option: {error}") from error
+        if len(self._manager.suboption or b"") > SUBOPTION_BYTES:
+            raise ProtocolError("endless RFC 2217 option")
+        return line
+
+    def encode(self, data: bytes) -> bytes:
+        """Bytes for the connection: those that Telnet could misread are doubled."""
+        return b"".join(self._manager.escape(data))

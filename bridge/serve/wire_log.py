@@ -1,0 +1,161 @@
+"""`isel-twin serve --log wire`: each message on the line, with its time, direction and meaning.
+
+    isel-twin:    12.345678 s  host  @07                       set the axes, initialise: X Y Z
+    isel-twin:    12.346720 s  twin  0                         reply: done
+    isel-twin:    12.400000 s  ctl   {"set": {"estop": "pressed"}}
+
+Times are virtual, those at which a message was complete. What the bytes mean is said by the controller's language
+(`isel_twin.language.Language`, whose `messages` keeps a message that has only begun). Without one they are shown in
+hexadecimal, as they came, up to a silence of SILENCE_NS or to a byte from the other side.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, Protocol
+
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.bridge.serve.server import WireTap
+
+__all__ = ["Meaning", "MeaningMessage", "Taps", "WireLine", "WireLog", "print_line"]
+
+log = logging.getLogger("isel_twin.wire")
+
+SILENCE_NS = 20 * MILLISECOND_NS
+"""Virtual time after which bytes without a language are taken for complete."""
+
+LINE_BYTES = 32
+"""Bytes of a line in hexadecimal, at most."""
+
+
+class MeaningMessage(Protocol):
+    """A message, as far as it is printed."""
+
+    @property
+    def data(self) -> bytes: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def explanation(self) -> str: ...
+
+
+class Meaning(Protocol):
+    """What a wire log needs of a language; the instance must be its own, since it keeps what has been begun."""
+
+    def messages(self, data: bytes, sent: bool) -> Iterable[MeaningMessage]:
+        """Messages complete with these bytes of one direction."""
+
+    def rest(self, sent: bool) -> bytes:
+        """The message of one direction that has been begun and not ended."""
+
+
+class WireLine(NamedTuple):
+    """A message, or what somebody beside the host has done."""
+
+    time_s: float
+    """Virtual time."""
+    who: str
+    """`host`, or what the controller and others are called."""
+    text: str
+    meaning: str
+
+
+def print_line(line: WireLine) -> None:
+    """Into the log, as one line."""
+    text = f"{line.time_s:12.6f} s  {line.who:<4}  {line.text:<24}  {line.meaning}".rstrip()
+    log.info("%s", text, extra={"each": True})
+
+
+class Taps:
+    """Several who follow the traffic, as one: a `WireTap` of the server."""
+
+    def __init__(self, taps: Sequence[WireTap]) -> None:
+        self._taps = tuple(taps)
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.carry(time_ns, data, sent)
+
+    def look(self, time_ns: int) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.look(time_ns)
+
+    def act(self, time_ns: int, text: str) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.act(time_ns, text)
+
+    def close(self) -> None:
+        """See WireTap."""
+        for tap in self._taps:
+            tap.close()
+
+
+class WireLog:
+    """Follows the traffic; hand it to `Server` as `wire`. `language`: None for hexadecimal. `say` is told each line.
+
+    controller, others: what the controller and whoever is no host are called, in up to four letters.
+    """
+
+    def __init__(
+        self,
+        language: Meaning | None,
+        controller: str = "twin",
+        others: str = "ctl",
+        say: Callable[[WireLine], None] = print_line,
+    ) -> None:
+        self._controller = controller
+        self._others = others
+        self._language = language
+        self._say = say
+        self._begun = bytearray()
+        self._sent = True
+        self._time_ns = 0
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """Bytes of the host (`sent`) or for it, at time_ns."""
+        if self._language is not None:
+            for message in self._language.messages(data, sent):
+                self._print(time_ns, sent, message.text or _hex(message.data), message.explanation)
+            self._time_ns = time_ns
+            return
+        if sent is not self._sent or time_ns - self._time_ns > SILENCE_NS:
+            self._print_begun()
+        self._sent, self._time_ns = sent, time_ns
+        self._begun += data
+        while len(self._begun) >= LINE_BYTES:
+            self._print(time_ns, sent, _hex(self._begun[:LINE_BYTES]))
+            del self._begun[:LINE_BYTES]
+
+    def look(self, time_ns: int) -> None:
+        """Time has passed."""
+        if self._begun and time_ns - self._time_ns > SILENCE_NS:
+            self._print_begun()
+
+    def act(self, time_ns: int, text: str) -> None:
+        """See WireTap."""
+        self._print_begun()
+        self._say(WireLine(time_ns / SECOND_NS, self._others, text, ""))
+
+    def close(self) -> None:
+        """Print what has been begun and not ended."""
+        self._print_begun()
+        if self._language is not None:
+            for sent in (True, False):
+                if begun := self._language.rest(sent):
+                    self._print(self._time_ns, sent, _hex(begun), "not complete")
+
+    def _print_begun(self) -> None:
+        if self._begun:
+            self._print(self._time_ns, self._sent, _hex(self._begun))
+            self._begun.clear()
+
+    def _print(self, time_ns: int, sent: bool, text: str, explanation: str = "") -> None:
+        self._say(WireLine(time_ns / SECOND_NS, "host" if sent else self._controller, text, explanation))
+
+
+def _hex(data: bytes | bytearray) -> str:
+    return data.hex(" ")

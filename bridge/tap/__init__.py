@@ -1,0 +1,1 @@
+"""Between a real host and a real controller."""

@@ -1,0 +1,339 @@
+"""The port of a real controller, whatever it is reached by, read and written by two threads of its own.
+
+    /dev/ttyUSB0, COM3, /dev/pts/7       a serial device of this computer
+    rfc2217://host:port                  one behind RFC 2217 (pySerial speaks it)
+    tcp://host:port                      a terminal server's raw connection
+
+    controller --> reader thread --(stamped)--> take()             one queue each way, bounded:
+    controller <-- writer thread <------------- put(), set()       whoever is too fast has to wait
+
+A byte is stamped when the reader thread has it; so a loop that is busy, or a host that does not read, changes no time.
+Settings take their place among the bytes: what was put before them has left the computer when they change.
+
+A port that vanishes (an unplugged adapter, a connection that is closed) is tried again every RETRY_S, with the settings
+it had. What is put meanwhile goes nowhere, as on a cable that leads nowhere, and is counted.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple, Protocol
+
+import serial
+
+from isel_twin.bridge.serve.tcp import parse_address
+
+__all__ = ["HELD_BYTES", "Arrived", "RealPort", "open_port"]
+
+log = logging.getLogger("isel_twin")
+
+HELD_BYTES = 65_536
+"""Most bytes kept in one direction; beyond that the port is not read, and `full` says so for what is put."""
+
+PIECE_BYTES = 4096
+"""Read at once."""
+
+RETRY_S = 1.0
+LOOK_S = 0.5
+"""Longest a thread waits before it looks whether it has to end."""
+
+CONNECT_S = 5.0
+
+
+class Arrived(NamedTuple):
+    """What has come from the controller's side."""
+
+    time_ns: int
+    """Of time.perf_counter_ns."""
+    data: bytes
+    note: str = ""
+    """Instead of bytes: the port has gone, or is back."""
+
+
+class Port(Protocol):
+    """An open port: one thread reads, one writes. Every method raises OSError once the port has gone."""
+
+    def read(self) -> bytes:
+        """What has come; b"" if nothing did for LOOK_S."""
+
+    def write(self, data: bytes) -> None:
+        """Blocks until the operating system has taken all."""
+
+    def set(self, settings: Mapping[str, Any]) -> None:
+        """Change the line once what was written has left. What the port does not know is said in the log."""
+
+    def cancel(self) -> None:
+        """End a read or write that blocks in another thread. Raises nothing."""
+
+    def close(self) -> None:
+        """Let go of it; nobody is inside any more. Raises nothing."""
+
+
+class _TcpPort:
+    """A raw connection: no settings."""
+
+    def __init__(self, address: str) -> None:
+        self._socket = socket.create_connection(parse_address(address), CONNECT_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(None)
+
+    def read(self) -> bytes:
+        data = self._socket.recv(PIECE_BYTES)
+        if not data:
+            raise OSError("closed by the other side")
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._socket.sendall(data)
+
+    def set(self, settings: Mapping[str, Any]) -> None:
+        pass
+
+    def cancel(self) -> None:
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _SerialPort:
+    """A device, or whatever pySerial makes of a URL."""
+
+    def __init__(self, address: str, settings: Mapping[str, Any]) -> None:
+        with _os_errors():
+            self._port = serial.serial_for_url(address, do_not_open=True, timeout=LOOK_S)
+            if isinstance(self._port, serial.Serial):
+                self._port.exclusive = True  # what another program has open is not to be read by two
+            self.set(settings, flush=False)
+            self._port.open()
+        with suppress(Exception):  # Linux: or an FTDI adapter keeps bytes for 16 ms; not every device knows it
+            self._port.set_low_latency_mode(True)
+
+    def read(self) -> bytes:
+        with _os_errors():
+            data = self._port.read(1)
+            return data + self._port.read(min(self._port.in_waiting, PIECE_BYTES - 1)) if data else b""
+
+    def write(self, data: bytes) -> None:
+        with _os_errors():
+            self._port.write(data)
+
+    def set(self, settings: Mapping[str, Any], flush: bool = True) -> None:
+        with _os_errors():
+            if flush:
+                self._port.flush()
+        for name, value in settings.items():
+            try:
+                if getattr(self._port, name) != value:
+                    setattr(self._port, name, value)
+            except Exception as error:  # a pseudo terminal has no DTR, an adapter not every speed
+                log.warning("%s: %s cannot be set to %s: %s", self._port.port, name, value, error)
+
+    def cancel(self) -> None:
+        for name in ("cancel_read", "cancel_write"):
+            with suppress(Exception):
+                getattr(self._port, name)()
+
+    def close(self) -> None:
+        with suppress(Exception):
+            self._port.close()
+
+
+@contextmanager
+def _os_errors() -> Iterator[None]:
+    """Whatever pySerial raises for a port that has gone (termios.error, TypeError ...) becomes an OSError."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, _plain(error)) from error
+    except Exception as error:
+        raise OSError(str(error)) from error
+
+
+_PLAIN = {
+    "exclusively lock": "is in use by another program",
+    "returned no data": "it was unplugged, or its other end has closed",
+}
+"""What parts of pySerial's messages mean."""
+
+
+def _plain(error: OSError) -> str:
+    """What pySerial says without what it says twice: 'could not open port X: [Errno 2] Y: X' is Y."""
+    text = str(error)
+    if isinstance(error, serial.SerialException):
+        cause = re.search(r"\[Errno \d+\] ([^:\]]+)", text.removeprefix(f"[Errno {error.errno}] "))
+        for part, plain in _PLAIN.items():
+            if part in text:
+                return plain
+        return cause[1] if cause else text
+    return error.strerror or text
+
+
+def open_port(address: str, settings: Mapping[str, Any]) -> Port:
+    """The controller's port, see the module. Raises OSError if it cannot be had, ValueError for a bad address."""
+    if address.startswith("tcp://"):
+        return _TcpPort(address.removeprefix("tcp://"))
+    return _SerialPort(address, settings)
+
+
+class RealPort:
+    """The controller's port with its threads. `wake` is called whenever there is something to `take`.
+
+    Raises OSError if it cannot be opened, ValueError for a bad address.
+    """
+
+    def __init__(self, address: str, settings: Mapping[str, Any], wake: Callable[[], None]) -> None:
+        self.address = address
+        self._settings = dict(settings)
+        self._wake = wake
+        self._changed = threading.Condition()
+        self._arrived: deque[Arrived] = deque()
+        self._held = 0
+        self._outgoing: deque[bytes | Mapping[str, Any]] = deque()
+        self._waiting = 0
+        self._ending = False
+        self._writing = threading.Lock()
+        self._port: Port | None = open_port(address, self._settings)
+        self.nowhere = 0
+        """Bytes put while there was no port."""
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._read, self._write)]
+        for thread in self._threads:
+            thread.start()
+
+    # the loop's side
+
+    def take(self, most: int) -> list[Arrived]:
+        """What has come meanwhile: as many pieces as have up to `most` bytes together."""
+        taken = []
+        with self._changed:
+            while self._arrived and len(self._arrived[0].data) <= most:
+                piece = self._arrived.popleft()
+                most -= len(piece.data)
+                self._held -= len(piece.data)
+                taken.append(piece)
+            if taken:
+                self._changed.notify_all()
+        return taken
+
+    @property
+    def held(self) -> int:
+        """Bytes that have come and were not taken."""
+        return self._held
+
+    @property
+    def full(self) -> bool:
+        """Whether nothing should be put for a while: the line is slower than the host."""
+        return self._waiting >= HELD_BYTES
+
+    def put(self, data: bytes) -> None:
+        """Bytes for the controller."""
+        self._queue(data, len(data))
+
+    def set(self, settings: Mapping[str, Any]) -> None:
+        """Settings for the line, after what was put before them."""
+        self._queue(dict(settings), 0)
+
+    def _queue(self, item: bytes | Mapping[str, Any], size: int) -> None:
+        with self._changed:
+            self._outgoing.append(item)
+            self._waiting += size
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Send what was put, as far as the port takes it soon, and let go of it."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._waiting or self._port is None, LOOK_S)
+            self._ending = True
+            port = self._port
+            self._changed.notify_all()
+        if port is not None:
+            port.cancel()
+        for thread in self._threads:
+            thread.join(2 * LOOK_S)
+        if port is not None:
+            port.close()
+
+    # the threads
+
+    def _read(self) -> None:
+        while not self._ending:
+            port = self._port
+            if port is None:
+                self._again()
+                continue
+            try:
+                data = port.read()
+            except OSError as error:
+                if not self._ending:
+                    self._gone(port, error)
+                continue
+            if data:
+                self._hand_over(Arrived(time.perf_counter_ns(), data))
+
+    def _hand_over(self, piece: Arrived) -> None:
+        with self._changed:
+            self._arrived.append(piece)
+            self._held += len(piece.data)
+        self._wake()
+        if self._held >= HELD_BYTES:
+            with self._changed:
+                self._changed.wait_for(lambda: self._held < HELD_BYTES or self._ending)
+
+    def _gone(self, port: Port, error: OSError) -> None:
+        """Only the reader says so: it finds out by itself."""
+        with self._changed:
+            self._port = None
+            self._changed.notify_all()
+        port.cancel()
+        out = self._writing.acquire(timeout=2 * LOOK_S)  # closed under the writer, its number could be another file's
+        port.close()
+        if out:
+            self._writing.release()
+        self._hand_over(Arrived(time.perf_counter_ns(), b"", f"has gone: {error.strerror or error}"))
+
+    def _again(self) -> None:
+        with self._changed:
+            if self._changed.wait_for(lambda: self._ending, RETRY_S):
+                return
+        try:
+            port = open_port(self.address, self._settings)
+        except (OSError, ValueError):
+            return  # still away
+        with self._changed:
+            self._port = port
+        self._hand_over(Arrived(time.perf_counter_ns(), b"", "is back"))
+
+    def _write(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._outgoing or self._ending)
+                if not self._outgoing:
+                    return
+                item = self._outgoing.popleft()
+                port = self._port
+            if not isinstance(item, bytes):
+                self._settings.update(item)
+            try:
+                with self._writing:
+                    if port is None or port is not self._port:
+                        raise OSError("no port")
+                    if isinstance(item, bytes):
+                        port.write(item)
+                    else:
+                        port.set(item)
+            except OSError:
+                self.nowhere += len(item) if isinstance(item, bytes) else 0
+            if isinstance(item, bytes):
+                with self._changed:
+                    full, self._waiting = self.full, self._waiting - len(item)
+                    self._changed.notify_all()
+                if full and not self.full:
+                    self._wake()

@@ -1,0 +1,532 @@
+"""Virtual time for a host program in this process: its threads served in turn, its waits those of the twin's clock.
+
+    thread of the host        blocks: sleep, Lock.acquire, Serial.read ...   --.
+                                                                               v
+    is another thread able to go on?   yes: it is its turn     no: the twin runs on to the earliest deadline of
+                                                                   any thread, or to the byte that one waits for
+
+One thread of the host runs at a time. It hands over where it blocks or looks, nowhere else; whose turn it is then is
+decided by deadlines and by the order of waiting. So the same program makes the same calls at the same virtual times.
+
+What costs time: waiting does, computing does not. A look (at a clock, at the port, at something that another thread
+may change) that does not wait costs
+
+    min(max(LOOK_NS, spun / SPIN), LONGEST_LOOK_NS)
+
+where `spun` is what the looks of this thread have cost since it last waited, so that a loop that spins for a time T
+ends after about SPIN (1 + ln(T / 10 ms)) looks, up to 100 s of T, and one more for each 10 ms beyond; it has its time
+to one part in SPIN = 10000. A host that computes and looks at the clock now and then does not notice.
+
+All of this concerns the threads of the host only: those that stand in a `Turns` and those that they start. Other
+threads of the process (a test runner's) and the twin itself, whoever's thread it runs in, see the real functions.
+"""
+
+from __future__ import annotations
+
+import _thread
+import os
+import signal
+import sys
+import threading
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+import isel_twin
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+__all__ = ["LIBRARIES", "Ending", "HostEnded", "Turns", "Wire", "here", "host_line"]
+
+LOOK_NS = 1_000
+"""Virtual time of a look that does not wait: 1 us."""
+LONGEST_LOOK_NS = 10 * MILLISECOND_NS
+"""And of one in a long row of them: 10 ms."""
+SPIN = 10_000
+"""Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
+and threads that cost nothing."""
+
+EPOCH_NS = 1_767_225_600 * SECOND_NS
+"""`time.time_ns()` when the twin is switched on: 2026-01-01 00:00 UTC, so that it is the same every time."""
+UPTIME_NS = 1000 * SECOND_NS
+"""`time.monotonic_ns()` then: hosts may take 0 for "never"."""
+
+STRETCH_NS = SECOND_NS
+"""Virtual time between two looks whether bytes can still come, if nobody waits for a time."""
+PATIENCE_NS = 3600 * SECOND_NS
+"""Virtual time for which a controller may be idle before nothing is expected of it any more (as in `twin://`)."""
+
+STRIKES = 3
+"""Times a thread may go on after it was told that the host has ended."""
+GRACE_S = 2.0
+"""Real time for a thread to come to its end."""
+
+LIBRARIES = tuple(
+    folder.rstrip(os.sep) + os.sep
+    for folder in (
+        os.path.dirname(os.__file__),
+        os.path.dirname(os.path.abspath(__file__)),
+        os.path.dirname(os.path.abspath(isel_twin.__file__)),
+        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
+    )
+)
+"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
+
+_get_ident = _thread.get_ident
+
+
+class HostEnded(SystemExit):
+    """Raised in all threads of a host that cannot go on. As a SystemExit, so that nothing is printed for it."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Why a host was ended from outside."""
+
+    kind: str
+    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
+    reason: str
+    """One line for people."""
+
+
+class Wire(Protocol):
+    """Somebody who hears the line, see isel_twin.bridge.serve.wire_log."""
+
+    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
+        """Bytes of the host (`sent`) or for it, at time_ns."""
+
+
+def host_line(frame: FrameType | None) -> str:
+    """File and line of the innermost call in a stack that is in no library; empty if there is none."""
+    while frame is not None:
+        name = frame.f_code.co_filename
+        if not name.startswith((*LIBRARIES, "<frozen")):
+            return f"{os.path.basename(name)}:{frame.f_lineno}"
+        frame = frame.f_back
+    return ""
+
+
+class Task:
+    """A thread of the host."""
+
+    def __init__(self, name: str, *, daemon: bool, ident: int | None = None) -> None:
+        self.name = name
+        self.daemon = daemon
+        self.ident = ident
+        self.turn = _thread.allocate_lock()
+        """Released by whoever hands over to this thread, which waits for it."""
+        self.turn.acquire()
+        self.ready: Callable[[], bool] | None = None
+        """What it waits for; None: for its time only."""
+        self.deadline_ns: int | None = None
+        self.why = "start"
+        self.hears = False
+        """It waits for bytes."""
+        self.spun_ns = 0
+        self.free_looks = 0
+        self.strikes = 0
+        self.ended = False
+
+
+class Turns:
+    """While this context is open, the thread in it and those it starts take turns in the virtual time of a twin.
+
+    What makes them see it, the names that are replaced, is the business of `VirtualTime` (virtual_time.py), which
+    says what the arguments are. One at a time in a process: RuntimeError otherwise. When it is left, threads that are
+    still there are ended: `HostEnded` is raised in them where they wait.
+    """
+
+    ports: Any
+    """`isel_twin.bridge.virtual.virtual_serial.Ports`."""
+
+    def __init__(
+        self,
+        twin: Twin,
+        *,
+        wire: Wire | None = None,
+        limit_s: float | None = None,
+    ) -> None:
+        self.twin = twin
+        self._lead_ns = 0
+        """Time that looks have taken and the twin has not been given yet."""
+        self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
+        """What the host has given to `atexit.register`."""
+        self.handlers: dict[int, Any] = {}
+        """What was there of signal handlers that were replaced, by number of the signal."""
+        self.inbox = bytearray()
+        """Bytes that have arrived and not been read."""
+        self.ending: Ending | None = None
+        """Set when the host cannot go on."""
+        self.broken: BaseException | None = None
+        """An error in the twin itself, which is nobody's fault here."""
+        self.left: list[str] = []
+        """Threads that would not end."""
+        self._wire = wire
+        self._limit_s = limit_s
+        self._limit_ns = self.deadline(limit_s)
+        self.give_up: Callable[[], object] | None = None
+        """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
+        self._main = self._running = Task("MainThread", daemon=False)
+        self._waiting: deque[Task] = deque()
+        self._tasks: weakref.WeakKeyDictionary[threading.Thread, Task] = weakref.WeakKeyDictionary()
+        self._inside = False
+        self._exempt = False
+        self._busy_ns = 0
+        self._signals: list[tuple[Callable[[int, FrameType | None], Any], int, FrameType | None]] = []
+        self._undo: Callable[[], None] | None = None
+
+    def __enter__(self) -> Self:
+        global _active
+        if _active is not None:
+            raise RuntimeError("there is a host in virtual time in this process already; one at a time")
+        self._main.ident = _get_ident()
+        self._main.name = threading.current_thread().name
+        self._busy_ns = self.twin.time_ns
+        put_back = self._replace()
+        restore_signals = self._defer_signals()
+
+        def undo() -> None:
+            put_back()
+            restore_signals()
+
+        self._undo = undo
+        _active = self
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        global _active
+        try:
+            self._catch_up()
+            self.end_threads()
+        finally:
+            _active = None
+            if self._undo is not None:
+                self._undo()
+
+    def _replace(self) -> Callable[[], None]:
+        """Put stand-ins in the place of what is real; returns what puts it back."""
+        raise NotImplementedError
+
+    # What the host sees of time
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time since the twin was switched on."""
+        return self.twin.time_ns + self._lead_ns
+
+    def deadline(self, seconds: float | None) -> int | None:
+        """Virtual time of an event so many seconds from now; None stays None."""
+        return None if seconds is None else self.now_ns + max(0, round(min(seconds, 1e9) * SECOND_NS))
+
+    def look(self) -> None:
+        """A look that does not wait: takes a moment, in which others may have their turn."""
+        task = self._running
+        cost = min(max(LOOK_NS, task.spun_ns // SPIN), LONGEST_LOOK_NS)
+        spun_ns = task.spun_ns + cost
+        if self._waiting:
+            self.wait(None, self.now_ns + cost, "look")
+        else:
+            self._check(task)
+            self._lead_ns += cost
+        task.spun_ns = spun_ns
+
+    def free_look(self) -> None:
+        """A look that costs nothing, unless there are very many in a row."""
+        task = self._running
+        task.free_looks += 1
+        if task.free_looks > SPIN:
+            self.look()
+            task.free_looks = SPIN
+
+    def wait(self, ready: Callable[[], bool] | None, deadline_ns: int | None, why: str, *, hears: bool = False) -> bool:
+        """Block the calling thread of the host until `ready` or the deadline; return whether it is ready.
+
+        hears: a byte of the twin may make it so. Raises HostEnded, and whatever the host's signal handlers raise.
+        """
+        task = self._running
+        while True:
+            self._check(task)
+            self._inside = True
+            self._catch_up()
+            self._busy_ns = self.twin.time_ns
+            task.ready, task.deadline_ns, task.why, task.hears = ready, deadline_ns, why, hears
+            task.spun_ns = task.free_looks = 0
+            self._waiting.append(task)
+            chosen = self._choose()
+            if chosen is not task:
+                self._hand_over(chosen)
+                task.turn.acquire()
+            self._inside = False
+            self._check(task)
+            if task is self._main and self._signals:
+                self._deliver()
+            if ready is not None and ready():
+                return True
+            if deadline_ns is not None and self.now_ns >= deadline_ns:
+                return False
+            # else a signal was handled, and the wait goes on
+
+    def end(self, kind: str, reason: str) -> None:
+        """The host cannot go on: HostEnded is raised in all its threads, the calling one at its next wait."""
+        if self.ending is None:
+            self.ending = Ending(kind, reason)
+
+    # Threads
+
+    def spawn(self, function: Callable[..., object]) -> Task:
+        """A task for a new thread of the host, last in the row. `body(task, ...)` is what the thread has to run."""
+        thread = getattr(function, "__self__", None)
+        if isinstance(thread, threading.Thread):
+            task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
+            self._listen(thread)
+        else:
+            task = Task("a thread", daemon=True)
+        self._waiting.append(task)
+        task.deadline_ns = self.now_ns
+        return task
+
+    def _listen(self, thread: threading.Thread) -> None:
+        """Let nothing be printed of HostEnded in a thread; an exception that nobody has caught is noted, too."""
+        told = getattr(thread, "_invoke_excepthook", None)
+
+        def tell(thread: threading.Thread) -> None:
+            error = sys.exc_info()[1]
+            if not isinstance(error, SystemExit):
+                self.ports.notes.append(f"the thread {thread.name} has ended with {type(error).__name__}: {error}")
+            if told is not None and not isinstance(error, HostEnded):
+                told(thread)
+
+        thread._invoke_excepthook = tell  # type: ignore[attr-defined]
+
+    def body(
+        self, task: Task, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
+    ) -> None:
+        """What the thread of a task does: its turn awaited, the function, and the turn handed on."""
+        task.ident = _get_ident()
+        task.turn.acquire()
+        self._inside = False
+        try:
+            if self.ending is None:
+                function(*args, **kwargs)
+        except HostEnded:
+            pass
+        finally:
+            self._inside = True
+            task.ended = True
+            self._hand_over(self._main if self._exempt else self._choose())
+
+    def task_of(self, thread: threading.Thread) -> Task | None:
+        """The task of a thread that the host has started; None for others."""
+        return self._tasks.get(thread)
+
+    def wait_for_threads(self) -> None:
+        """Wait until the threads that are no daemons have ended, as an interpreter does at its end."""
+        self.wait(
+            lambda: all(task.daemon or task is self._main for task in self._waiting), None, "the end of its threads"
+        )
+
+    def end_threads(self) -> None:
+        """End all threads but the calling one, the main one; those that will not go are left where they are."""
+        self.end("over", "the host is over")
+        self._exempt = True
+        while self._waiting:
+            task = self._waiting.popleft()
+            self._hand_over(task)
+            if not self._main.turn.acquire(timeout=GRACE_S):
+                task.strikes = STRIKES  # it computes, or waits in real time
+                self._running = self._main
+            self._inside = False
+            if not task.ended:
+                self._leave(task)
+
+    def _leave(self, task: Task) -> None:
+        """Let the process end without a thread that will not."""
+        self.left.append(task.name)
+        for thread, its in self._tasks.items():
+            if its is task:
+                getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
+
+    def places(self) -> str:
+        """What each thread waits for and where in the host's code, for the line about a deadlock."""
+        frames = sys._current_frames()
+        told = []
+        for task in sorted(self._waiting, key=lambda task: (task is not self._main, task.name)):
+            where = host_line(frames.get(task.ident or 0))
+            told.append(f"{task.name} in {task.why}{f' ({where})' if where else ''}")
+        return ", ".join(told)
+
+    # Signals
+
+    def deferred(self, handler: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+        """A signal handler that runs `handler` at once, or when the main thread next leaves the clock."""
+
+        def heard(number: int, frame: FrameType | None) -> None:
+            if _active is self and (self._inside or self._running.ident != _get_ident()):
+                self._signals.append((handler, number, frame))
+            else:
+                handler(number, frame)
+
+        heard.__wrapped__ = handler  # type: ignore[attr-defined]
+        return heard
+
+    def _defer_signals(self) -> Callable[[], None]:
+        """Let no handler that is there interrupt the twin in the middle of something; return what undoes it."""
+        if threading.current_thread() is not threading.main_thread():
+            return lambda: None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            handler = signal.getsignal(number)
+            if callable(handler):
+                self.handlers[number] = signal.signal(number, self.deferred(handler))
+
+        def restore() -> None:
+            for number, handler in self.handlers.items():
+                if handler is not None:  # one of C's making, which could not be put back
+                    signal.signal(number, handler)
+
+        return restore
+
+    def _deliver(self) -> None:
+        while self._signals:
+            handler, number, frame = self._signals.pop(0)
+            handler(number, frame)
+
+    # The row
+
+    def _check(self, task: Task) -> None:
+        """Raise HostEnded if the host has."""
+        if self._limit_ns is not None and self.now_ns >= self._limit_ns:
+            self._end_late()
+        if self.ending is None or (self._exempt and task is self._main):
+            return
+        if task is not self._main and task.strikes >= STRIKES:
+            if not self._exempt:
+                self._leave(task)
+                self._inside = True
+                self._hand_over(self._choose())
+            else:
+                self._hand_over(self._main)
+            task.turn.acquire()  # for ever: it will not go
+        if task is self._main and task.strikes >= STRIKES**4 and self.give_up is not None:
+            self.give_up()
+        task.strikes += 1
+        raise HostEnded(1)
+
+    def _end_late(self) -> None:
+        self.end("timeout", f"the host has not ended within {self._limit_s:g} s of virtual time")
+
+    def _catch_up(self) -> None:
+        """Let the twin have the time that looks have taken; it is not asked to for each of them."""
+        end_ns = self.now_ns
+        while self.twin.time_ns < end_ns and not self._signals and self.ending is None:
+            self._run_until(end_ns, self._wire is not None)
+            self._fetch()
+        self._lead_ns = max(0, end_ns - self.twin.time_ns)
+
+    def _run_until(self, until_ns: int, hears: bool) -> None:
+        """Let time pass, with `hears` to the next byte for the host at most, and to the next signal."""
+        twin = self.twin
+        try:
+            twin.run_until(until_ns, lambda: bool(self._signals) or (hears and twin.reply_waiting))
+        except Exception as error:  # the twin has broken: everybody ends, and whoever runs the host is told
+            self.broken = error
+            self.end("broken", "the twin has broken")
+
+    def _hand_over(self, task: Task) -> None:
+        self._running = task
+        task.turn.release()
+
+    def _choose(self) -> Task:
+        """Take the task whose turn it is out of the row; let time pass until there is one."""
+        while True:
+            self._fetch()
+            if (task := self._runnable()) is not None:
+                self._waiting.remove(task)
+                return task
+            self._advance()
+
+    def _runnable(self) -> Task | None:
+        if self._main.ended:
+            raise AssertionError("the main thread has ended")
+        if self.ending is not None:
+            return next((task for task in self._waiting if task is self._main), self._waiting[0])
+        now_ns = self.now_ns
+        best, best_ns = None, 0
+        for task in self._waiting:
+            if task is self._main and self._signals:
+                return task
+            if task.ready is not None and task.ready():
+                since_ns = now_ns
+            elif task.deadline_ns is not None and task.deadline_ns <= now_ns:
+                since_ns = task.deadline_ns
+            else:
+                continue
+            if best is None or since_ns < best_ns:
+                best, best_ns = task, since_ns
+        return best
+
+    def _advance(self) -> None:
+        """Let time pass to the earliest deadline, or until a byte or a signal comes; end the host if there is none."""
+        twin = self.twin
+        until_ns = min((task.deadline_ns for task in self._waiting if task.deadline_ns is not None), default=None)
+        hears = any(task.hears for task in self._waiting)
+        if until_ns is None:
+            if not twin.idle:
+                self._busy_ns = twin.time_ns
+            if not hears or twin.next_event_ns is None or twin.time_ns - self._busy_ns >= PATIENCE_NS:
+                self.end("deadlock", f"all threads wait for what cannot come: {self.places()}")
+                return
+            until_ns = twin.time_ns + STRETCH_NS
+        if self._limit_ns is not None:
+            if twin.time_ns >= self._limit_ns:
+                self._end_late()
+                return
+            until_ns = min(until_ns, self._limit_ns)
+        self._run_until(until_ns, hears or self._wire is not None)
+
+    def _fetch(self) -> None:
+        if self.twin.reply_waiting:
+            data = self.twin.read()
+            self.inbox += data
+            self._busy_ns = self.twin.time_ns
+            if self._wire is not None:
+                self._wire.carry(self.twin.time_ns, data, False)
+
+    # The line
+
+    def fetch(self) -> bytearray:
+        """Bytes that have arrived by now and not been read; who reads takes them out."""
+        self._inside = True
+        try:
+            self._catch_up()
+            self._fetch()
+        finally:
+            self._inside = False
+        return self.inbox
+
+    def send(self, data: bytes) -> None:
+        """The host writes bytes now."""
+        self._inside = True
+        try:
+            self._catch_up()
+            self.twin.write(data)
+            self._busy_ns = self.twin.time_ns
+            if self._wire is not None:
+                self._wire.carry(self.twin.time_ns, data, True)
+        finally:
+            self._inside = False
+
+
+_active: Turns | None = None
+
+
+def here() -> Turns | None:
+    """The virtual time that the calling thread lives in; None for the real one."""
+    active = _active
+    if active is None or active._inside or active._running.ident != _get_ident():
+        return None
+    return active

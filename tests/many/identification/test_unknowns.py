@@ -1,0 +1,115 @@
+"""Named parameters: the keys they stand for, their priors, and the machines made of them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from isel_twin.machine import MachineError, load_machine
+from isel_twin.many.identification.unknowns import candidate, changes, default_names, parse_prior, unknown
+
+MACHINE = load_machine("4030")
+
+
+def test_a_factor_moves_all_that_brakes_an_axis() -> None:
+    friction = unknown(MACHINE, "friction.x")
+    x, y, _ = candidate(MACHINE, [friction], [2.0]).axes
+    was = MACHINE.axes[0]
+    assert x.guide_friction_n == 2.0 * was.guide_friction_n
+    assert x.screw.coulomb_nm == 2.0 * was.screw.coulomb_nm
+    assert x.screw.viscous_nm_s_per_rad == 2.0 * was.screw.viscous_nm_s_per_rad
+    assert y == MACHINE.axes[1]
+
+
+def test_what_a_gauge_at_the_tool_sees_in_series_has_one_factor() -> None:
+    stiff = unknown(MACHINE, "stiffness.x")
+    assert stiff.keys == ("axes.x.stiffness", "structure.flex_x.stiffness")
+    soft = candidate(MACHINE, [stiff], [0.7])
+    flex = next(mode for mode in soft.structure if mode.joint == "flex_x")
+    assert flex.stiffness_n_per_m == pytest.approx(0.7 * 5e6)
+    assert soft.axes[0].screw.stiffness_n_per_m == pytest.approx(0.7 * 30e6)
+
+
+def test_a_model_has_no_luck() -> None:
+    assert not candidate(MACHINE, [], []).imperfections.repeatability
+
+
+def test_the_prior_range_follows_from_the_grade() -> None:
+    backlash = unknown(MACHINE, "backlash.x")  # an estimate: half to twice
+    assert (backlash.low, backlash.prior, backlash.high) == pytest.approx((0.01, 0.02, 0.04))
+    current = unknown(MACHINE, "axes.x.stage.current")  # from a data sheet: a fifth
+    assert current.high / current.prior == pytest.approx(1.2)
+    assert current.source.startswith("datasheet: ")
+
+
+def test_a_range_that_is_said_goes_before() -> None:
+    item = unknown(MACHINE, "backlash.x", (0.004, 0.016))
+    assert (item.low, item.high) == (0.004, 0.016)
+    assert item.prior == pytest.approx(0.008)  # the file's 0.02 lies outside: the middle, on a scale of ratios
+
+
+def test_values_and_standard_deviations() -> None:
+    backlash = unknown(MACHINE, "backlash.x")
+    assert backlash.deviation == pytest.approx(math.log(4.0) / 4.0)
+    assert backlash.value(2.0) == pytest.approx(0.04)
+    assert backlash.at(backlash.value(-1.3)) == pytest.approx(-1.3)
+    switch = unknown(MACHINE, "switch.limit_x2")
+    assert (switch.prior, switch.value(2.0)) == (395.0, 397.0)
+    moved = candidate(MACHINE, [switch], [394.2])
+    assert next(contact.position_mm for contact in moved.switches if contact.name == "limit_x2") == 394.2
+
+
+def test_an_imperfection_that_is_looked_for_is_on() -> None:
+    lead = unknown(MACHINE, "lead.x")
+    found = candidate(MACHINE, [lead], [0.05])
+    assert found.imperfections.lead_error
+    assert found.axes[0].screw.lead_error == pytest.approx(5e-4)
+    assert lead.prior == 0.0  # it is off in the file, whatever number stands there
+
+
+def test_settings_of_a_controller_are_whole_where_the_file_has_whole_numbers() -> None:
+    ramp = unknown(MACHINE, "controller.acceleration_hz_per_ms", (50.0, 200.0))
+    assert ramp.prior == pytest.approx(100.0)
+    assert changes(MACHINE, [ramp], [81.4]) == {"controller.acceleration_hz_per_ms": 81}
+    assert candidate(MACHINE, [ramp], [81.4]).controller["acceleration_hz_per_ms"] == 81
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("fricton.x", "did you mean 'friction.x'"),
+        ("axes.x.backlas", "did you mean 'axes.x.backlash'"),
+        ("axes.x.motor", "which is no number"),
+        ("payload.mass", "say a range: --prior payload.mass=LOW..HIGH"),
+    ],
+)
+def test_a_wrong_name_is_refused_in_one_line(name: str, said: str) -> None:
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as told:
+        unknown(MACHINE, name)
+    assert said in str(told.value)
+
+
+def test_a_value_out_of_its_limits_is_refused() -> None:
+    with pytest.raises(MachineError, match=r"axes\.x\.backlash"):
+        candidate(MACHINE, [unknown(MACHINE, "backlash.x")], [5.0])
+
+
+def test_priors_as_they_are_written() -> None:
+    assert parse_prior("backlash.x = 0.005 .. 0.08") == ("backlash.x", 0.005, 0.08)
+    for text in ("backlash.x", "backlash.x=1", "backlash.x=2..1", "=1..2", "a=1..nan"):
+        with pytest.raises(ValueError, match="LOW"):
+            parse_prior(text)
+
+
+def test_what_is_fitted_if_nobody_says() -> None:
+    assert default_names(["x"], MACHINE) == ["friction.x", "backlash.x", "stiffness.x", "supply", "mass"]
+
+
+def test_a_machine_with_servo_drives_has_no_supply_of_stages_to_be_fitted() -> None:
+    servo = load_machine("4030-servo")
+    for name in default_names(["x", "z"], servo):
+        assert unknown(servo, name).name == name
+    with pytest.raises(ValueError, match="fit 'supply': no such parameter") as caught:
+        unknown(servo, "supply")
+    assert "did you mean 'supply'" not in str(caught.value)

@@ -1,0 +1,93 @@
+"""Workers that die: every row exactly once, on a dask cluster and on processes of this computer."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from isel_twin.cli import main
+from tests.many.studies.conftest import COMMAND
+
+ROWS = 24
+PLAN = """
+[sweep]
+job = "job.txt"
+plant = "kinematic"
+start_mm = [2, 2, 2]
+seeds = 4
+
+[job]
+speed = { low = 1000, high = 9000, steps = 6 }
+ramp = [100]
+"""
+
+
+@pytest.fixture
+def dask() -> Iterator[tuple[str, list[int]]]:
+    """Address of a scheduler with two workers, and the process ids of these."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+    ) as cluster:
+        yield cluster.scheduler_address, [worker.pid for worker in cluster.workers.values()]
+
+
+def expected(plan: Path, file: Path) -> bytes:
+    """The table that one process makes."""
+    with pytest.raises(SystemExit) as caught:
+        main(["sweep", str(plan), "--out", str(file), "--workers", "1"])
+    assert caught.value.code == 0
+    return file.read_bytes()
+
+
+def rows_while(process: subprocess.Popen[str], after: int, kill: list[int]) -> list[int]:
+    """Numbers of the rows as they are told; so many have come, the first of these processes is killed."""
+    assert process.stdout is not None
+    rows: list[int] = []
+    for line in process.stdout:
+        row = json.loads(line)
+        if "summary" not in row:
+            rows.append(row["row"])
+        if len(rows) == after and kill:
+            os.kill(kill.pop(0), signal.SIGKILL)
+    return rows
+
+
+@pytest.mark.slow
+def test_a_cluster_of_two_of_which_one_is_killed(dask: tuple[str, list[int]], plans: Path) -> None:
+    address, pids = dask
+    plan = plans / "many.toml"
+    plan.write_text(PLAN, encoding="utf-8")
+    command = [*COMMAND, str(plan), "--cluster", address, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        rows = rows_while(process, ROWS // 2, pids)
+        assert process.wait(60) == 0
+    assert len(pids) == 1, "one was killed, half-way"
+    assert sorted(rows) == list(range(1, ROWS + 1)), "every row exactly once"
+    assert (plans / "many.parquet").read_bytes() == expected(plan, plans / "here.parquet")
+
+
+def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:
+    plan = plans / "many.toml"
+    plan.write_text(PLAN.replace("seeds = 4", "seeds = 2"), encoding="utf-8")
+    command = [*COMMAND, str(plan), "--workers", "2", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        rows = [json.loads(process.stdout.readline())["row"]]
+        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+        rows += rows_while(process, 0, [])
+        assert process.wait(60) == 0
+    assert sorted(rows) == list(range(1, ROWS // 2 + 1)), "every row exactly once"
+
+
+def workers_of(pid: int) -> list[int]:
+    """Process ids of the children of a process that are workers of a pool."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]

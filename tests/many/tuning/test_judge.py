@@ -1,0 +1,115 @@
+"""A setting judged: a safe one, a brave one and what lies between rank as they should, on the same machines."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from isel_twin.many.tuning import Judgement, confirm
+from isel_twin.many.tuning.judge import Weather, judged, make
+from isel_twin.many.tuning.result import Held, Tried, front, tuned
+
+from .small import BRAVE, SAFE, problem
+
+QUICK = {"speed_hz": 21_000, "acceleration_hz_per_ms": 500, "start_stop_hz": 400}
+
+
+def test_safe_quick_and_brave() -> None:
+    asked = problem(repetitions=2)
+    weather = Weather.of(asked)
+    stands, safe, quick, brave = (
+        judged(candidate, weather, range(3))
+        for candidate in (asked.as_it_stands(), *map(asked.candidate, (SAFE, QUICK, BRAVE)))
+    )
+    assert stands is not None
+    assert safe is not None
+    assert quick is not None
+    assert brave is not None
+    assert safe.time_s > stands.time_s > quick.time_s
+    assert (safe.good, stands.good, quick.good, brave.good) == (True, True, True, False)
+    assert safe.margin > quick.margin > brave.margin == 0.0
+    assert (quick.repetitions, brave.repetitions) == (3, 1), "what is lost stays lost"
+    assert brave.slipped
+    assert [len(each.moves) for each in (stands, quick, brave)] == [3, 3, 1], "the move to blame is the last"
+    assert sum(time_s for time_s, _ in stands.moves) == pytest.approx(stands.time_s)
+    assert brave.why.startswith("line 7: X has lost ")
+
+
+def test_the_time_is_that_of_the_trapezoids() -> None:
+    """From the first move on, without the reference run: v = 9 kHz, a = 100 Hz/ms, f0 = 300 Hz; the feed has a ramp,
+    too. A ramp takes (v - f0) / a and (v^2 - f0^2) / 2 a steps; the pulses of a tick more or less."""
+    asked = problem()
+    made = make(asked.as_it_stands(), Weather.of(asked), 0)
+    assert made is not None
+
+    def way_s(steps: int, v: float) -> float:
+        a, f0 = 100e3, 300.0
+        return 2 * (v - f0) / a + (steps - (v * v - f0 * f0) / a) / v
+
+    assert made.time_s == pytest.approx(way_s(9600, 9000.0) + way_s(320, 1000.0) + way_s(9920, 9000.0), rel=0.005)
+
+
+def test_repetitions_are_the_same_for_all_settings_and_differ_from_each_other() -> None:
+    asked = problem()
+    weather = Weather.of(asked)
+    candidate = asked.as_it_stands()
+    first, again, second = (make(candidate, weather, number) for number in (1, 1, 2))
+    assert first == again
+    assert first is not None
+    assert second is not None
+    assert first.margin != second.margin
+
+
+def test_what_is_stopped_is_nothing() -> None:
+    asked = problem()
+    assert judged(asked.as_it_stands(), Weather.of(asked), range(2), stop=lambda: True) is None
+    assert confirm(asked, asked.as_it_stands(), 2, stop=lambda: True) is None
+
+
+def test_a_job_that_is_refused_is_told_with_its_line() -> None:
+    from isel_twin.many.tuning import Problem
+
+    asked = Problem("@07\n@0M100,9000,0,30,0,30,0,30\n", repetitions=0)
+    found = judged(asked.as_it_stands(), Weather.of(asked), range(1))
+    assert found is not None
+    assert (found.why, found.slipped) == ("line 2: @0M100,9000,0,30,0,30,0,30 (line 2): R", False)
+
+
+def test_confirmed_is_what_holds_on_machines_that_no_trial_has_seen() -> None:
+    asked = problem()
+    seen: list[int] = []
+    held = confirm(asked, asked.candidate(QUICK), 3, told=lambda each: seen.append(each.number))
+    assert held is not None
+    assert seen == [2, 3, 4], "0 and 1 belong to the trials"
+    assert (held.good, held.made, held.lost) == (True, 3, 0)
+    with ThreadPoolExecutor(2) as executor:
+        assert confirm(asked, asked.candidate(QUICK), 3, executor=executor) == held
+    assert (
+        confirm(asked, asked.candidate(QUICK), 3, told=lambda each: seen.append(each.number), hard=[9, 4]) is not None
+    )
+    assert seen[3:] == [4, 2, 3], "where others have failed first"
+    strict = confirm(asked, asked.candidate(QUICK), 3, least=0.99)
+    assert strict is not None
+    assert (strict.good, strict.made) == (False, 1)
+    brave = confirm(asked, asked.candidate(BRAVE), 3)
+    assert brave is not None
+    assert (brave.good, brave.lost) == (False, 1)
+
+
+def one(number: int, time_s: float, margin: float, why: str = "") -> Tried:
+    return Tried(number, {}, Judgement(time_s, margin, why))
+
+
+def test_the_front_has_what_none_else_beats() -> None:
+    tried = [one(0, 9.0, 0.6), one(1, 5.0, 0.5), one(2, 5.0, 0.5), one(3, 4.0, 0.0, "lost"), one(4, 6.0, 0.4)]
+    assert [each.number for each in front(tried)] == [1, 0]
+
+
+def test_permanent_are_the_ramps_of_the_most_careful_move() -> None:
+    asked = problem(each_move=True)
+    values = dict(asked.nearest())
+    values |= {"acceleration_hz_per_ms.5": 700, "start_stop_hz.6": 250}
+    found = tuned(asked, Tried(0, values, Judgement(1.0, 0.5)), Held(1, 1, 0.5, 0.5))
+    assert found.permanent == ("@0IL", "@0Ij250", "@0IJ100", "@0IW")
+    assert "@0J700\n@0M9600" in found.candidate.text

@@ -1,0 +1,110 @@
+"""What can be set in a job, and what the job reads like with other settings."""
+
+from __future__ import annotations
+
+import pytest
+
+from isel_twin.core.spec import TwinCall
+from isel_twin.language import MoveSettings
+from isel_twin.many.tuning import Problem
+
+from .small import SAFE, TEXT, problem
+
+
+def test_the_whole_job_has_three_parameters_within_what_the_controller_takes() -> None:
+    found = {each.name: (each.low, each.high) for each in problem().parameters}
+    assert found == {
+        "speed_hz": (4500, 40_000),  # half of what the job has; the iMC takes 30 .. 40000 Hz (F7)
+        "acceleration_hz_per_ms": (50, 4000),  # 2.2.16: 1 .. 4000, default 100
+        "start_stop_hz": (150, 4000),  # 2.2.15: 20 .. 4000, default 300
+    }
+    assert problem().nearest() == {"speed_hz": 9000, "acceleration_hz_per_ms": 100, "start_stop_hz": 300}
+
+
+def test_each_move_has_its_own_and_a_feed_has_no_speed() -> None:
+    names = [each.name for each in problem(each_move=True).parameters]
+    ramps = ["acceleration_hz_per_ms", "start_stop_hz"]
+    assert names == [
+        "speed_hz.5", *(f"{name}.5" for name in ramps), *(f"{name}.6" for name in ramps),
+        "speed_hz.8", *(f"{name}.8" for name in ramps),
+    ]  # fmt: skip
+
+
+def test_equal_lines_share_their_settings() -> None:
+    text = "@07\n@0A100,9000,0,30,0,30,0,30\n@0A-100,9000,0,30,0,30,0,30\n@0A100,9000,0,30,0,30,0,30 # again\n"
+    one, other = Problem(text, each_move=True).groups
+    assert ([move.line for move in one.moves], [move.line for move in other.moves]) == ([1, 3], [2])
+
+
+def test_a_tuned_job_keeps_comments_expectations_and_feeds() -> None:
+    candidate = problem().candidate(SAFE)
+    assert candidate.text == (
+        "# a small job\n@07\n@0d5000,5000,5000\n@0R7   => 0 within 60 s\n"
+        "@0j200\n@0J60\n@0M9600,6000,0,30,0,30,0,30    # a rapid way\n"
+        "@0A320,1000,0,30,0,30,0,30\n! lost == 0\n@0M0,6000,0,30,0,30,0,30 => 0\n"
+    )
+    assert (candidate.first, candidate.moves) == (5, (7, 8, 10))
+    assert [line.command for line in candidate.lines][3:5] == ["@0j200", "@0J60"]
+
+
+def test_line_ends_stay() -> None:
+    made = problem().candidate(SAFE).text
+    assert Problem(TEXT.replace("\n", "\r\n")).candidate(SAFE).text == made.replace("\n", "\r\n")
+
+
+def test_the_defaults_of_the_controller_keep_the_speeds_of_the_job() -> None:
+    text = TEXT.replace("@0M9600", "@0J900\n@0M9600", 1)
+    assert "@0J100\n@0j300\n@0M9600,9000," in Problem(text).defaults().text
+
+
+def test_ranges_can_be_narrower_and_a_single_number() -> None:
+    narrow = problem(ranges={"speed_hz": (9000, 12_000), "start_stop_hz": (400, 400)})
+    assert [(each.name, each.low, each.high) for each in narrow.parameters] == [
+        ("speed_hz", 9000, 12_000),
+        ("acceleration_hz_per_ms", 50, 4000),
+    ]
+    settings = narrow.settings({"speed_hz": 10_000, "acceleration_hz_per_ms": 70})
+    assert set(settings.values()) == {MoveSettings(10_000, 70, 400)}
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ({"text": "@07\n@0R7\n"}, "there is no move in the job that settings could be brought to"),
+        ({"ranges": {"speed_hz": (20, 9000)}}, "speed_hz 20:9000: imc-s8 takes 30 to 40000"),
+        ({"ranges": {"speed_hz": (9000, 5000)}}, "speed_hz 9000:5000: imc-s8 takes 30 to 40000"),
+        ({"call": TwinCall(plant="kinematic")}, "the kinematic plant loses no step whatever one sets; take mujoco"),
+        (
+            {"call": TwinCall(controller="ismif")},
+            "the language of ismif cannot bring settings into a job; isel_twin.envs tunes moves",
+        ),
+        (
+            {"ranges": {"speed_hz": (9, 9), "acceleration_hz_per_ms": (9, 9), "start_stop_hz": (90, 90)}},
+            "speed_hz 9:9: imc-s8 takes 30 to 40000",
+        ),
+        (
+            {"ranges": {"speed_hz": (90, 90), "acceleration_hz_per_ms": (9, 9), "start_stop_hz": (90, 90)}},
+            "nothing is left to be tried: every range is a single number",
+        ),
+    ],
+)
+def test_what_cannot_be_tuned_is_told_in_a_line(words: dict[str, object], line: str) -> None:
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
+        Problem(**{"text": TEXT, **words})
+    assert str(caught.value) == line
+
+
+def test_a_study_knows_what_its_results_depend_on() -> None:
+    one = problem().about()
+    assert one == problem().about()
+    for words, key in (
+        ({"call": TwinCall(seed=1)}, "seed"),
+        ({"call": TwinCall(machine="4030-portal")}, "machine"),
+        ({"call": TwinCall(overrides={"payload.mass": 8.0})}, "machine"),
+        ({"call": TwinCall(controller="imc-m")}, "controller"),
+        ({"repetitions": 2}, "number of repetitions"),
+        ({"each_move": True}, "choice of parameters"),
+        ({"flash": b"x"}, "flash memory"),
+    ):
+        other = problem(**words).about()
+        assert [name for name in one if one[name] != other[name]] == [key]

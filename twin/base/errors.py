@@ -1,0 +1,42 @@
+"""What a caller got wrong, as one line that says why and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["CallError", "call_errors", "one_line"]
+
+
+class CallError(ValueError):
+    """A call cannot be carried out; the message is one line that says why and what to do.
+
+    option: the line begins with the bare name of an option, as a URL has it; a command line puts "--" before it.
+    excerpt: lines to be shown below it, such as a line of a file with a caret.
+    """
+
+    def __init__(self, line: str, *, option: bool = False, excerpt: str = "") -> None:
+        super().__init__(line)
+        self.option = option
+        self.excerpt = excerpt
+
+
+def one_line(text: str) -> str:
+    """The text with every stretch of white space as one blank."""
+    return " ".join(text.split())
+
+
+@contextmanager
+def call_errors(about: object = None) -> Iterator[None]:
+    """What a caller may have got wrong becomes a CallError, about a file if the error does not name one itself."""
+    try:
+        yield
+    except CallError:
+        raise
+    except FileNotFoundError as error:
+        raise CallError(f"{error.filename2 or error.filename or about}: there is no such file") from error
+    except OSError as error:
+        where = error.filename2 or error.filename or about
+        raise CallError(f"{f'{where}: ' if where else ''}{error.strerror or error}") from error
+    except ValueError as error:
+        raise CallError(one_line(str(error))) from error

@@ -1,0 +1,173 @@
+"""Files that are never seen half written, and of which there is one owner at a time.
+
+A file is written under a temporary name in the same folder, flushed to the disk, and only then renamed over the old
+one; the folder is flushed too, so that a power cut leaves the old file or the new one:
+
+    write .NAME.PID-NUMBER.tmp -> fsync -> rename to NAME -> fsync folder
+
+Whoever keeps a file up to date claims it: among the twins of this process, and, where the operating system has `flock`,
+among all processes. The lock is on .NAME.lock beside it and ends with the process, however that ends; the empty file
+itself is left only by a process that was killed, and does no harm.
+"""
+
+from __future__ import annotations
+
+import errno
+import gc
+import itertools
+import logging
+import os
+import threading
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["Claim", "atomic_write", "replacing"]
+
+log = logging.getLogger("isel_twin")
+
+_numbers = itertools.count()
+
+_WINDOWS = os.name == "nt"
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary path to write to; it replaces `path` when the block ends, and is removed when it raises.
+
+    A symbolic link is followed, so the link stays and its target is replaced. Devices and pipes (/dev/stdout) cannot be
+    replaced and are handed through. Raises OSError.
+    """
+    given, target = Path(path), Path(os.path.realpath(path))
+    if given.exists() and not given.is_file():  # a pipe behind /dev/stdout has no path of its own
+        if given.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(path))
+        yield given
+        return
+    temporary = target.with_name(f".{target.name}.{os.getpid()}-{next(_numbers)}.tmp")
+    try:
+        yield temporary
+        if target.exists():
+            temporary.chmod(target.stat().st_mode)
+        _flush(temporary)
+        temporary.replace(target)
+        _flush(target.parent)
+    except OSError as error:
+        if error.filename is not None and Path(error.filename) == temporary:
+            error.filename = str(path)  # what the user named, not what we made of it
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
+    """Replace the contents of `path` by `data`, or leave it as it was. Raises OSError."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file or folder is on the disk."""
+    if _WINDOWS and path.is_dir():
+        return  # nor can one be opened there; its file system keeps a journal of names
+    handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # only what can be written is flushed there
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+# ---- one owner -----------------------------------------------------------------------------------------------------
+
+_claims: weakref.WeakValueDictionary[str, Claim] = weakref.WeakValueDictionary()
+_claiming = threading.Lock()
+
+
+class Claim:
+    """The only owner of a path, until `release`, or until it is garbage or the process ends.
+
+    Raises OSError (EBUSY) if it has another owner. What the path is does not matter, nor whether it exists. In a folder
+    that cannot be written to nothing can be replaced either, so there a claim holds within this process only.
+    `name`: what the user calls it, for the error.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], name: str | os.PathLike[str] | None = None) -> None:
+        name = os.fspath(name or path)
+        folder, base = os.path.split(os.path.abspath(path))
+        self._key = os.path.join(os.path.realpath(folder), base)
+        with _claiming:
+            if self._key in _claims:
+                gc.collect()  # its owner may be garbage already
+            if self._key in _claims:
+                raise _in_use(name, os.getpid())
+            lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
+            handle, self.abandoned = _lock(name, lock)
+            """Whether its last owner was killed before it could let go of it."""
+            _claims[self._key] = self
+        self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
+
+    def release(self) -> None:
+        """Let others have it. May be called again."""
+        with _claiming:
+            if _claims.get(self._key) is self:
+                del _claims[self._key]
+        self._finalizer()
+
+
+def _in_use(name: str, pid: int) -> OSError:
+    who = "this process" if pid == os.getpid() else f"process {pid}" if pid else "another process"
+    return OSError(errno.EBUSY, f"is in use by another twin, in {who}; stop that one or choose another name", name)
+
+
+def _lock(name: str, lock: str) -> tuple[int | None, bool]:
+    """Descriptor of the locked file `lock`, and whether it was there; None where locks cannot be had.
+
+    Raises OSError if it has an owner.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None, False
+    while True:
+        handle, found = _open_lock(lock)
+        if handle is None:
+            return None, False
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            owner = os.read(handle, 20)
+            os.close(handle)
+            raise _in_use(name, int(owner) if owner.isdigit() else 0) from None
+        except OSError:  # a file system without locks
+            os.close(handle)
+            return None, found
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), os.stat(lock)):
+                with suppress(OSError):  # read-only, or a full disk: nobody will know who it was
+                    os.ftruncate(handle, 0)
+                    os.write(handle, b"%d" % os.getpid())
+                return handle, found
+        os.close(handle)  # its last owner has removed it while we waited for it
+
+
+def _open_lock(lock: str) -> tuple[int | None, bool]:
+    """The file, new or found; None if it can be neither made nor opened. Another user's can only be read."""
+    while True:
+        made: type[OSError] | None = None
+        for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):
+            try:
+                return os.open(lock, flags | os.O_CLOEXEC, 0o666), found
+            except OSError as error:
+                made, last = made or type(error), type(error)
+        came_and_went = (made, last) == (FileExistsError, FileNotFoundError) and not os.path.islink(lock)
+        if not came_and_went:  # else its owner has let go of it in between
+            return None, False
+
+
+def _unlock(pid: int, handle: int | None, lock: str) -> None:
+    if handle is None or pid != os.getpid():  # a fork of the owner owns nothing
+        return
+    with suppress(OSError):
+        os.unlink(lock)
+    os.close(handle)

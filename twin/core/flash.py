@@ -1,0 +1,118 @@
+"""A controller's flash memory in a file, which follows what the controller writes."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import re
+import stat
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from isel_twin.base.files import Claim, atomic_write
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+__all__ = ["FLASH_BYTES", "FlashFile", "flash_file"]
+
+log = logging.getLogger("isel_twin")
+
+FLASH_BYTES = 1 << 24
+"""Largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores."""
+
+
+class FlashFile:
+    """A controller's flash memory in a file.
+
+    `image` is what the file held, None for a new device; once `attach` has named the twin, the file is that twin's own,
+    follows its flash and exists. Raises OSError if the file is no regular one of at most FLASH_BYTES or cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._target = Path(os.path.realpath(path))
+        self._claim: Claim | None = None
+        self._check()
+        self._stored = self._read()
+        self.image = self._stored or None
+
+    def _check(self) -> None:
+        try:
+            status = os.stat(self._target)
+        except FileNotFoundError:
+            return
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(self._path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "is no regular file, so no flash memory", str(self._path))
+        if status.st_size > FLASH_BYTES:
+            raise OSError(errno.EFBIG, f"is no flash image: larger than {FLASH_BYTES >> 20} MiB", str(self._path))
+
+    def _read(self) -> bytes:
+        return self._path.read_bytes() if self._path.exists() else b""
+
+    def attach(self, twin: Twin) -> None:
+        """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file.
+
+        Raises OSError as `hold` does, or if the file cannot be written.
+        """
+        self.hold()
+        _remove_left_overs(self._target)
+        if twin.flash != self.image or self.image is None:
+            try:
+                self._write(twin.flash or b"")
+            except OSError:
+                self.release()
+                raise
+        twin.on_flash = self._store
+
+    def hold(self) -> None:
+        """Have the file for oneself. Raises OSError if it has an owner, or is not any more what it was before."""
+        if self._claim is not None:
+            return
+        claim = Claim(self._target, name=self._path)
+        if self._read() != self._stored:
+            claim.release()
+            raise OSError(errno.EBUSY, "has been changed by another twin meanwhile", str(self._path))
+        self._claim = claim
+
+    def release(self) -> None:
+        """Let another twin have the file; what this one writes from now on is not kept. May be called again."""
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+    def _write(self, image: bytes) -> None:
+        atomic_write(self._path, image)
+        self._stored = image
+
+    def _store(self, image: bytes) -> None:
+        if self._claim is None:
+            log.error("%s: the flash image could not be stored: the file has been let go", self._path)
+            return
+        try:
+            self._write(image)
+        except OSError as error:  # the machine runs on; its operator must know
+            log.error(
+                "%s: the flash image could not be stored, the file is as it was: %s",
+                self._path,
+                error.strerror or error,
+            )
+
+
+def flash_file(twin: Twin) -> FlashFile | None:
+    """The file that keeps what this twin writes to its flash, for whoever has to release and hold it; None: no file."""
+    keeper = getattr(twin.on_flash, "__self__", None)
+    return keeper if isinstance(keeper, FlashFile) else None
+
+
+def _remove_left_overs(target: Path) -> None:
+    """Remove temporary files of owners of `target` that were killed while they replaced it."""
+    left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+(-\d+)?\.tmp")
+    with suppress(OSError):  # nothing of that matters enough to refuse the file
+        for name in os.listdir(target.parent):
+            if left_over.fullmatch(name):
+                os.unlink(target.parent / name)

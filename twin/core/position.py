@@ -1,0 +1,235 @@
+"""Counters, rotors and carriages: what is lost between what the controller believes and where the machine is.
+
+Three numbers stand for each axis, in steps of the controller:
+
+    count       what the controller believes; it may set it anew without a motion (reference run)
+    command     the sum of the ticks the drive has been given since power-on, in the sense of the motor
+    rotor       where the motor is, in the sense of the motor
+
+A motor that loses steps loses whole slips, one period of its torque. When a counter is set, the slips until then are
+forgotten by everybody but this module:
+
+    lost  = direction (command - rotor - slip)             slip: whole periods at the last setting of the counter
+    zero  = where the carriage is when the counter is 0 and nothing is lost
+
+The zero changes only when a counter is set. Between two settings it is held: what the drive has been given and what the
+controller counts are known on different grids of time and differ by a pulse in a sub-step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.controller import Controller
+from isel_twin.plant import Plant
+
+__all__ = ["Position", "position_error_mm"]
+
+
+def position_error_mm(
+    position_mm: NDArray[np.float64], counts: NDArray[np.int64], step_mm: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """float64 [..., 3], true position minus counter, for positions [..., 3], counts [..., axes], way of a step [3].
+
+    A carriage that the controller has no counter for should stand at 0.
+    """
+    axes = min(counts.shape[-1], len(step_mm))
+    error_mm = position_mm.copy()
+    error_mm[..., :axes] -= counts[..., :axes] * step_mm[:axes]
+    return error_mm
+
+
+class Position:
+    """Relates one controller's counters to the plant it moves. Implements `isel_twin.controller.Drives`."""
+
+    def __init__(self, controller: Controller, plant: Plant, step_mm: NDArray[np.float64]) -> None:
+        """step_mm: float64 [3], nominal travel of each carriage per step."""
+        self._controller = controller
+        self._plant = plant
+        self.step_mm = step_mm
+        self._start_mm = plant.position_mm.copy()
+        self._period = plant.slip_steps.copy()
+        self._closed = plant.closed_loop.copy()
+        """bool [axes], with servo drives: a difference at the setting of a counter is no slip, but a new zero."""
+        self._slip = np.zeros(len(controller.counts))
+        self._forgotten = np.zeros(len(controller.counts))
+        self._encoder_zero = np.zeros(len(controller.counts))
+        self.before_change: Callable[[], None] | None = None
+        """Called before counters and positions are related in another way, for whoever has samples to relate."""
+        self._turned = tuple(controller.direction)
+        """The directions that the zeros below belong to."""
+        self._zero_mm = self._zeros()
+        self._sense, self._mirrored = self._senses()
+
+    def start_anew(self, controller: Controller) -> None:
+        """Another controller counts from now on, the same axes: where the carriages stand is where its counters say."""
+        self._controller = controller
+        for axis, count in enumerate(controller.counts):
+            self.counter_set(axis, count)
+
+    def counter_set(self, axis: int, value: int) -> None:
+        """The controller has set the counter of one axis to a value, without a motion."""
+        self.follow_direction()
+        if self.before_change is not None:
+            self.before_change()
+        told, rotor, sense = self._plant.told[axis], self._plant.rotor[axis], self._direction[axis]
+        if self._closed[axis]:  # what a drive took for zero when it was switched on; that it lags now is no slip
+            slip = float(self._plant.command[axis] - rotor - self._plant.lag[axis])
+        else:
+            slip = round((told - rotor) / self._period[axis]) * self._period[axis]
+            self._forgotten[axis] += abs(slip - self._slip[axis])
+        self._slip[axis] = slip
+        self._encoder_zero[axis] = value - sense * told
+        if axis < len(self._zero_mm):
+            self._zero_mm[axis] = self._zeros()[axis]
+
+    def follow_direction(self) -> None:
+        """The other way round, another place is where the counter is 0. To be called before a motion begins: directions
+        change at rest only, and then counters and drives agree."""
+        if self._controller.direction != self._turned:
+            if self.before_change is not None:
+                self.before_change()
+            self._turned = tuple(self._controller.direction)
+            self._sense, self._mirrored = self._senses()
+            self._zero_mm = self._zeros()
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """int64 [axes], the controller's counters."""
+        return np.array(self._controller.counts, dtype=np.int64)
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in zero and direction of the counters."""
+        self.follow_direction()
+        return self.of_carriages_mm(self._plant.position_mm)
+
+    def of_carriages_mm(self, carriages_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., 3], machine coordinates in zero and direction of the counters as they are now."""
+        beyond_mm: NDArray[np.float64] = carriages_mm - self._zero_mm
+        return self._sense * beyond_mm if self._mirrored else beyond_mm
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in the direction of the counters."""
+        self.follow_direction()
+        return self.of_velocities_mm_s(self._plant.velocity_mm_s)
+
+    def of_velocities_mm_s(self, velocity_mm_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., 3], velocities in machine coordinates in the direction of the counters as it is now."""
+        return self._sense * velocity_mm_s if self._mirrored else velocity_mm_s.copy()
+
+    @property
+    def error_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true position minus counter: lag, lost steps, backlash, load and errors of the screw."""
+        return position_error_mm(self.position_mm, self.counts, self.step_mm)
+
+    @property
+    def lost_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], counter minus rotor position since each counter was set; fractions are load angle. 0 for axes
+        with servo drives, which lag and lose nothing."""
+        lost: NDArray[np.float64] = self._direction * (self._plant.commanded - self._plant.rotor - self._slip)
+        lost[self._closed] = 0.0
+        return lost
+
+    def lost_of(self, commanded: NDArray[np.int64], rotor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """float64 [..., axes], lost steps of other commands and rotors, as counters were set last."""
+        lost: NDArray[np.float64] = self.turned * (commanded - rotor - self._slip)
+        lost[..., self._closed] = 0.0
+        return lost
+
+    @property
+    def turned(self) -> NDArray[np.int64]:
+        """int64 [axes], the directions that positions are related by."""
+        return np.array(self._turned, dtype=np.int64)
+
+    @property
+    def offset(self) -> NDArray[np.int64]:
+        """int64 [axes], counters less what has been commanded, in the direction of the counters."""
+        self.follow_direction()
+        return self.counts - self.turned * self._plant.told
+
+    @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        return self._period.copy()
+
+    @property
+    def forgotten_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps lost since power-on, either way, and gone from `lost_steps` when counters were set."""
+        return self._forgotten.copy()
+
+    # For controllers that ask what their drives know
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        """See Drives.encoder."""
+        measured = self._direction * (self._plant.rotor + self._slip) + self._encoder_zero
+        return tuple(int(n) for n in measured.round())
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        """See Drives.lag."""
+        slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on anew knows of no slip
+        return tuple((self._direction * (self._plant.lag - slip)).tolist())
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        """See Drives.in_position."""
+        return tuple(self._plant.in_position.tolist())
+
+    @property
+    def overloaded(self) -> tuple[bool, ...]:
+        """See Drives.overloaded."""
+        return tuple(self._plant.overloaded.tolist())
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        """See Drives.speed."""
+        return tuple((self._direction * self._plant.rotor_speed).tolist())
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        """See Drives.past_zero_pulse."""
+        turn = self._plant.turn_steps
+        start = np.zeros(len(turn))
+        start[: len(self._start_mm)] = (self._start_mm / self.step_mm)[: len(turn)]
+        at = np.floor(self._direction * (self._plant.rotor + start)) % turn
+        return tuple(int(n) for n in at)
+
+    @property
+    def on(self) -> tuple[bool, ...]:
+        """See Drives.on."""
+        return tuple(self._plant.powered.tolist())
+
+    @property
+    def fault(self) -> tuple[bool, ...]:
+        """See Drives.fault."""
+        return tuple(self._plant.fault.tolist())
+
+    def _senses(self) -> tuple[NDArray[np.int64], bool]:
+        """int64 [3], direction of each carriage, and whether one is turned round."""
+        sense = _of_carriages(self._direction, 1)
+        return sense, bool((sense < 0).any())
+
+    def _zeros(self) -> NDArray[np.float64]:
+        """float64 [3], the zeros by what is true now."""
+        beyond = _of_carriages(self._plant.told - self._direction * self.counts - self._slip)
+        zero_mm: NDArray[np.float64] = self._start_mm + beyond * self.step_mm
+        return zero_mm
+
+    @property
+    def _direction(self) -> NDArray[np.int64]:
+        return np.array(self._controller.direction, dtype=np.int64)
+
+
+def _of_carriages(values: NDArray[Any], missing: int = 0) -> NDArray[Any]:
+    """The first three of some values [axes], filled up if there are fewer."""
+    if len(values) >= len(CARRIAGES):
+        return values[: len(CARRIAGES)]
+    return np.concatenate((values, np.full(len(CARRIAGES) - len(values), missing, dtype=values.dtype)))

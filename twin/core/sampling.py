@@ -1,0 +1,126 @@
+"""Samples that the plant takes by itself, in the zero, direction and counters of the controller.
+
+Looking at a twin takes a hundred microseconds, in which a machine in motion is computed for twenty milliseconds. A
+plant that takes samples in its compiled loop (isel_twin.plant.Sampled) takes them for nothing, in its own coordinates;
+what they are to the controller is worked out for hundreds of them at once:
+
+    plant:  | . . . . . | . . . . . . . . | . .        samples wait
+                        ^ a counter is set              they are read before anything they are related to changes
+
+Between two such changes the counters are what was commanded, in the sense of the controller, and a constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.core.position import Position
+from isel_twin.plant import MOST_SAMPLES, Sampled
+
+__all__ = ["Sampler", "TwinSamples"]
+
+
+@dataclass(frozen=True, eq=False)
+class TwinSamples:
+    """n samples, as `Twin` would have shown itself at those times."""
+
+    time_ns: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    position_mm: NDArray[np.float64]
+    velocity_mm_s: NDArray[np.float64]
+    lost_steps: NDArray[np.float64]
+    margin: NDArray[np.float64]
+    current_fraction: NDArray[np.float64]
+    supply_v: NDArray[np.float64]
+
+
+class Sampler:
+    """Reads the samples of a plant in time and hands them on. See the module."""
+
+    def __init__(
+        self,
+        plant: Sampled,
+        position: Position,
+        interval_ns: int,
+        take: Callable[[TwinSamples], None],
+        from_ns: int = 0,
+    ) -> None:
+        """take: called with samples, in the order of time. from_ns: a time of their grid.
+
+        Raises ValueError if the plant cannot take them.
+        """
+        plant.sample_every(interval_ns, from_ns)
+        self.interval_ns = interval_ns
+        self.from_ns = from_ns
+        self.span_ns = interval_ns * (MOST_SAMPLES // 2 - 1)
+        """Longest time to advance between two calls of `keep_up`."""
+        self._plant = plant
+        self._position = position
+        self._takers = [take]
+        self._offset: NDArray[np.int64] | None = None
+        position.before_change = self._changes
+
+    def share(self, take: Callable[[TwinSamples], None]) -> None:
+        """Hand the samples on to somebody else as well, from now on."""
+        self.hand_on()
+        self._takers.append(take)
+
+    def leave(self, take: Callable[[TwinSamples], None]) -> bool:
+        """Hand on what waits, and that was all for this one; return whether nobody is left, and no sample is taken any
+        more."""
+        self.hand_on()
+        self._takers.remove(take)
+        if not self._takers:
+            self._plant.sample_every(0)
+            self._position.before_change = None
+        return not self._takers
+
+    @property
+    def waiting(self) -> int:
+        """Samples that have not been handed on."""
+        return self._plant.samples_waiting
+
+    def prepare(self) -> None:
+        """Time is about to pass, and the controller knows of all that has."""
+        self._position.follow_direction()
+        if self._offset is None:
+            self._offset = self._position.offset
+
+    def keep_up(self) -> None:
+        """Time has passed: hand on what waits, if it is much."""
+        if self._plant.samples_waiting >= MOST_SAMPLES // 2:
+            self.hand_on()
+
+    def hand_on(self) -> None:
+        """Hand on what waits."""
+        if not self._plant.samples_waiting:
+            return
+        if self._offset is None:
+            self._offset = self._position.offset
+        raw, position = self._plant.take_samples(), self._position
+        samples = TwinSamples(
+            time_ns=raw.time_ns,
+            counts=position.turned * raw.commanded + self._offset,
+            position_mm=position.of_carriages_mm(raw.position_mm),
+            velocity_mm_s=position.of_velocities_mm_s(raw.velocity_mm_s),
+            lost_steps=position.lost_of(raw.commanded, raw.rotor),
+            margin=raw.margin,
+            current_fraction=raw.current_fraction,
+            supply_v=raw.supply_v,
+        )
+        for take in self._takers:
+            take(samples)
+
+    def begin_anew(self) -> None:
+        """The twin is at another time: nothing waits, and what samples are related to is another."""
+        self._offset = None
+
+    def _changes(self) -> None:
+        """What the samples are related to is about to change."""
+        self.hand_on()
+        self._offset = None
+        self._plant.sample_again()

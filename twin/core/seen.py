@@ -1,0 +1,185 @@
+"""What there is to see of a twin.
+
+Looking changes nothing, but that the controller may first be told of the time that has passed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue
+from isel_twin.core.position import Position
+from isel_twin.motion import Steps, Stream
+from isel_twin.plant import Plant
+from isel_twin.wiring import Wiring
+
+__all__ = ["Seen"]
+
+
+class Seen:
+    """The part of a `Twin` that is read."""
+
+    time_ns: int
+    """Virtual time since power-on."""
+    _controller: Controller
+    _plant: Plant
+    _position: Position
+    _stream: Stream
+    _wiring: Wiring
+    _levels: Mapping[str, bool]
+    _least_margin: NDArray[np.float64]
+
+    def _tell(self) -> None:
+        """Let the controller know of the time that has passed, if it does not yet."""
+        raise NotImplementedError
+
+    @property
+    def key_values(self) -> Mapping[str, KeyValue]:
+        """What the keys of the controller's own panel are put to; empty without any, and without supply."""
+        self._tell()
+        return self._controller.key_values if isinstance(self._controller, HasKeys) else {}
+
+    @property
+    def unfinished(self) -> str:
+        """Where and why a program of the controller's own stands before its end; "" if none does."""
+        self._tell()
+        return self._controller.unfinished if isinstance(self._controller, EndsPrograms) else ""
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """int64 [axes], the controller's counters X Y Z A ..."""
+        self._tell()
+        return self._position.counts
+
+    @property
+    def position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in mm, in the zero and direction of the counters."""
+        return self._position.position_mm
+
+    @property
+    def velocity_mm_s(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage velocities in mm/s, in the direction of the counters."""
+        return self._position.velocity_mm_s
+
+    @property
+    def current_fraction(self) -> NDArray[np.float64]:
+        """float64, phase current over nominal of each motor at this moment; empty without physics."""
+        return self._plant.current_fraction
+
+    @property
+    def position_error_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true position minus counter, in mm."""
+        self._tell()
+        return self._position.error_mm
+
+    @property
+    def step_mm(self) -> NDArray[np.float64]:
+        """float64 [3], nominal way of each carriage for one step of its counter, in mm."""
+        return self._position.step_mm.copy()
+
+    @property
+    def lost_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], counter minus rotor position in steps since each counter was set; meaningful at rest."""
+        return self._position.lost_steps
+
+    @property
+    def closed_loop(self) -> NDArray[np.bool_]:
+        """bool [axes], which axes have servo drives: they lose no steps, but lag."""
+        return self._plant.closed_loop
+
+    @property
+    def following_error(self) -> NDArray[np.float64]:
+        """float64 [axes], command minus encoder of servo drives in increments, in the sense of the counters; 0 for axes
+        without one."""
+        return np.where(self._plant.closed_loop, self._position.lag, 0.0)
+
+    @property
+    def drive_faults(self) -> tuple[tuple[int, str], ...]:
+        """[axes], how often each servo drive has switched itself off since power-on, and why it did last ("": never):
+        `following error exceeded`, for example."""
+        return self._plant.drive_faults
+
+    @property
+    def slip_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps in one slip of each motor (four full steps): losses are multiples of it."""
+        return self._position.slip_steps
+
+    @property
+    def margin(self) -> NDArray[np.float64]:
+        """float64 [axes], least pull-out margin of each motor since `watch_margin`, or since power-on: 1 nothing was
+        asked of it, 0 it may have lost steps; nan for axes that have no motor (isel_twin.plant.margin)."""
+        return np.minimum(self._least_margin, self._plant.margin)
+
+    @property
+    def supply_v(self) -> float:
+        """Voltage of the drives, which share one source; nan if the machine has none that sags, or without physics."""
+        return self._plant.supply_v
+
+    @property
+    def forgotten_steps(self) -> NDArray[np.float64]:
+        """float64 [axes], steps lost since power-on and gone from `lost_steps` when the counter was set anew."""
+        return self._position.forgotten_steps
+
+    @property
+    def machine_position_mm(self) -> NDArray[np.float64]:
+        """float64 [3], true carriage positions in machine coordinates: 0 at the motor-end switch."""
+        return self._plant.position_mm
+
+    @property
+    def step_hz(self) -> NDArray[np.float64]:
+        """float64 [axes], step frequencies at present, signed as the counters run; see `Stream.rate_hz`."""
+        return self._stream.rate_hz()
+
+    @property
+    def steps(self) -> Steps:
+        """The stream made since power-on, as far as it is kept: `.t_ns` int64 [n], `.delta` int8 [n, axes] or int32."""
+        return self._stream.steps(self.time_ns)
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """State of every element and end switch (`free`, `struck`), and the fault of each contact that has one."""
+        return self._wiring.inputs
+
+    @property
+    def outputs(self) -> Mapping[str, int]:
+        """Outputs of the controller, and what they switch: `isel_twin.wiring.Cabinet.relays`."""
+        return self._wiring.outputs
+
+    @property
+    def events_left(self) -> int:
+        """Events of the scenario that are still to come."""
+        return self._wiring.events_left
+
+    @property
+    def events_without_effect(self) -> int:
+        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
+        return self._wiring.events_without_effect
+
+    @property
+    def faults(self) -> Mapping[str, str | float]:
+        """What is wrong on purpose: faults of contacts by name, all else by its key of an event (`noise`,
+        `phase_lost.x`); see `isel_twin.wiring.ACTS`."""
+        return self._wiring.faults
+
+    @property
+    def settable(self) -> Mapping[str, tuple[str, ...]]:
+        """Everything `set_input` takes, and the states each can be given."""
+        return self._wiring.settable
+
+    @property
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals of the controller, and the contacts wired to each in series."""
+        return self._controller.terminals()
+
+    @property
+    def physics(self) -> bool:
+        """Whether the plant has physics: forces move something, and a motor can lose a phase."""
+        return self._plant.physics
+
+    @property
+    def levels(self) -> Mapping[str, bool]:
+        """Electrical level (True: high) of every wired input terminal of the controller."""
+        return dict(self._levels)

@@ -1,0 +1,717 @@
+"""The twin: one virtual clock for controller, serial line, wiring and plant.
+
+Goal: at every instant each part has seen exactly what has happened before it. Every part has a `next_ns`, the time at
+which it has something to do by itself (None: never). The loop is
+
+    settle:   hand over everything that is due now, until nobody has anything more to do at this instant
+    advance:  let the plant run to the least `next_ns`, or to the instant in which one of its thresholds is passed,
+              whichever comes first
+
+so no part ever has to take anything back. See docs/one_move.md for one command followed through all of it.
+
+Where a stretch of time ends with nothing due, only the plant has moved: the controller is told of it when it is next
+called or asked for its counters.
+
+What time means: `time_ns` counts virtual nanoseconds since power-on. It advances only inside `run`, `run_until` and
+`query`; nothing here knows a wall clock. Same arguments and same calls give the same bits.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import Place
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.controller import (
+    BYTES_AT_ONCE,
+    Controller,
+    CounterSet,
+    FlashWrite,
+    HasKeys,
+    HoldsHost,
+    Key,
+    KeyValue,
+    Output,
+    Remark,
+    Reply,
+    SerialFormat,
+    Step,
+    UsesDrives,
+)
+from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
+from isel_twin.core.journal import Note, Origin, Received, cut_content, push_content
+from isel_twin.core.observers import Observers
+from isel_twin.core.position import Position
+from isel_twin.core.sampling import Sampler, TwinSamples
+from isel_twin.core.seen import Seen
+from isel_twin.core.state import BY_CHANCE, Kind, StateError, TwinState, pack, unpack
+from isel_twin.core.told import Told
+from isel_twin.core.unpowered import Unpowered
+from isel_twin.language import Language, needed
+from isel_twin.machine import Machine, load_machine
+from isel_twin.motion import Stream
+from isel_twin.plant import PLACES, Cut, Sampled
+from isel_twin.wiring import (
+    ScenarioError,
+    ScenarioEvent,
+    Schedule,
+    SerialLine,
+    Wiring,
+    check_input,
+    event_now,
+    thresholds,
+)
+
+_MOVING_SLICE_NS = 10 * MILLISECOND_NS
+"""While something moves by itself, whoever paces the twin should look again after this time."""
+_NEVER_NS = 1 << 62
+_ENDLESS = 100_000
+"""Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
+
+_REMARKS = 1000
+"""Remarks of the controller that are kept."""
+
+_STEPS = 10_000
+"""Steps of a program that are kept."""
+
+_OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
+"""Attributes of a twin that a state holds beside those it names."""
+
+log = logging.getLogger("isel_twin")
+
+
+class Source(Protocol):
+    """A part that has something to do at times of its own."""
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next time is; None if only somebody else can bring it about."""
+
+
+class Twin(Seen):
+    """A digital twin of a controller and the gantry it drives.
+
+    Axes are in the order X, Y, Z, A ...: as many as the controller has. Counts are steps of the controller; positions
+    are in mm in the zero and direction of the counters, as the controller last set them (reference run).
+    """
+
+    def __init__(
+        self,
+        machine: str | Path | Machine = "4030",
+        controller: str | Controller = "imc-s8",
+        plant: str = "mujoco",
+        seed: int = 0,
+        *,
+        flash: bytes | None = None,
+        scenario: str | Path | None = None,
+        line_speed: bool = False,
+        overrides: Mapping[str, Any] | None = None,
+        start_mm: Sequence[float] | None = None,
+        keep_motions: int | None = None,
+    ) -> None:
+        """Build a twin and switch it on.
+
+        machine: name of a machine, folder of a user's own, or a loaded Machine.
+        controller: name of an installed controller, see `isel-twin controllers`, or one that has been built and not
+            been switched on yet; that has no language.
+        plant: "mujoco" (physics) or "kinematic" (the carriage follows the counter).
+        seed: of power-on positions, switch repeatability, bounce and line noise.
+        flash: the controller's flash image from an earlier life (`Twin.flash`), None for a new device.
+        scenario: file of events, see docs/scenarios.md.
+        line_speed: bytes take their time on the serial line (True) or arrive at once (False).
+        overrides: machine parameters to change, see `isel_twin.machine.with_overrides`.
+        start_mm: carriage positions at power-on in machine coordinates instead of random ones.
+        keep_motions: motions that `steps` keeps, the last ones; None for all since power-on.
+
+        Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
+        OSError for a scenario file that cannot be read.
+        """
+        if plant not in PLANTS:
+            raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
+        as_built = machine if isinstance(machine, Machine) else load_machine(machine)
+        wanted = dict(overrides or {})
+        name = controller if isinstance(controller, str) else type(controller).__name__.lower()
+        file = None if scenario is None else Path(scenario)
+        start = None if start_mm is None else tuple(start_mm)
+        origin = Origin(as_built, name, plant, seed, flash, file, line_speed, wanted, start)
+        plans, first = draw_up(origin, None if isinstance(controller, str) else controller)
+        self._switch_on(origin, plans, first, keep_motions)
+        if not self.physics and (idle := sum(event.physical for event in plans.events)):
+            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+
+    def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
+        """A new twin, switched on: as `Twin` with the arguments of this one, but for seed and start_mm. Nothing is read
+        or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
+        if self._plans.new_controller is None:
+            raise StateError("there is no other controller like the one that was handed in: build one for another twin")
+        twin = Twin.__new__(Twin)
+        origin = replace(self.origin, seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
+        model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
+        twin._switch_on(origin, self._plans, self._plans.new_controller(origin.flash), self._stream.keep, model)
+        return twin
+
+    def _switch_on(
+        self, origin: Origin, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
+    ) -> None:
+        self._plans = plans
+        self.controller_name = origin.controller
+        self.language: Language | None = None if plans.new_language is None else plans.new_language()
+        """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
+        self.machine = plans.machine
+        flash, plant, line_speed = origin.flash, origin.plant, origin.line_speed
+        start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
+        self.origin = origin
+        """What it was built from, for whoever has to build it again."""
+        self.time_ns = 0
+        self.keys: Mapping[str, Key] = dict(controller.keys) if isinstance(controller, HasKeys) else {}
+        """Keys of the controller's own panel, by name: see `press`."""
+        self.flash = flash
+        self.on_flash: Callable[[bytes], None] | None = None
+        """Called with each new flash image, for whoever keeps it."""
+        self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
+        """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
+        self.steps_made: deque[Step] = deque(maxlen=_STEPS)
+        """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
+        asking = controller if isinstance(controller, UsesDrives) else None
+        drive_inputs = () if asking is None else tuple(asking.drive_inputs())
+        axes = len(controller.counts)
+        schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
+        start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
+        watched = thresholds(self.machine, drive_inputs, schedule)
+        self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes, model)
+        self._position = Position(controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
+        self._line = SerialLine(line_speed, noise)
+        self._wiring = Wiring(
+            self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
+        )
+        self._restarts = 0
+        self._stream = Stream(axes, keep=keep_motions)
+        self._adopt(controller)
+        self._observers: Observers[Twin] = Observers()
+        self._sampler: Sampler | None = None
+        self._sampled = self._plant if isinstance(self._plant, Sampled) else None
+        self._notes: list[Note] = []
+        self._least_margin = np.ones(axes)
+        """Least margins that `take_margin` has taken from the plant since `watch_margin`."""
+        self._sense: NDArray[np.int8] | None = None
+        """Directions of the motors if one is turned round, during a motion."""
+        self._due_ns = 0
+        """When somebody has something to do by himself, as far as is known since the twin last settled."""
+        self._untold = False
+        """The plant has moved on since the twin last settled."""
+        self._settling = False
+
+        self._told = Told(controller, flash, rebuilt=plans.new_controller is not None)
+        self._told.use_drives(self._position)
+        self._levels = self._wiring.levels
+        self._told.power_on(0, self._levels)
+        self._take_events()
+        self._settle()
+
+    def _adopt(self, controller: Controller) -> None:
+        """This is the controller from now on."""
+        self._controller = controller
+        self._handshake = controller if isinstance(controller, HoldsHost) else None
+        self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
+        if self._handshake is None:
+            self._line.clear_to_send(self.time_ns, True)
+
+    # The host's side
+
+    def write(self, data: bytes) -> None:
+        """The host sends bytes now. Raises TypeError for anything else, such as text."""
+        if not isinstance(data, bytes | bytearray | memoryview):
+            raise TypeError(f"write takes bytes, not {type(data).__name__}: b'...', or query for a line of text")
+        if data:
+            self._note("sent", bytes(data))
+        at_once = None if self._handshake is None else BYTES_AT_ONCE
+        self._line.from_host(self.time_ns, bytes(data), self.serial_format.byte_ns, at_once)
+        self._settle()
+
+    def read(self) -> bytes:
+        """Take the bytes that have arrived at the host by now."""
+        return self._line.at_host(self.time_ns)
+
+    def query(self, text: str, timeout_s: float = 3600.0) -> str:
+        """Send a line of text, run until the controller has answered and is idle, return the reply.
+
+        Bytes that were waiting at the host before are dropped. After a TimeoutError what is still to come belongs to
+        this text: `run_until_idle` and `read` it before the next one, or it becomes part of that reply.
+
+        Raises TimeoutError after timeout_s of virtual time,
+        LanguageError (ValueError) for a text that cannot be sent or a controller without language: use `write`.
+        """
+        language = needed(self.language, self.controller_name)
+        data = language.frame(text)
+        self.read()
+        self.write(data)
+        if not self.run_until_idle(timeout_s):
+            raise TimeoutError(f"no complete reply to {text!r} within {timeout_s:g} s of virtual time")
+        return language.text(self.read())
+
+    def run_until_idle(self, timeout_s: float = 3600.0) -> bool:
+        """Let virtual time pass until the controller is idle and its replies have arrived, at most timeout_s.
+
+        Returns whether it is idle.
+        """
+        self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle)
+        return self.idle
+
+    @property
+    def fault(self) -> bool:
+        """The controller shows an error that no reply has told; see Controller.fault."""
+        return self._controller.fault
+
+    @property
+    def reply_waiting(self) -> bool:
+        """Whether `read` would return something."""
+        arrival_ns = self._line.next_reply_ns
+        return arrival_ns is not None and arrival_ns <= self.time_ns
+
+    @property
+    def replies_due(self) -> int:
+        """Bytes of replies on the line that have not arrived at the host yet."""
+        return self._line.replies_due
+
+    @property
+    def commands_due(self) -> int:
+        """Bytes that were written and have not arrived at the controller yet: they are on the line, or wait because it
+        lets its host wait (`isel_twin.controller.HoldsHost`)."""
+        return self._line.commands_due
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        """Speed of the serial line and form of a byte."""
+        return self._controller.serial_format
+
+    @property
+    def idle(self) -> bool:
+        """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
+        arrived = not self._line.commands_due and self._line.quiet_ns <= self.time_ns
+        return arrived and self._controller.idle
+
+    # Time
+
+    def run(self, seconds: float) -> None:
+        """Let virtual time pass. Raises ValueError unless seconds is a finite number, not negative."""
+        if not 0.0 <= seconds < math.inf:
+            raise ValueError(f"virtual time cannot pass by {seconds} s; give a finite number that is not negative")
+        self.run_until(self.time_ns + round(seconds * SECOND_NS))
+
+    def run_until(self, time_ns: int, stop: Callable[[], bool] | None = None) -> None:
+        """Let virtual time pass to time_ns, or until `stop` (asked whenever something has happened) returns True.
+
+        A time in the past does nothing.
+        """
+        self._advance(time_ns, stop)
+
+    @property
+    def next_event_ns(self) -> int | None:
+        """When something may happen without anybody's doing; None if only the outside can change anything.
+
+        While something moves this is when to look again: a switch may be struck before.
+        """
+        times = [
+            self._controller.next_ns,
+            self._line.next_ns,
+            self._line.next_reply_ns,
+            self._wiring.next_event_ns,
+        ]
+        if self._stream.moving or not self._plant.at_rest:
+            times.append(self.time_ns + _MOVING_SLICE_NS)
+        return min((t for t in times if t is not None), default=None)
+
+    # What can be done to it
+
+    def take_margin(self) -> NDArray[np.float64]:
+        """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
+        panel does. Nobody else notices."""
+        taken = self._plant.take_margin()
+        self._least_margin = np.minimum(self._least_margin, taken)
+        return taken
+
+    def watch_margin(self) -> None:
+        """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
+        self._note("operated", {"watch_margin": True})
+        self._least_margin = np.ones(len(self._plant.margin))
+        self._plant.watch_margin()
+
+    @property
+    def line_speed(self) -> bool:
+        """Whether bytes take their time on the line. May be changed; bytes on their way keep their times."""
+        return self._line.timed
+
+    @line_speed.setter
+    def line_speed(self, timed: bool) -> None:
+        if timed != self._line.timed:
+            self._note("operated", {"line_speed": timed})
+        self._line.timed = timed
+
+    def set_input(self, name: str, state: str) -> str:
+        """Operate an element or give a contact a fault, now; return the state it is in afterwards.
+
+        The names and their states are those of the machine's wiring: what people operate is listed in
+        `isel_twin.wiring.cabinet.ELEMENTS`, what can be wrong with a contact in `isel_twin.wiring.FAULTS`. An element
+        that is locked stays as it is. Raises ValueError, which lists what there is, for a name or state that does not
+        exist.
+        """
+        check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
+        self._note("operated", {"set": {name: state}})
+        self._wiring.operate(name, state)
+        self._settle()
+        return self.inputs.get(name, state)
+
+    def carry_out(self, event: ScenarioEvent) -> None:
+        """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
+        self._note("operated", event.content)
+        self._wiring.carry_out(event, self.time_ns)
+        self._settle()
+
+    def press(self, name: str, value: KeyValue = True) -> None:
+        """Press a key of the controller's own panel, or put it to a value, now. Raises ValueError, which lists what
+        there is, for a key or value that does not exist (`keys`)."""
+        place = Place("press", ScenarioError)
+        self.carry_out(event_now({"key": {name: value}}, place, self.settable, self.keys))
+
+    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
+        """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
+
+        place: "tool" or "table"; "": the one that this axis moves. A positive force pushes it the way that the position
+        of the axis rises. An axis has one push: a new one replaces it, wherever it was.
+        """
+        if axis not in range(len(CARRIAGES)):
+            raise ValueError(f"axis {axis!r} has no carriage; there are: 0 (X), 1 (Y), 2 (Z)")
+        if not math.isfinite(force_n):
+            raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
+        if place and place not in PLACES:
+            raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
+        self._note("operated", push_content(CARRIAGES[axis], force_n, place))
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
+        self._settle()
+
+    def set_cut(self, cut: Cut | None) -> None:
+        """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
+        self._note("operated", cut_content(cut))
+        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
+        self._settle()
+
+    def observe(self, callback: Callable[[Twin], None], interval_ns: int | None) -> None:
+        """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""
+        if interval_ns is not None and interval_ns <= 0:
+            raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
+        self._observers.add(callback, interval_ns, self, self._wiring.changes)
+        self._observers.look(self, False, self._wiring.changes)
+        self._due_ns = self._next_due_ns()
+
+    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
+        """Have the plant take samples every interval_ns, at from_ns among other times (0: power-on), handed on by
+        `take` some time later.
+
+        While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
+        what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
+        Whoever asks second shares those of the first, or gets None if they come at other times.
+        """
+        if self._sampled is None or not self.can_sample(interval_ns, from_ns):
+            return None
+        self._tell()  # what counters have to do with the plant is looked at now
+        if self._sampler is None:
+            self._sampler = Sampler(self._sampled, self._position, interval_ns, take, from_ns)
+        else:
+            self._sampler.share(take)
+        return self._sampler
+
+    def can_sample(self, interval_ns: int, from_ns: int = 0) -> bool:
+        """Whether `sample` would do it."""
+        one = self._sampler
+        same = one is None or (one.interval_ns == interval_ns and (one.from_ns - from_ns) % interval_ns == 0)
+        return same and self._sampled is not None and self._sampled.fits(interval_ns)
+
+    def sample_no_more(self, take: Callable[[TwinSamples], None]) -> None:
+        """Hand on what waits for `take`, and no more after that. `sample` has taken it on."""
+        if self._sampler is not None and self._sampler.leave(take):
+            self._sampler = None
+
+    def listen(self, note: Note) -> None:
+        """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.core.journal."""
+        self._notes.append(note)
+        self._line.on_reply = lambda arrival_ns, data, byte_ns: self._note(
+            "received", Received(data, arrival_ns, byte_ns)
+        )
+        self._line.on_lost = lambda arrival_ns, data: self._note("lost", Received(data, arrival_ns, 0))
+        self._wiring.on_event = lambda event: self._note("scenario", event.content)
+
+    def _note(self, kind: str, what: Any) -> None:
+        for note in self._notes:
+            note(self.time_ns, kind, what)
+
+    # Another twin, or another time
+
+    @property
+    def followed(self) -> bool:
+        """Somebody observes, samples, listens or keeps the flash: `restore` would be noticed."""
+        return bool(self._observers or self._notes or self._sampler or self.on_flash)
+
+    def save(self) -> TwinState:
+        """All that decides what the twin will do, at this instant, in mid-motion too; see state.py.
+
+        Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and
+        for an observer or a listener, who are told of something in the middle of it.
+        """
+        self._check_between()
+        self._tell()
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        own = {name: getattr(self, name) for name in _OWN}
+        return TwinState(
+            kind=self._kind,
+            origin={name: getattr(self.origin, name) for name in BY_CHANCE},
+            time_ns=self.time_ns,
+            flash=self.flash,
+            life=self._told.save(),
+            parts=pack(own, self._parts, self._known),
+            plant=self._plant.save(),
+        )
+
+    def restore(self, state: TwinState) -> None:
+        """Be the twin that was saved: from here on the same calls give the same bits as they did there.
+
+        It may have been this twin, or another one built alike, whatever their seeds. Observers look at once, and go on
+        with their grids. Listeners are told `restored` before anything happens; who cannot go back (a recording) raises
+        ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
+        machine, controller, plant or scenario.
+        """
+        self._check_between()
+        self._kind.check(state)
+        self._note("restored", state.time_ns)
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        self._told.restore(state.life, self._plans.new_controller, self._position)
+        self._adopt(self._told.controller)
+        for name, value in unpack(state.parts, self._parts, self._known).items():
+            setattr(self, name, value)
+        self._plant.restore(state.plant)
+        self.time_ns = state.time_ns
+        self.origin = replace(self.origin, **state.origin)
+        if self._sampler is not None:
+            self._sampler.begin_anew()
+        flash, self.flash = self.flash, state.flash
+        if self.flash is not None and self.flash != flash and self.on_flash is not None:
+            self.on_flash(self.flash)
+        self._settling = True
+        try:
+            self._observers.restored(self, self._wiring.changes)
+        finally:
+            self._settling = False
+        self._due_ns = self._next_due_ns()
+
+    def _check_between(self) -> None:
+        if self._settling:
+            raise StateError("a twin is saved and restored between two calls, not by an observer or listener of one")
+
+    @cached_property
+    def _kind(self) -> Kind:
+        return Kind.of(self.controller_name, self.machine, self.origin.plant, len(self.counts), self._plans.events)
+
+    @property
+    def _parts(self) -> dict[str, object]:
+        """What has a state of its own beside controller and plant."""
+        return {"position": self._position, "line": self._line, "wiring": self._wiring, "stream": self._stream}
+
+    @property
+    def _known(self) -> dict[str, object]:
+        """What every twin built like this has, by name."""
+        machine = self.machine
+        return {
+            **self._parts,
+            "controller": self._controller,
+            "run": self._controller.run,
+            "plant": self._plant,
+            "machine": machine,
+            "contacts": machine.contacts,
+            "switches": machine.switches,
+            "heated": tuple(axis.stage for axis in machine.axes),
+            "events": self._plans.events,
+        }
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
+        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")
+
+    # The clock
+
+    def _advance(self, until_ns: int, stop: Callable[[], bool] | None = None) -> None:
+        while self.time_ns < until_ns and not (stop is not None and stop()):
+            self._advance_plant(max(min(until_ns, self._due_ns), self.time_ns))
+            if self.time_ns >= self._due_ns or self._plant.edge:
+                self._settle()
+            else:
+                self._untold = True
+
+    def _advance_plant(self, until_ns: int) -> None:
+        """Let the plant make the ticks up to until_ns, or up to the first threshold passed or the end of a chunk."""
+        if self._sampler is not None:
+            self._sampler.prepare()
+            until_ns = min(until_ns, self.time_ns + self._sampler.span_ns)
+        t_ns, delta = self._stream.until(until_ns)
+        count = len(t_ns)
+        if count and self._stream.more_after(count):
+            until_ns = int(t_ns[-1])
+        if count and self._sense is not None:
+            delta = delta * self._sense.astype(delta.dtype)
+        reached = self._plant.advance(until_ns, t_ns, delta, self._stream.lead_ns)
+        if count:
+            self._stream.make(count if reached >= until_ns else int(np.searchsorted(t_ns, reached, side="right")))
+        self.time_ns = reached
+        if self._sampler is not None:
+            self._sampler.keep_up()
+
+    def _tell(self) -> None:
+        """Let the controller know of the time that has passed, if it does not yet."""
+        if self._untold:
+            self._settle()
+
+    def _next_due_ns(self) -> int:
+        """When the twin has to settle next; far away if nobody knows of anything."""
+        due_ns = _NEVER_NS
+        for source in (*self._sources, self._observers):
+            if (next_ns := source.next_ns) is not None and next_ns < due_ns:
+                due_ns = next_ns
+        if self.time_ns < self._line.quiet_ns < due_ns:
+            due_ns = self._line.quiet_ns
+        return due_ns
+
+    def _settle(self) -> None:
+        """Hand over everything that is due at this instant, until nothing more is."""
+        self._settling = True
+        try:
+            self._settle_all()
+        finally:
+            self._settling = False
+
+    def _settle_all(self) -> None:
+        rounds, events = 0, self._wiring.events_left
+        self._untold = False
+        self._due_ns = self.time_ns
+        while rounds < _ENDLESS:
+            if events != self._wiring.events_left:  # however many events there are, they come to an end
+                rounds, events = 0, self._wiring.events_left
+            rounds += 1
+            self._told.advance(self.time_ns)
+            self._take_events()
+            if self._wiring.settle(self.time_ns) or self._restart():
+                continue
+            if self._hand_over_bytes() or self._hand_over_levels() or self._hand_over_keys():
+                continue
+            if (next_ns := self._controller.next_ns) is None or next_ns > self.time_ns:
+                if self._observers:
+                    changes = self._wiring.changes
+                    self._observers.look(self, self._observers.inputs_changed(self, changes), changes)
+                self._due_ns = self._next_due_ns()
+                return
+        raise RuntimeError(f"the controller does not come to an end at {self.time_ns} ns")
+
+    def _restart(self) -> bool:
+        """The controller starts anew, or is without supply, if the wiring says so; return whether it does.
+
+        It knows what its flash holds and nothing else. A controller that the caller has handed over goes on.
+        """
+        if self._restarts == self._wiring.restarts:
+            return False
+        self._restarts = self._wiring.restarts
+        if self._plans.new_controller is None:
+            self._remark("no reset and no brown-out of a controller that was handed in: there is no other")
+            return False
+        self._wiring.outputs_lost()
+        controller: Controller = Unpowered(self._controller)
+        if self._wiring.mains:
+            controller = self._plans.new_controller(self.flash)
+        self._adopt(controller)
+        self._told = Told(controller, self.flash, rebuilt=self._wiring.mains)
+        self._told.use_drives(self._position)
+        self._position.start_anew(controller)
+        self._levels = self._wiring.levels
+        self._told.power_on(self.time_ns, self._levels)
+        for axis, value in enumerate(controller.counts):
+            self._note("counter", CounterSet(axis, int(value)))
+        self._take_events()
+        return True
+
+    def _hand_over_bytes(self) -> bool:
+        data = self._line.at_controller(self.time_ns, None if self._handshake is None else BYTES_AT_ONCE)
+        if data:
+            self._wiring.heard(data, sent=True)
+            self._told.receive(self.time_ns, data)
+            self._take_events()
+        return bool(data)
+
+    def _hand_over_levels(self) -> bool:
+        levels = self._wiring.levels
+        if levels is self._levels:
+            return False
+        before, self._levels = self._levels, levels
+        for terminal, level in levels.items():
+            if before[terminal] != level:
+                self._told.set_input(self.time_ns, terminal, level)
+                self._take_events()
+        self._observers.look(self, True, self._wiring.changes)
+        return True
+
+    def _hand_over_keys(self) -> bool:
+        pressed = self._wiring.take_pressed()
+        for name, value in pressed:
+            if self._told.press(self.time_ns, name, value):
+                self._take_events()
+        return bool(pressed)
+
+    def _take_events(self) -> None:
+        """Take over what the controller says after a call, and the motion it shows."""
+        events = self._controller.take()
+        if self._handshake is not None:
+            self._line.clear_to_send(self.time_ns, self._handshake.clear_to_send)
+        if self._stream.follow(self._controller.run, self.time_ns):
+            self._note("motion", self._controller.run)
+            direction = self._controller.direction  # it changes between motions only
+            self._sense = None if min(direction) > 0 else np.array(direction, dtype=np.int8)
+            self._position.follow_direction()
+            self._wiring.motion(self._stream.moving)
+        outputs_changed = False
+        for event in events:
+            match event:
+                case Reply(data):
+                    self._wiring.heard(data, sent=False)
+                    self._line.from_controller(self.time_ns, data, self.serial_format.byte_ns)
+                case Output(name, value):
+                    self._wiring.output(name, value)
+                    outputs_changed = True
+                case CounterSet(axis, value):
+                    self._position.counter_set(axis, value)
+                    self._note("counter", event)
+                case FlashWrite(image):
+                    self.flash = image
+                    self._note("flash", image)
+                    if self.on_flash is not None:
+                        self.on_flash(image)
+                case Remark(text):
+                    self._remark(text)
+                case Step():
+                    self.steps_made.append(event)
+        if outputs_changed:
+            self._wiring.outputs_changed()
+            self._observers.look(self, True, self._wiring.changes)
+
+    def _remark(self, text: str) -> None:
+        self.remarks.append((self.time_ns, text))
+        self._note("remark", text)
+        log.warning("at %.3f s: %s", self.time_ns / SECOND_NS, text)

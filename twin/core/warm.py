@@ -1,0 +1,106 @@
+"""Compiled code, ready before anybody waits for it.
+
+numba compiles a function when it is first called, and keeps the result beside the package: seconds on a new
+installation, a fraction of one ever after. The goal of this code is that those seconds fall where somebody who looks
+can see why, and not between a host's first command and its reply.
+
+    warm_up(plant)      calls, on a machine of its own, every compiled function that a twin with that plant can come to
+    told_of_compiling   says so while it lasts, but only if there is anything to compile
+
+What is compiled does not depend on machine or controller: ticks are int64 and int8, set points int32, and the drives of
+all machines are records of one kind.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numba.core import event
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.machine import load_machine
+from isel_twin.motion import StepRun, circle, line, trapezoid
+from isel_twin.plant import Plant, Threshold
+
+__all__ = ["told_of_compiling", "warm_up"]
+
+
+def _log(text: str) -> None:
+    print(f"isel-twin: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def told_of_compiling(tell: Callable[[str], None] = _log) -> Iterator[None]:
+    """Tell when numba begins to compile within the block, and at its end how long it took; nothing if all is there.
+
+    tell: takes one line of text; standard error by default.
+    """
+    listener = _Listener(tell)
+    with event.install_listener("numba:compile", listener):
+        yield
+    if listener.spent_s > 0.0:
+        tell(f"compiled in {listener.spent_s:.1f} s")
+
+
+def warm_up(plant: str, tell: Callable[[str], None] = _log) -> None:
+    """Load or compile everything a twin with this plant ("mujoco" or "kinematic") needs.
+
+    tell: told if there is anything to compile, see `told_of_compiling`.
+    """
+    with told_of_compiling(tell):
+        time_law = trapezoid(2000, 10_000, 400, 100_000)  # its ramps have 499 ticks
+        for path in (line((2000, 7, 0, 0)), circle(2000, 0, 250, 0, 1, 1, clockwise=False)):
+            t_ns, delta = StepRun(path, time_law, 0).window(0, 2000)
+        machine = _plant(plant)
+        machine.set_power(stages=True, brake_released=True, lowering=True)
+        until_ns = 2 * MILLISECOND_NS
+        machine.advance(until_ns, *_up_to(until_ns, t_ns, delta))
+        machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
+
+
+def _plant(name: str) -> Plant:
+    """A plant with all kinds of thresholds."""
+    machine = load_machine("4030")
+    thresholds = [Threshold(axis, "position", -1.0, -1, 0.1) for axis in range(len(CARRIAGES))]
+    thresholds.append(Threshold(0, "lag", 1e6))
+    start_mm = np.full(len(CARRIAGES), 50.0)
+    if name == "kinematic":
+        from isel_twin.plant.kinematic import KinematicPlant
+
+        return KinematicPlant(machine, thresholds, start_mm)
+    from isel_twin.plant.mujoco import MujocoPlant
+
+    return MujocoPlant(machine, thresholds, start_mm)
+
+
+def _up_to(until_ns: int, t_ns: Any, delta: Any) -> tuple[Any, Any]:
+    count = int(np.searchsorted(t_ns, until_ns, side="right"))
+    return t_ns[:count], delta[:count]
+
+
+class _Listener(event.Listener):
+    """Hears of every function that is compiled (not of those that are loaded); those within others do not count."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._depth = 0
+        self._began_s = 0.0
+        self.spent_s = 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        if self._depth == 0:
+            if self.spent_s == 0.0:
+                self._tell("compiling the physics (once per installation) ...")
+            self._began_s = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.spent_s += time.perf_counter() - self._began_s

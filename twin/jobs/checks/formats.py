@@ -1,0 +1,142 @@
+"""Findings for others to read: JUnit XML, SARIF, JSON, annotations of a pull request.
+
+JUnit    one suite, one case a job; what is wrong with it as one failure, warnings in system-out
+SARIF    2.1.0, one result a finding, with the line of the job, for code scanning and editors
+JSON     one object a job
+::error  commands in the log of a GitHub-style runner, which shows them at the line
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+from xml.etree import ElementTree
+
+from isel_twin.base.units import SECOND_NS
+from isel_twin.jobs.checks.job import RULES, Finding, Report
+from isel_twin.version import VERSION
+
+__all__ = ["as_annotations", "as_json", "junit", "sarif", "where"]
+
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML does not have; a reply may hold any."""
+
+
+def where(finding: Finding) -> str:
+    """Place of a finding in words."""
+    time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
+    return ", ".join(part for part in (finding.place, time) if part)
+
+
+def _in_words(finding: Finding) -> str:
+    place = where(finding)
+    return f"{finding.rule}: {finding.message}{f' ({place})' if place else ''}"
+
+
+def junit(reports: Sequence[Report]) -> str:
+    """JUnit XML. Times are those of the machine, from the first command to the end of the last one."""
+    failures = sum(not report.ok for report in reports)
+    time_s = f"{sum(report.cycle_s for report in reports):.3f}"
+    counts = {"tests": str(len(reports)), "failures": str(failures), "errors": "0", "time": time_s}
+    root = ElementTree.Element("testsuites", counts)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": "isel-twin", **counts, "skipped": "0"})
+    for report in reports:
+        path = Path(report.job)
+        case = ElementTree.SubElement(
+            suite,
+            "testcase",
+            {"name": _xml(path.name), "classname": _xml(path.parent.as_posix()), "time": f"{report.cycle_s:.3f}"},
+        )
+        wrong = [finding for finding in report.findings if not finding.warning]
+        if wrong:
+            failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
+            ElementTree.SubElement(case, "failure", failure).text = _xml("\n".join(map(_in_words, wrong)))
+        if warnings := [finding for finding in report.findings if finding.warning]:
+            ElementTree.SubElement(case, "system-out").text = _xml("\n".join(map(_in_words, warnings)))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _xml(text: str) -> str:
+    return _NO_XML.sub("?", text)
+
+
+def sarif(reports: Sequence[Report]) -> str:
+    """SARIF 2.1.0. Paths are those of the call; relative ones are seen from the root of the sources."""
+    rules = [{"id": rule, "shortDescription": {"text": text}} for rule, text in RULES.items()]
+    names = list(RULES)
+    results = [
+        {
+            "ruleId": finding.rule,
+            "ruleIndex": names.index(finding.rule),
+            "level": "warning" if finding.warning else "error",
+            "message": {"text": finding.message},
+            "locations": [{"physicalLocation": _location(report, finding)}],
+        }
+        for report in reports
+        for finding in report.findings
+    ]
+    driver = {"name": "isel-twin", "semanticVersion": _semantic(VERSION), "rules": rules}
+    log = {
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{"tool": {"driver": driver}, "results": results}],
+    }
+    return json.dumps(log, indent=2) + "\n"
+
+
+def _semantic(version: str) -> str:
+    """The version as SemVer writes it."""
+    match = re.match(r"\d+\.\d+\.\d+", version)
+    return match[0] if match else "0.0.0"
+
+
+def _location(report: Report, finding: Finding) -> dict[str, Any]:
+    path = Path(report.job)
+    uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
+    location: dict[str, Any] = {"artifactLocation": {"uri": uri}}
+    line, column = finding.at or (finding.line or 1, 0)
+    location["region"] = {"startLine": line, **({"startColumn": column} if column else {})}
+    return location
+
+
+def as_json(report: Report) -> str:
+    """One line: job, ok, findings, and the verdict as `isel-twin run --json` has it."""
+    findings = [
+        {
+            "rule": finding.rule,
+            "level": "warning" if finding.warning else "error",
+            "line": finding.line if finding.at is None else finding.at[0],
+            "time_s": None if finding.time_ns is None else finding.time_ns / SECOND_NS,
+            "message": finding.message,
+        }
+        for finding in report.findings
+    ]
+    verdict = report.verdict.summary()
+    told = {"job": report.job, "ok": report.ok, "cycle_s": report.cycle_s, "findings": findings, "verdict": verdict}
+    return json.dumps(told)
+
+
+def as_annotations(reports: Iterable[Report]) -> Iterator[str]:
+    """Commands for the log of a GitHub-style runner."""
+    for report in reports:
+        for finding in report.findings:
+            kind = "warning" if finding.warning else "error"
+            values = {
+                "file": report.job,
+                "line": str((finding.at or (finding.line or 1,))[0]),
+                "title": f"isel-twin {finding.rule}",
+            }
+            place = ",".join(f"{key}={_escaped(value, ':,')}" for key, value in values.items())
+            yield f"::{kind} {place}::{_escaped(finding.message)}"
+
+
+def _escaped(text: str, others: str = "") -> str:
+    """Characters that would end a command, as the runner wants them."""
+    for character in "%\r\n" + others:
+        text = text.replace(character, f"%{ord(character):02X}")
+    return text

@@ -1,0 +1,385 @@
+"""Checks of a job: what a pull request must not change, as findings that name the rule, the line and the moment.
+
+Goal: one function that plays a job and says everything that is wrong with it, so that a terminal, an XML file and an
+annotation in a review say the same.
+
+    job, machine, bounds  --- check_job --->  Report: findings, each with rule, line of the job, virtual time
+
+    rule          it is broken when                                                       bound
+    refused       a command is refused, or answered otherwise than the job expects        always
+    unmet         a condition of the job (`! lost == 0`) is not so                        always
+    unfinished    a command is not over in time; the job ends there                       `timeout`
+    lost          an axis has lost steps, told with the line after which it first had     always
+    halfway       a rotor rests between two places that would hold                        always
+    drive         a servo drive has switched itself off, told with the line                always
+    switch        an end switch is struck in a line that sets no counter, and no          `may_strike`
+                  condition of the job (`! limit_x1 == struck`) wants it so
+    fault         the controller shows an error at the end, or its flash is damaged       always
+    margin        the least pull-out margin of a motor in a line                          `margin`
+    deviation     true position and counter differ by more, looked at every 5 ms          `deviation_mm`
+    cycle         first command to end of the last one takes longer                       `cycle_s`
+    golden        the run is not what it was, where the job has a golden run              `golden`
+    luck          repetitions on slightly different machines end otherwise                `robust`
+    effect        an event of the scenario came too late, or had no effect (a warning)    always
+
+A reference run strikes switches and sets counters, so a switch that is struck in a line which sets a counter is none
+of its business; a switch that stays struck is told once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.jobs.golden import Golden, Move, Scribe, differences
+from isel_twin.jobs.job import Line, Result, play
+from isel_twin.jobs.verdict import Verdict, judge, lost
+
+if TYPE_CHECKING:
+    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.twin import Twin
+
+__all__ = ["RULES", "Bounds", "Finding", "Inspection", "Report", "check_job"]
+
+LOOK_NS = 5 * MILLISECOND_NS
+"""Between two looks at the deviation."""
+
+RULES: Mapping[str, str] = {
+    "refused": "Every command is accepted, or answered as the job expects.",
+    "unmet": "What a job says must be so is so.",
+    "unfinished": "Every command is over in time.",
+    "lost": "No motor loses steps.",
+    "halfway": "No rotor rests between two places that would hold.",
+    "drive": "No servo drive switches itself off.",
+    "switch": "No end switch is struck but in a reference run.",
+    "fault": "The controller shows no error.",
+    "margin": "Every motor keeps a margin of torque.",
+    "deviation": "The machine is where the counters say, within a tolerance.",
+    "cycle": "The job takes no longer than it may.",
+    "golden": "The job does what it did.",
+    "luck": "The job ends alike on slightly different machines.",
+    "effect": "Every event of the scenario comes in time and has an effect.",
+}
+"""What each rule demands."""
+WARNINGS = ("effect",)
+"""Rules that make no job fail."""
+MOST = 20
+"""Findings of one rule that a report names one by one."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a job may do at most, and at least; None: whatever it likes."""
+
+    margin: float | None = None
+    """Least pull-out margin of each motor, 0 .. 1."""
+    deviation_mm: float | None = None
+    cycle_s: float | None = None
+    may_strike: tuple[str, ...] = ()
+    """End switches that may be struck; "all"."""
+    robust: int = 0
+    """Repetitions."""
+    timeout_s: float = 3600.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something is not as it has to be."""
+
+    rule: str
+    message: str
+    line: int | None = None
+    """Of the job; None: the job as a whole."""
+    time_ns: int | None = None
+    at: tuple[int, int] | None = None
+    """Line and column of the file, if its lines are not those of the job: in a program of the controller's own."""
+
+    @property
+    def warning(self) -> bool:
+        """It makes no job fail."""
+        return self.rule in WARNINGS
+
+    @property
+    def place(self) -> str:
+        """Where in the file, in words; "" if it is about the job as a whole."""
+        if self.at is not None:
+            return f"line {self.at[0]}, column {self.at[1]}"
+        return "" if self.line is None else f"line {self.line}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a job did and what is wrong with it."""
+
+    job: str
+    findings: tuple[Finding, ...]
+    verdict: Verdict
+    run: Golden
+    """For whoever writes it down; without its call."""
+    spans_ns: tuple[tuple[tuple[int, int], ...], ...] = ()
+    """As `Scribe.spans_ns`."""
+
+    @property
+    def ok(self) -> bool:
+        """Nothing is wrong, warnings aside."""
+        return all(finding.warning for finding in self.findings)
+
+    def compared(self, golden: Golden, run: Golden) -> Report:
+        """With what is not as it was, as findings of the rule `golden`; run: this one with its call."""
+        found = [Finding("golden", each.what, each.line) for each in differences(golden, run, self.spans_ns)]
+        return dataclasses.replace(self, run=run, findings=_few([*self.findings, *found]))
+
+    @property
+    def cycle_s(self) -> float:
+        """From the first command to the end of the last one."""
+        return (self.verdict.ended_ns - self.verdict.began_ns) / SECOND_NS
+
+    @property
+    def margin(self) -> float | None:
+        """The least of all motors; None without physics."""
+        return min((margin for margin in self.verdict.margin if margin is not None), default=None)
+
+
+class _Watch:
+    """Looks at a twin while it makes a job: switches struck and the largest deviation, line by line."""
+
+    def __init__(self, twin: Twin, bounds: Bounds) -> None:
+        self._twin = twin
+        self._ends = frozenset(switch.name for switch in twin.machine.switches)
+        self._struck = self._now_struck(twin)
+        self._may = self._ends if "all" in bounds.may_strike else frozenset(bounds.may_strike)
+        self._most_mm = bounds.deviation_mm
+        self.begin()
+        twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)  # switches are told as they change
+
+    def begin(self) -> None:
+        """A line begins."""
+        self.struck: dict[str, int] = {}
+        """When each switch was struck in it."""
+        self._worst_mm = np.zeros(len(CARRIAGES))
+        self._worst_ns = [0] * len(CARRIAGES)
+
+    def _now_struck(self, twin: Twin) -> set[str]:
+        return {name for name, state in twin.inputs.items() if name in self._ends and state == "struck"}
+
+    def _look(self, twin: Twin) -> None:
+        struck = self._now_struck(twin)
+        for name in struck - self._struck - self._may:
+            self.struck.setdefault(name, twin.time_ns)
+        self._struck = struck
+        if self._most_mm is not None:
+            error_mm = np.abs(twin.position_error_mm)
+            for i in np.flatnonzero(error_mm > self._worst_mm):
+                self._worst_mm[i], self._worst_ns[i] = error_mm[i], twin.time_ns
+
+    def findings(self, result: Result, counter_set: bool) -> list[Finding]:
+        """What is wrong with the line that has just ended. A counter that is set anew makes earlier errors moot."""
+        if counter_set:
+            return []
+        found = [
+            Finding("switch", f"{name} is struck", result.number, time_ns)
+            for name, time_ns in sorted(self.struck.items(), key=lambda item: item[1])
+        ]
+        if self._most_mm is not None:
+            found += [
+                Finding(
+                    "deviation",
+                    f"{name} is {worst:.3f} mm off; at most {self._most_mm:g} mm",
+                    result.number,
+                    time_ns,
+                )
+                for name, worst, time_ns in zip(CARRIAGES, self._worst_mm, self._worst_ns, strict=True)
+                if worst > self._most_mm
+            ]
+        return found
+
+
+class Inspection:
+    """Follows a job on a twin, line by line, from before its first one, and says what is wrong with it."""
+
+    def __init__(self, twin: Twin, bounds: Bounds | None = None) -> None:
+        self.twin = twin
+        self.bounds = bounds or Bounds()
+        self.results: list[Result] = []
+        self._watch = _Watch(twin, self.bounds)
+        self._scribe = Scribe()
+        self._findings: list[Finding] = []
+        self._moves: list[Move] = []
+        self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
+        self._faults = [number for number, _ in twin.drive_faults]
+        self._expected = np.array(twin.counts)
+        self.setting: set[int] = set()
+        """Numbers of the lines that set a counter: reference runs, above all."""
+
+    def take(self, result: Result) -> None:
+        """A line has just ended."""
+        twin, bounds = self.twin, self.bounds
+        self.results.append(result)
+        self._findings += _of_answer(result, bounds)
+        move = self._scribe.move(result, twin.steps)
+        if not result.condition:
+            self._moves.append(move)
+        self._expected = self._expected + self._scribe.way
+        counter_set = bool((np.array(result.counts) != self._expected).any())
+        self._expected = np.array(result.counts)
+        if counter_set:
+            self.setting.add(result.number)
+        self._findings += self._watch.findings(result, counter_set)
+        self._watch.begin()
+        self._findings += _of_margin(result, bounds)
+        now = lost(twin.lost_steps, twin.slip_steps) & twin.idle
+        self._findings += [
+            Finding("lost", f"{AXIS_NAMES[i]} has lost {twin.lost_steps[i]:.0f} steps", result.number, result.end_ns)
+            for i in np.flatnonzero(now & ~self._gone)
+        ]
+        self._gone |= now
+        faults = [number for number, _ in twin.drive_faults]
+        self._findings += [
+            Finding("drive", f"{AXIS_NAMES[i]}: {cause}", result.number, result.end_ns)
+            for i, (number, cause) in enumerate(twin.drive_faults)
+            if number > self._faults[i]
+        ]
+        self._faults = faults
+
+    def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
+        """All of it, and what others have found, when the job is over."""
+        run = Golden.of({}, self._moves, verdict)
+        findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
+        findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
+        findings = [_placed(finding, self.results) for finding in findings]
+        return Report(job, _few(findings), verdict, run, tuple(self._scribe.spans_ns))
+
+
+def check_job(
+    job: Path,
+    call: TwinCall,
+    lines: Sequence[Line],
+    bounds: Bounds | None = None,
+    begun: Callable[[Inspection], None] | None = None,
+) -> Report:
+    """Play a job on a twin of its own and say what is wrong with it; `Report.compared` adds what it did otherwise once.
+
+    begun: given the inspection before the first line, for whoever wants to see more of the twin.
+    Raises CallError for a call that cannot be carried out.
+    """
+    inspection = Inspection(call.build(), bounds)
+    if begun is not None:
+        begun(inspection)
+    for result in play(inspection.twin, lines, inspection.bounds.timeout_s):
+        inspection.take(result)
+    verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
+    others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else []
+    return inspection.report(str(job), verdict, others)
+
+
+def _expected(finding: Finding, verdict: Verdict, results: Sequence[Result]) -> bool:
+    """Whether the job says itself that it must be so, and it is: `! lost > 0`, `! limit_x2 == struck`."""
+    name = finding.message.partition(" ")[0]
+    if finding.rule == "drive":
+        return not verdict.switched_off[AXIS_NAMES.index(name.rstrip(":"))]
+    if finding.rule == "lost":
+        return not verdict.lost[AXIS_NAMES.index(name)]
+    wanted = (f"{name} == struck", f"input.{name} == struck")
+    said = [" ".join(result.command.strip("! \t").split()) for result in results if result.condition and result.ok]
+    return finding.rule == "switch" and any(text in wanted for text in said)
+
+
+def _placed(finding: Finding, results: Sequence[Result]) -> Finding:
+    """With its place in the file, if it is about a line that runs a program: where the controller says it is wrong, or
+    the step that was made then."""
+    result = next((one for one in results if one.number == finding.line and one.parts), None)
+    if result is None:
+        return finding
+    parts = [part for part in result.parts if part.at is not None]
+    said = [part for part in parts if not part.position_mm] if finding.rule in ("refused", "fault") else []
+    made = [part for part in parts if finding.time_ns is None or part.time_ns <= finding.time_ns]
+    found = (said or made or parts)[-1:]
+    return replace(finding, at=found[0].at) if found else finding
+
+
+def _of_answer(result: Result, bounds: Bounds) -> list[Finding]:
+    if not result.complete:
+        stands = result.why if result.expected is None else ""
+        what = f"{result.command}: {stands or f'no complete reply within {bounds.timeout_s:g} s'}"
+        return [Finding("unfinished", what, result.number, result.end_ns)]
+    if result.ok:
+        return []
+    if result.condition:
+        return [Finding("unmet", f"{result.command}: {result.why or result.reply}", result.number, result.end_ns)]
+    return [Finding("refused", f"{result.command}: {result.shown_reply or 'no reply'}", result.number, result.end_ns)]
+
+
+def _of_margin(result: Result, bounds: Bounds) -> list[Finding]:
+    if bounds.margin is None or result.condition:
+        return []
+    return [
+        Finding("margin", f"{name} keeps {100 * margin:.0f} %; at least {100 * bounds.margin:.0f} %", result.number)
+        for name, margin in zip(AXIS_NAMES, result.margin, strict=False)
+        if margin is not None and margin < bounds.margin
+    ]
+
+
+def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
+    """What only the end shows."""
+    last = results[-1].number if results else None
+    found = [
+        Finding("lost", f"{name} has lost {steps + before:.0f} steps", last, verdict.time_ns)
+        for name, is_lost, told, steps, before in zip(
+            AXIS_NAMES, verdict.lost, gone, verdict.lost_steps, verdict.forgotten_steps, strict=False
+        )
+        if is_lost and not told
+    ]
+    found += [
+        Finding("halfway", f"{name} rests between two places that would hold", last, verdict.time_ns)
+        for name, is_halfway in zip(AXIS_NAMES, verdict.halfway, strict=False)
+        if is_halfway
+    ]
+    told = any(result.why and not result.ok and result.parts for result in results)
+    if verdict.controller_fault and not verdict.fault_known and not told:
+        found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
+    if verdict.flash_fault:
+        found.append(Finding("fault", "the flash memory could not be read"))
+    cycle_s = (verdict.ended_ns - verdict.began_ns) / SECOND_NS
+    if bounds.cycle_s is not None and cycle_s > bounds.cycle_s:
+        found.append(Finding("cycle", f"takes {cycle_s:.3f} s; at most {bounds.cycle_s:g} s", last, verdict.ended_ns))
+    if verdict.unsent:
+        many = f"{verdict.unsent} line{'s are' if verdict.unsent > 1 else ' is'}"
+        found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))
+    for number, what in (
+        (verdict.events_after_end, "to come when the job is over"),
+        (verdict.events_without_effect, "without effect: the plant has no physics"),
+    ):
+        if number:
+            found.append(Finding("effect", f"{number} event{'s' if number > 1 else ''} of the scenario {what}"))
+    return found
+
+
+def _of_repetitions(call: TwinCall, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+    from isel_twin.jobs.robust import agree, trials
+
+    others = [trial for trial in trials(call, lines, bounds.robust, timeout_s=bounds.timeout_s)]
+    differ = [trial.number for trial in others if not agree(verdict, trial.verdict)]
+    if not differ:
+        return []
+    numbers = ", ".join(map(str, differ[:10]))
+    return [Finding("luck", f"{len(differ)} of {bounds.robust} repetitions end otherwise: number {numbers}")]
+
+
+def _few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """At most MOST of each rule, in the order of lines, and how many there are beside."""
+    kept: list[Finding] = []
+    for rule in RULES:
+        own = [finding for finding in findings if finding.rule == rule]
+        kept += own[:MOST]
+        if len(own) > MOST:
+            kept.append(Finding(rule, f"and {len(own) - MOST} more of the same"))
+    last = max((finding.line or 0 for finding in kept), default=0) + 1
+    return tuple(sorted(kept, key=lambda finding: (finding.line or last, finding.time_ns or 0)))

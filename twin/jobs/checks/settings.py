@@ -1,0 +1,149 @@
+"""What a project demands of its jobs: the file isel-twin.toml, searched from the folder of a job upwards.
+
+    [check]                          # for every job below this folder; all of it may be left out
+    machine = "machines/mine"        # paths as seen from this file
+    controller = "imc-s8"
+    plant = "mujoco"
+    seed = 0
+    scenario = "hood.toml"
+    margin = 0.2                     # least pull-out margin of each motor
+    deviation_mm = 0.05              # most difference between counter and true position
+    cycle_s = 60.0                   # most time from the first command to the end of the last one
+    may_strike = ["limit_x1"]        # end switches that may be struck outside a reference run; ["all"]
+    golden = true                    # compare a job with its golden run, where it has one (the default)
+    robust = 20                      # repetitions on slightly different machines
+    timeout_s = 600.0                # of each command
+
+    [[check.job]]                    # for some of them, in the order of the file; the last word counts
+    match = "pocket*.txt"            # path as seen from this file, with * and ?
+    cycle_s = 40.0
+    margin = "off"                   # no bound for these
+
+Options of the command line have the last word of all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
+from isel_twin.core.spec import TwinCall
+from isel_twin.jobs.checks.job import Bounds
+
+__all__ = ["FILE", "SettingsError", "Task", "find", "load", "task"]
+
+FILE = "isel-twin.toml"
+
+_NUMBERS: Mapping[str, Limits] = {
+    "seed": Limits("", 0, 2**63, whole=True),
+    "margin": Limits("", 0.0, 1.0),
+    "deviation_mm": Limits("mm", 0.0, 1e5),
+    "cycle_s": Limits("s", 0.0, 1e9),
+    "robust": Limits("repetitions", 0, 10_000, whole=True),
+    "timeout_s": Limits("s", 0.0, 1e9),
+}
+_OFF = ("margin", "deviation_mm", "cycle_s")
+"""Bounds that may be "off"."""
+_WORDS = ("machine", "controller", "plant", "scenario")
+KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden")
+
+
+class SettingsError(FileError):
+    """A settings file is wrong; the message is one line that names file, key and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A job with all that is to be known for checking it. Small enough to be sent to another process."""
+
+    job: Path
+    call: TwinCall = field(default_factory=TwinCall)
+    bounds: Bounds = field(default_factory=Bounds)
+    golden: bool = True
+
+
+def find(job: Path) -> Path | None:
+    """The settings file for a job: in its folder, or the nearest one above it."""
+    folder = job.resolve().parent
+    return next((path for above in (folder, *folder.parents) if (path := above / FILE).is_file()), None)
+
+
+def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """What a settings file demands, as pairs of pattern and values, the general first ("*").
+
+    Raises SettingsError for anything wrong in it, OSError if it cannot be read.
+    """
+    place = Place(path, SettingsError)
+    content = read_toml(place)
+    known(content, ("check",), place)
+    section = dict(table(content.get("check", {}), place.at("check")))
+    jobs = section.pop("job", [])
+    if not isinstance(jobs, list):
+        raise place.at("check.job").wrong(f"{jobs!r}; it must be written as [[check.job]] tables")
+    demands = [("*", _values(section, place.at("check")))]
+    for number, entry in enumerate(jobs, 1):
+        where = place.at(f"check.job {number}")
+        values = dict(table(entry, where))
+        if "match" not in values:
+            raise where.at("match").wrong('missing; allowed: a path with * and ?, such as "pocket*.txt"')
+        pattern = text(values.pop("match"), where.at("match"))
+        demands.append((pattern, _values(values, where)))
+    return demands
+
+
+def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """Values of the keys of a table, checked."""
+    known(content, KEYS, place)
+    return {key: _value(key, value, place.at(key)) for key, value in content.items()}
+
+
+def _value(key: str, value: Any, place: Place) -> Any:
+    if key in _WORDS:
+        return text(value, place)
+    if key == "golden":
+        if not isinstance(value, bool):
+            raise place.wrong(f"{value!r}; allowed: true, false")
+        return value
+    if key == "may_strike":
+        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+            raise place.wrong(f'{value!r}; allowed: a list of end switches, or ["all"]')
+        return tuple(value)
+    if key in _OFF and value == "off":
+        return None
+    number = plain(value, _NUMBERS[key], place)
+    if not _NUMBERS[key].whole:
+        return number
+    if number != int(number):
+        raise place.wrong(f"{value}; allowed: a whole number")
+    return int(number)
+
+
+def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
+    """What is demanded of a job by its settings file and by options (same keys, None: not given).
+
+    Raises as `load`.
+    """
+    values: dict[str, Any] = {}
+    if settings is not None:
+        folder = settings.resolve().parent
+        seen = job.resolve()
+        name = seen.relative_to(folder).as_posix() if seen.is_relative_to(folder) else seen.as_posix()
+        for pattern, demanded in load(settings):
+            if fnmatchcase(name, pattern):
+                values |= demanded
+        for key in ("machine", "scenario"):
+            if key in values and (key == "scenario" or (folder / values[key]).is_dir()):
+                values[key] = str(folder / values[key])
+    values |= {key: value for key, value in options.items() if value is not None}
+    if values.get("scenario") is not None:
+        values["scenario"] = Path(values["scenario"])
+    golden = values.pop("golden", True)
+    of_call = {item.name for item in dataclasses.fields(TwinCall)}
+    call = TwinCall(**{key: value for key, value in values.items() if key in of_call})
+    bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
+    return Task(job, call, bounds, golden)

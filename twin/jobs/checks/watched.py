@@ -1,0 +1,282 @@
+"""A twin under observation: its commands one by one, and where the machine was meanwhile, for assertions.
+
+    twin --- listen, observe ---> Watched:  commands   text, line of the job, reply, begin, end, margin, losses
+                                            samples    time, position of the carriages, every few milliseconds
+                                            outputs    when which was switched
+
+Goal: whatever is wrong in the end can be told with the moment, the axis and the command in which it began, whether a
+job was played or a host has sent the bytes. A command begins with the first byte after a reply, or after the
+controller was idle; the rest of a message that is not whole yet belongs to it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.units import SECOND_NS
+from isel_twin.jobs.golden import Golden, Scribe
+from isel_twin.jobs.job import JobError, Result, check_conditions, check_controller, decode_job, parse_job, play
+from isel_twin.jobs.verdict import SETTLE_S, Verdict, judge, lost
+from isel_twin.language import create_language, readable
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+__all__ = ["Command", "JobRun", "Watched"]
+
+LOOK_S = 0.005
+"""Virtual time between two looks, unless told otherwise."""
+
+
+@dataclass
+class Command:
+    """What the host has sent in one go, and what came of it."""
+
+    begin_ns: int
+    line: int | None = None
+    """Of the job; None: there is no job."""
+    sent: bytes = b""
+    reply: bytes = b""
+    end_ns: int = 0
+    """When its last reply arrived; until then, when it began."""
+    margin: tuple[float, ...] = ()
+    """Least pull-out margin of each axis meanwhile; nan for axes without a motor."""
+    lost: dict[str, float] = field(default_factory=dict)
+    """Steps lost of each axis that was well before it."""
+    counter_set: bool = False
+    """A counter was set in it, as by a reference run."""
+    refused: bool = False
+    text: str = ""
+
+    def __str__(self) -> str:
+        where = "" if self.line is None else f"line {self.line}: "
+        return f"{where}{self.text or readable(self.sent)}"
+
+
+@dataclass(frozen=True)
+class JobRun:
+    """A job that was played."""
+
+    job: Path
+    results: tuple[Result, ...]
+    golden: Golden
+    """Of this run, without its call."""
+    spans_ns: tuple[tuple[tuple[int, int], ...], ...]
+    """As `Scribe.spans_ns`."""
+    verdict: Verdict
+
+    @property
+    def ok(self) -> bool:
+        """As `Verdict.ok`."""
+        return self.verdict.ok
+
+
+class Watched:
+    """A twin, and what it has done since this was made. For one thread, the one in which virtual time passes."""
+
+    def __init__(self, twin: Twin, interval_s: float = LOOK_S) -> None:
+        """interval_s: virtual time between two looks at the carriages."""
+        if not 1e-9 <= interval_s < math.inf:
+            raise ValueError(f"interval_s is {interval_s}; give the virtual seconds between two looks")
+        self.twin = twin
+        self.run: JobRun | None = None
+        """The last job that was played."""
+        self.begin_ns = twin.time_ns
+        """What was before is not looked at, see `begin`."""
+        self.output_changes: dict[str, tuple[int, Command | None]] = {}
+        """When each output last changed, in ns, and in which command."""
+        self._commands: list[Command] = []
+        self._current: Command | None = None
+        self._line: int | None = None
+        self._fresh = False
+        """The next byte begins a command."""
+        self._samples = array("d")
+        self._outputs: Mapping[str, int] = dict(twin.outputs)
+        self._gone: set[str] = set()
+        self._rested_ns = -1
+        self._decoder = None if twin.language is None else create_language(twin.controller_name)
+        twin.listen(self._note)
+        twin.observe(self._look, round(interval_s * SECOND_NS))
+
+    # What is done
+
+    def begin(self) -> None:
+        """Look only at what comes from now on: path, switches, margins, time and replies. Lost steps stay lost."""
+        self._close()
+        self.begin_ns = self.twin.time_ns
+
+    def play(self, job: str | os.PathLike[str], timeout_s: float = 3600.0) -> JobRun:
+        """Play a job file to its end, and begin anew with it (`begin`).
+
+        timeout_s: virtual seconds that a line may take; the job ends with one that takes longer. Raises JobError
+        (ValueError) for a job that cannot be played, OSError for a file that cannot be read.
+        """
+        __tracebackhide__ = True
+        path, twin = Path(job), self.twin
+        try:
+            text = decode_job(path.read_bytes())
+            check_controller(text, twin.language, twin.controller_name)
+            lines = parse_job(text, twin.language, twin.controller_name)
+            check_conditions(lines, twin)
+        except JobError as error:
+            told = "\n".join([f"{path}: {error}", *([error.excerpt] if error.excerpt else [])])
+            raise JobError(told, error.excerpt) from None
+        except OSError as error:
+            raise type(error)(error.errno, error.strerror, str(path)) from None
+        if not lines:
+            raise JobError(f"{path}: there is no command in it")
+        self.begin()
+        scribe, results, moves = Scribe(), list[Result](), []
+        scribe.move(_nothing(twin), twin.steps)  # what was before the job is none of its business
+        scribe.spans_ns.clear()
+        playing = play(twin, lines, timeout_s)
+        for line in lines:
+            self._line, self._fresh = line.number, True
+            result = next(playing, None)
+            if result is None:
+                break
+            results.append(result)
+            move = scribe.move(result, twin.steps)
+            if not result.condition:
+                moves.append(move)
+                if self._current is not None:
+                    self._current.refused = not result.ok
+                    self._current.text = result.command
+            self._close()
+        self._line = None
+        verdict = judge(twin, results, len(lines) - len(results))
+        self._rested_ns = twin.time_ns
+        self.run = JobRun(path, tuple(results), Golden.of({}, moves, verdict), tuple(scribe.spans_ns), verdict)
+        return self.run
+
+    def rest(self) -> None:
+        """Let the machine come to rest, half a second of virtual time, unless it just did or is still at work."""
+        if self._rested_ns != self.twin.time_ns and self.twin.idle:
+            self.twin.run(SETTLE_S)
+            self._rested_ns = self.twin.time_ns
+        self._look_for_losses()
+
+    # What there is to see
+
+    @property
+    def commands(self) -> list[Command]:
+        """All since `begin`, in their order."""
+        self._take_margin()
+        return [command for command in self._commands if command.begin_ns >= self.begin_ns]
+
+    @property
+    def every_command(self) -> list[Command]:
+        """All since this was made."""
+        return self._commands
+
+    def command_at(self, time_ns: int) -> Command | None:
+        """The last one that was begun by then."""
+        return next((command for command in reversed(self._commands) if command.begin_ns <= time_ns), None)
+
+    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Since `begin`: times in ns [n], positions in mm [n, 3] by the counters, and in machine coordinates."""
+        table = np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
+        table = table[table[:, 0] >= self.begin_ns]
+        axes = len(CARRIAGES)
+        return table[:, 0], table[:, 1 : 1 + axes], table[:, 1 + axes :]
+
+    def lost_in(self, axis: str) -> Command | None:
+        """The command after which an axis first had lost steps."""
+        return next((command for command in self._commands if axis in command.lost), None)
+
+    def reply_text(self, command: Command) -> str:
+        """Its reply as `Twin.query` gives it."""
+        language = self.twin.language
+        return readable(command.reply) if language is None else language.text(command.reply)
+
+    # Inside
+
+    def _look(self, twin: Twin) -> None:
+        self._samples.append(float(twin.time_ns))
+        self._samples.extend(twin.position_mm.tolist())
+        self._samples.extend(twin.machine_position_mm.tolist())
+        outputs = twin.outputs
+        if outputs != self._outputs:
+            changed = (name for name, value in outputs.items() if self._outputs.get(name) != value)
+            command = self._commands[-1] if self._commands else None
+            self.output_changes.update(dict.fromkeys(changed, (twin.time_ns, command)))
+            self._outputs = dict(outputs)
+
+    def _note(self, time_ns: int, kind: str, what: Any) -> None:
+        current = self._current
+        if kind == "sent":
+            begun = self._decoder is not None and self._decoder.rest(True) != b""
+            answered = current is None or bool(current.reply) or self.twin.idle
+            if current is None or self._fresh or (self._line is None and answered and not begun):
+                self._close()
+                self._fresh = False
+                current = self._current = Command(time_ns, self._line, end_ns=time_ns)
+                self._commands.append(current)
+            assert current is not None
+            current.sent += what
+            if self._decoder is not None:
+                texts = [message.text for message in self._decoder.messages(what, True)]
+                current.text = " ".join([*([current.text] if current.text else []), *texts])
+        elif kind == "received" and current is not None:
+            current.reply += what.data
+            current.end_ns = what.arrival_ns
+        elif kind == "counter" and current is not None:
+            current.counter_set = True
+        elif kind == "operated" and "watch_margin" in what:
+            self._take_margin()
+        elif kind == "restored":
+            self._forget_after(what)
+
+    def _forget_after(self, time_ns: int) -> None:
+        """The twin goes to another time: what was seen after that does not count."""
+        self._close()
+        self._commands = [command for command in self._commands if command.begin_ns < time_ns]
+        table = np.array(self._samples).reshape(-1, 1 + 2 * len(CARRIAGES))
+        self._samples = array("d", table[table[:, 0] < time_ns].ravel().tolist())
+        self.begin_ns = min(self.begin_ns, time_ns)
+
+    def _close(self) -> None:
+        """The command that is in work is over."""
+        self._take_margin()
+        if (current := self._current) is None:
+            return
+        self._look_for_losses()
+        language = self.twin.language
+        if current.line is None and language is not None:
+            current.refused = not language.accepted(current.sent, current.reply)
+        self._current = None
+
+    def _take_margin(self) -> None:
+        if self._current is None:
+            return
+        margin = self.twin.take_margin().tolist()
+        before = self._current.margin or (math.nan,) * len(margin)
+        self._current.margin = tuple(float(np.fmin(a, b)) for a, b in zip(before, margin, strict=True))
+
+    def _look_for_losses(self) -> None:
+        """Ask which axes have lost steps; the last command is the one in which they did."""
+        twin = self.twin
+        command = self._commands[-1] if self._commands else None
+        if command is None or not twin.idle:
+            return
+        steps, forgotten = twin.lost_steps, twin.forgotten_steps
+        for i in np.flatnonzero(lost(steps, twin.slip_steps) | (forgotten != 0.0)):
+            if AXIS_NAMES[i] not in self._gone:
+                self._gone.add(AXIS_NAMES[i])
+                command.lost[AXIS_NAMES[i]] = float(steps[i] + forgotten[i])
+
+
+def _nothing(twin: Twin) -> Result:
+    """A line of a job in which nothing happens."""
+    now = twin.time_ns
+    return Result(0, "", "", True, now, now, tuple(twin.counts.tolist()), tuple(twin.position_mm.tolist()))

@@ -1,0 +1,107 @@
+"""Bytes of a line explained, message by message: what stands behind `isel-twin decode`.
+
+    pieces of bytes, each with its direction  --- explain --->  Row, Row, Row ...     as the messages become complete
+    text typed in                             --- typed ----->  such pieces
+
+Nothing is lost and nothing invented: the `data` of all rows of a direction, one after the other, is what was given for
+that direction. What the bytes mean is the language's business (isel_twin.language).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import count
+
+from isel_twin.jobs.job import JobError, parse_job
+from isel_twin.language import Language, encoded, readable
+
+__all__ = ["DecodeError", "Piece", "Row", "explain", "marked", "typed"]
+
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_BYTE = re.compile(r"<0*([0-9]{1,3})>")
+_SENT, _RECEIVED = ">", "<"
+
+
+class DecodeError(ValueError):
+    """Text cannot be taken for bytes of a line; the message is one line that says where."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Bytes as they went over the line, by the host (`sent`) or by the controller."""
+
+    data: bytes
+    sent: bool
+    time_ns: int | None = None
+    """When the last of them came, if anybody knows."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One message, or what was begun and never ended."""
+
+    number: int
+    """From 1, in the order in which messages became complete."""
+    offset: int
+    """Of its first byte among the bytes of its direction, from 0."""
+    sent: bool
+    data: bytes
+    text: str
+    """Readable: as in a job file; never empty."""
+    explanation: str
+    complete: bool
+    time_ns: int | None = None
+    """When it was complete, if anybody knows."""
+
+
+def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:
+    """Rows as they become complete, then what is left of each direction. `language`: a fresh one."""
+    numbers, offsets = count(1), {True: 0, False: 0}
+
+    def row(data: bytes, text: str, explanation: str, sent: bool, time_ns: int | None, complete: bool = True) -> Row:
+        offset = offsets[sent]
+        offsets[sent] += len(data)
+        return Row(next(numbers), offset, sent, data, text or readable(data), explanation, complete, time_ns)
+
+    for piece in pieces:
+        for message in language.messages(piece.data, piece.sent):
+            yield row(message.data, message.text, message.explanation, piece.sent, piece.time_ns)
+    for sent in (True, False):
+        if begun := language.rest(sent):
+            yield row(begun, readable(begun), "not complete", sent, None, complete=False)
+
+
+def typed(text: str, sent: bool, language: Language, controller: str) -> list[Piece]:
+    """Text as somebody types it: commands as in a job file, or a reply in which <13> is the byte 13.
+
+    Raises DecodeError for what no line can carry.
+    """
+    try:
+        if not sent:
+            return [Piece(_BYTE.sub(_byte, encoded(text).decode("latin-1")).encode("latin-1"), sent)]
+        return [Piece(line.sent, sent) for line in parse_job(text, language, controller)]
+    except (JobError, ValueError) as error:
+        raise DecodeError(re.sub(r"^line 1(?=[:,])[:,] ", "", str(error))) from None
+
+
+def marked(text: str, language: Language, controller: str) -> Iterator[Piece]:
+    """Both directions: lines that begin with `>` were sent by the host, with `<` by the controller; see `typed`.
+
+    Raises DecodeError for a line that is not marked.
+    """
+    for number, line in enumerate(_LINE_END.split(text), 1):
+        if not line.strip():
+            continue
+        if line[0] not in (_SENT, _RECEIVED):
+            raise DecodeError(f"line {number}: begins neither with > (sent by the host) nor with < (by the controller)")
+        try:
+            yield from typed(line[1:].removeprefix(" "), line[0] == _SENT, language, controller)
+        except DecodeError as error:
+            raise DecodeError(f"line {number}: {error}") from None
+
+
+def _byte(found: re.Match[str]) -> str:
+    """The byte of a <N>; what is no byte stays as it is."""
+    return chr(int(found[1])) if int(found[1]) < 256 else found[0]

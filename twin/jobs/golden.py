@@ -1,0 +1,412 @@
+"""Golden runs: what a job did once, in a small text file, and what it does differently today.
+
+Goal: a change of a job, of settings or of the twin shows what it changes, and first of all where. A run is written
+down command by command, one line each, so that two versions of a file differ in the lines that matter:
+
+    command   reply   time it took   ticks of each axis   counters        digests of the stream, window by window
+    ----------------------------------------------------------------------------------------------------------------
+    @0M...    0       3.21 s         16000 4000 0 0       16000 4000 0 0  |7f3a11|09bc52|...|  X 5dd01c Y 20aa71 Z - A -
+
+A digest stands for the ticks in a window: their times since the command was sent, in ns, and the change of every axis.
+A command has WINDOWS of them at most, none shorter than WINDOW_TICKS, so the first divergence is found to a part of a
+move without the stream being stored. What follows a difference is not different by itself: all times count from the
+command they belong to.
+
+Replies, times and streams are compared exactly; positions within TOLERANCE_MM, because the last bits of the physics
+depend on the processor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.parameters import FileError, Place, known, read_toml, table
+from isel_twin.base.units import SECOND_NS
+
+if TYPE_CHECKING:
+    from isel_twin.core.spec import TwinCall
+    from isel_twin.jobs.job import Result
+    from isel_twin.jobs.verdict import Verdict
+    from isel_twin.motion import Steps
+
+__all__ = [
+    "Difference",
+    "Golden",
+    "GoldenError",
+    "Move",
+    "Scribe",
+    "called",
+    "differences",
+    "dumps",
+    "golden_file",
+    "load",
+]
+
+SUFFIX = ".golden"
+FORMAT = 1
+"""Of the file."""
+WINDOWS = 16
+"""Most windows of a command."""
+WINDOW_TICKS = 500
+"""Ticks in its windows, unless there are too many of them."""
+DIGITS = 6
+"""Hexadecimal digits of a digest: one in 16 million changes of a window goes unseen, of a whole job fewer."""
+LONG_STEP = 60
+"""Characters of a step of a program that are shown."""
+TOLERANCE_MM = 0.002
+TOLERANCE_STEPS = 2
+"""Of lost steps: less is load angle."""
+
+_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario")
+_END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
+
+
+class GoldenError(FileError):
+    """A golden file is wrong; the message is one line that names file, key and remedy."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """A line of a job and what came of it."""
+
+    line: int
+    sent: str
+    reply: str
+    took_ns: int
+    counts: tuple[int, ...] = ()
+    """At its end."""
+    ticks: tuple[int, ...] = ()
+    """Ticks in which each axis moves; () if none does."""
+    axes: tuple[str, ...] = ()
+    """Digest of each axis, "-": it stands."""
+    windows: tuple[str, ...] = ()
+    steps: tuple[tuple[int, str], ...] = field(default=(), compare=False)
+    """Of a program: when each began, in ns since the command was sent, and what it is; not in the file."""
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A run of a job."""
+
+    call: Mapping[str, Any] = field(default_factory=dict)
+    """job, machine, controller, plant, seed and scenario: how it was run."""
+    moves: tuple[Move, ...] = ()
+    end: Mapping[str, Any] = field(default_factory=dict)
+    """ok, cycle_s, counts, position_mm and lost_steps of the verdict."""
+
+    @staticmethod
+    def of(call: Mapping[str, Any], moves: Sequence[Move], verdict: Verdict) -> Golden:
+        """A run that is over."""
+        summary = verdict.summary()
+        end = {
+            "ok": verdict.ok,
+            "cycle_s": (verdict.ended_ns - verdict.began_ns) / SECOND_NS,
+            "counts": summary["counts"],
+            "position_mm": [round(mm, 3) + 0.0 for mm in summary["position_mm"]],
+            "lost_steps": [round(steps) for steps in summary["lost_steps"]],
+        }
+        return Golden(dict(call), tuple(moves), end)
+
+
+class Scribe:
+    """Writes down the lines of a job as they end."""
+
+    def __init__(self) -> None:
+        self._ticks = 0
+        self.spans_ns: list[tuple[tuple[int, int], ...]] = []
+        """First and last tick in each window of each command, in ns since it was sent."""
+        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
+        """int64 [axes], sum of the ticks of the last line."""
+
+    def move(self, result: Result, steps: Steps) -> Move:
+        """What came of a line; `steps`: the twin's stream, all of it, when the line has just ended."""
+        t_ns, delta = _since(steps, self._ticks)
+        self._ticks = len(steps)
+        self.way = delta.sum(axis=0, dtype=np.int64)
+        moving = np.flatnonzero((delta != 0).any(axis=1))  # a stopped motion may end with ticks that change nothing
+        t_ns, delta = t_ns[moving] - result.time_ns, delta[moving].astype("<i4")
+        size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
+        cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
+        if not result.condition:
+            self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
+        axes = range(delta.shape[1]) if len(t_ns) else ()
+        return Move(
+            line=result.number,
+            sent=result.command,
+            reply=result.reply,
+            took_ns=result.end_ns - result.time_ns,
+            counts=result.counts,
+            ticks=tuple(int(np.count_nonzero(delta[:, i])) for i in axes),
+            axes=tuple(_axis_digest(t_ns, delta[:, i]) for i in axes),
+            windows=tuple(_digest(t_ns[cut], delta[cut]) for cut in cuts),
+            steps=tuple((part.time_ns - result.time_ns, part.text) for part in result.parts if part.position_mm),
+        )
+
+
+def _since(steps: Steps, ticks: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Times [n] and changes [n, axes] of all ticks but the first `ticks`."""
+    parts, left = [], len(steps) - ticks
+    for motion in reversed(steps.motions):
+        if left <= 0:
+            break
+        count = min(left, motion.last - motion.first)
+        parts.append(motion.window(motion.last - count, motion.last))
+        left -= count
+    if not parts:
+        return np.empty(0, dtype=np.int64), np.empty((0, steps.axes), dtype=np.int32)
+    parts.reverse()
+    return np.concatenate([t_ns for t_ns, _ in parts]), np.concatenate([delta for _, delta in parts])
+
+
+def _digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
+    data = t_ns.astype("<i8").tobytes() + np.ascontiguousarray(delta).tobytes()
+    return hashlib.sha256(data).hexdigest()[:DIGITS]
+
+
+def _axis_digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
+    own = np.flatnonzero(delta)
+    return _digest(t_ns[own], delta[own]) if len(own) else "-"
+
+
+# The file
+
+
+def golden_file(job: Path) -> Path:
+    """A job's golden run stands beside it, under its own name with the suffix SUFFIX."""
+    return job.with_suffix(SUFFIX)
+
+
+def called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
+    """The run with what it was called with; files as seen from the golden file."""
+    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
+    head |= {"plant": call.plant, "seed": call.seed}
+    if Path(call.machine).is_dir():
+        head["machine"] = _seen_from(file, Path(call.machine))
+    if call.scenario is not None:
+        head["scenario"] = _seen_from(file, call.scenario)
+    return replace(run, call=head)
+
+
+def _seen_from(file: Path, path: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), file.resolve().parent)).as_posix()
+
+
+def dumps(run: Golden) -> str:
+    """The text of a golden file: TOML, one line for each line of the job."""
+    head = [f"{key} = {_toml(run.call[key])}" for key in _HEAD[1:] if run.call.get(key) not in (None, "")]
+    lines = [
+        "# What this job did once: `isel-twin golden compare` says what it does differently.",
+        f"format = {FORMAT}",
+        *head,
+        "",
+        "lines = [",
+        *(f"  {_inline(move)}," for move in run.moves),
+        "]",
+        "",
+        "[end]",
+        *(f"{key} = {_toml(run.end[key])}" for key in _END),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _inline(move: Move) -> str:
+    values: dict[str, Any] = {"line": move.line, "sent": move.sent, "reply": move.reply}
+    values |= {"took_s": f"{move.took_ns / SECOND_NS:.9f}", "counts": move.counts}
+    if move.windows:
+        values |= {"ticks": move.ticks, "axes": " ".join(move.axes), "windows": " ".join(move.windows)}
+    return "{ " + ", ".join(f"{key} = {_toml(value)}" for key, value in values.items()) + " }"
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it; of strings, JSON's form is TOML's, but for 7Fh, which JSON leaves as it is."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def load(path: str | Path) -> Golden:
+    """Read a golden file. Raises GoldenError for anything wrong in it, OSError if it cannot be read."""
+    place = Place(path, GoldenError)
+    content = read_toml(place)
+    known(content, (*_HEAD, "lines", "end"), place)
+    for key in ("format", "job", "machine", "controller", "plant", "lines", "end"):
+        if key not in content:
+            raise place.at(key).wrong("missing; this is no golden file: make one with isel-twin golden record")
+    if content["format"] != FORMAT:
+        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --update")
+    call = {key: _checked(content, key, place) for key in _HEAD[1:] if key in content}
+    lines = content["lines"]
+    if not isinstance(lines, list):
+        raise place.at("lines").wrong("must be a list of tables")
+    moves = tuple(_move(entry, place.at(f"lines {number}")) for number, entry in enumerate(lines, 1))
+    end = table(content["end"], place.at("end"))
+    known(end, _END, place.at("end"))
+    return Golden(call, moves, {key: _checked(end, key, place.at("end")) for key in _END if key in end})
+
+
+_KINDS: Mapping[str, tuple[type, ...]] = {
+    "seed": (int,),
+    "ok": (bool,),
+    "cycle_s": (int, float),
+    "counts": (list,),
+    "ticks": (list,),
+    "position_mm": (list,),
+    "lost_steps": (list,),
+    "line": (int,),
+}
+"""Of values that are no text."""
+
+
+def _checked(content: Mapping[str, Any], key: str, place: Place) -> Any:
+    """A value of the kind it must be; numbers in a list are not looked at one by one but for being numbers."""
+    value, kinds = content[key], _KINDS.get(key, (str,))
+    right = isinstance(value, kinds) and (kinds == (bool,) or not isinstance(value, bool))
+    if isinstance(value, list):
+        right = right and all(isinstance(entry, int | float) for entry in value)
+    if not right:
+        raise place.at(key).wrong(f"{value!r}; must be {' or '.join(kind.__name__ for kind in kinds)}")
+    return value
+
+
+def _move(entry: Any, place: Place) -> Move:
+    content = table(entry, place)
+    known(content, ("line", "sent", "reply", "took_s", "counts", "ticks", "axes", "windows"), place)
+    for key in ("line", "sent", "reply", "took_s", "counts"):
+        if key not in content:
+            raise place.at(key).wrong("missing")
+    values = {key: _checked(content, key, place) for key in content}
+    try:
+        took_ns = round(float(values.pop("took_s")) * SECOND_NS)
+    except (ValueError, OverflowError):
+        raise place.at("took_s").wrong(f"{content['took_s']!r}; must be a time in s") from None
+    for key in ("axes", "windows"):
+        values[key] = tuple(values.get(key, "").split())
+    for key in ("counts", "ticks"):
+        values[key] = tuple(values.get(key, ()))
+    return Move(took_ns=took_ns, **values)
+
+
+# What is different
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not as it was."""
+
+    line: int | None
+    """Line of the job; None: the job as a whole."""
+    what: str
+
+    def __str__(self) -> str:
+        return self.what if self.line is None else f"line {self.line}: {self.what}"
+
+
+def differences(
+    golden: Golden, run: Golden, spans_ns: Sequence[tuple[tuple[int, int], ...]] = ()
+) -> Iterator[Difference]:
+    """What the run does differently, in the order of the job, so that the first is the first divergence.
+
+    spans_ns: `Scribe.spans_ns` of the run, to say when in a move.
+    """
+    for key in _HEAD[1:]:
+        if (was := golden.call.get(key)) != (now := run.call.get(key)) and key != "job":
+            yield Difference(None, f"{key}: {_or_none(was)} -> {_or_none(now)}")
+    for k, (was, now) in enumerate(zip(golden.moves, run.moves, strict=False)):
+        yield from _of_moves(was, now, spans_ns[k] if k < len(spans_ns) else ())
+    for move in golden.moves[len(run.moves) :]:
+        yield Difference(move.line, f"{move.sent}: not sent any more")
+    for move in run.moves[len(golden.moves) :]:
+        yield Difference(move.line, f"{move.sent}: is new")
+    yield from _of_ends(golden.end, run.end)
+
+
+def _or_none(value: Any) -> str:
+    return "none" if value in (None, "") else str(value)
+
+
+def _of_moves(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> Iterator[Difference]:
+    def told(what: str) -> Difference:
+        return Difference(now.line, f"{now.sent}: {what}")
+
+    if was.sent != now.sent:
+        yield Difference(now.line, f"sent {was.sent} -> {now.sent}")
+    if was.reply != now.reply:
+        yield told(f"reply {was.reply!r} -> {now.reply!r}")
+    if was.took_ns != now.took_ns:
+        late_ms = (now.took_ns - was.took_ns) / 1e6
+        yield told(f"time {was.took_ns / SECOND_NS:.6f} -> {now.took_ns / SECOND_NS:.6f} s ({late_ms:+.6g} ms)")
+    if was.windows != now.windows:
+        yield told(f"stream {_where(was, now, spans_ns)}")
+    if was.counts != now.counts:
+        yield told(f"counters {_listed(was.counts)} -> {_listed(now.counts)}")
+
+
+def _where(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> str:
+    """Which axes differ, and from when on."""
+    names = [
+        f"{name} {a} -> {b} ticks" if a != b else f"{name} at other times"
+        for name, a, b, x, y in zip(
+            AXIS_NAMES, *_filled(was.ticks, now.ticks), *_filled(was.axes, now.axes), strict=False
+        )
+        if x != y
+    ]
+    first = next(
+        (k for k, (a, b) in enumerate(zip(was.windows, now.windows, strict=False)) if a != b),
+        min(len(was.windows), len(now.windows)),
+    )
+    if first < len(spans_ns):
+        begin_ns, end_ns = spans_ns[first]
+        when = f"first from {begin_ns / SECOND_NS:.6f} to {end_ns / SECOND_NS:.6f} s after it was sent"
+        ends = zip(now.steps, _ends(now.steps), strict=True)
+        made = [text for (begun_ns, text), over_ns in ends if begun_ns <= end_ns and over_ns > begin_ns]
+        if made:
+            when += f" ({made[0][:LONG_STEP]}{f' to {made[-1][:LONG_STEP]}' if len(made) > 1 else ''})"
+    else:
+        when = "ends before" if now.windows else "nothing moves any more"
+    return f"{when}: {', '.join(names) or 'the axes apart are the same'}"
+
+
+def _ends(steps: Sequence[tuple[int, str]]) -> list[float]:
+    """When each step was over."""
+    return [*(begun_ns for begun_ns, _ in steps[1:]), *[math.inf] * bool(steps)]
+
+
+def _filled(was: Sequence[Any], now: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Both as long as the longer one: an axis that is not named stands."""
+    size = max(len(was), len(now))
+    empty: Any = "-" if any(isinstance(value, str) for value in (*was, *now)) else 0
+    return [*was, *[empty] * (size - len(was))], [*now, *[empty] * (size - len(now))]
+
+
+def _of_ends(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[Difference]:
+    if was.get("ok") != now["ok"]:
+        yield Difference(None, f"verdict: {_verdict(was.get('ok'))} -> {_verdict(now['ok'])}")
+    if abs(was.get("cycle_s", 0.0) - now["cycle_s"]) > 0.5 / SECOND_NS:
+        a, b = was.get("cycle_s", 0.0), now["cycle_s"]
+        percent = f", {100.0 * (b - a) / a:+.2f} %" if a else ""
+        yield Difference(None, f"cycle time {a:.6f} -> {b:.6f} s ({b - a:+.6f} s{percent})")
+    if was.get("counts") != now["counts"]:
+        yield Difference(None, f"counters at the end {_listed(was.get('counts', ()))} -> {_listed(now['counts'])}")
+    for name, a, b in zip(CARRIAGES, was.get("position_mm", ()), now["position_mm"], strict=False):
+        if not abs(a - b) <= TOLERANCE_MM:
+            yield Difference(None, f"position of {name} at the end {a:.3f} -> {b:.3f} mm")
+    for name, a, b in zip(AXIS_NAMES, was.get("lost_steps", ()), now["lost_steps"], strict=False):
+        if abs(a - b) > TOLERANCE_STEPS:
+            yield Difference(None, f"lost steps of {name} {a} -> {b}")
+
+
+def _verdict(ok: Any) -> str:
+    return "ok" if ok else "not ok"
+
+
+def _listed(values: Sequence[Any]) -> str:
+    return " ".join(str(value) for value in values) or "none"

@@ -1,0 +1,374 @@
+"""Job files: commands for a controller, one a line, played in virtual time.
+
+    # a comment: "#" at the start of a line or after a blank, not followed by a letter or digit (`#DX,...` is a command)
+    @07                                      text is sent as the controller's language frames it, its reply awaited
+    @0M16000,5000,0,30,0,30,0,30<13> <0.5s> <253>     <N> is the byte N, <Ns> lets N seconds pass
+    <254>                                    text before a <...> is sent as it stands, only what follows is framed
+    @0M160000,5000,0,30,0,30,0,30 => 2       what must be answered, and what must be so afterwards: expect.py
+    ! x < 396 mm
+
+Lines end in LF, CR LF or CR. A file is UTF-8 or, where it is not valid UTF-8, Latin-1; what is sent is Latin-1. UTF-16
+is refused.
+A line is over when the controller has answered and stands still, or when the time has passed in which it must not
+answer (`=> none within 1 s`); its reply is everything that came meanwhile. A line that is not over in time ends the
+job: whatever came later would be taken for the reply to the lines after it.
+
+The controller's language (`isel_twin.language`) knows what a frame is and what a refusal. A controller without one can
+be sent bytes only, and nothing that it answers is known to be a refusal.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import SECOND_NS
+from isel_twin.core.snapshot import snapshot
+from isel_twin.jobs.expect import (
+    Condition,
+    Expected,
+    ExpectError,
+    excerpt,
+    lost_steps,
+    parse_condition,
+    parse_expected,
+)
+from isel_twin.jobs.result import Part, Result
+from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, needed, programs_for, readable
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+__all__ = ["JobError", "Line", "Result", "check_conditions", "check_controller", "decode_job", "parse_job", "play"]
+
+LONGEST_PAUSE_S = 1e9
+"""Longest pause in virtual seconds, as for the times of a scenario."""
+
+_LINE_END = re.compile(r"\r\n|\r|\n")  # and nothing else: str.splitlines also splits at controls such as 85h
+_BLANKS = " \t"
+_COMMENT = re.compile(r"(^|[ \t])#(?![A-Za-z0-9]).*", re.DOTALL)
+_EXPECTED = re.compile(r"=>(?=[ \t]|$)")
+_CONDITION = re.compile(r"[ \t]*(!)(?=[ \t]|$)")
+_ITEM = re.compile(r"[ \t]*<([^<>]*)>[ \t]*")
+_BYTE = re.compile(r"0*([0-9]{1,3})")
+_PAUSE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)[ \t]*s")
+
+
+class JobError(ValueError):
+    """A job file is wrong; the message is one line that names the line and the remedy.
+
+    excerpt: the line with a caret below the mistake, if its column is known.
+    """
+
+    def __init__(self, message: str, excerpt: str = "") -> None:
+        super().__init__(message)
+        self.excerpt = excerpt
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a job: `actions` are bytes to send and pauses in ns; none for a condition."""
+
+    number: int
+    command: str
+    actions: tuple[bytes | int, ...]
+    expected: Expected | None = None
+    condition: Condition | None = None
+    source: str = ""
+    """The line as it stands in the file, of a program all of it; and where what is parsed of its condition begins."""
+    begin: int = 0
+    program: Iterable[bytes] = ()
+    """Of one that loads or runs a program, in place of actions: what is sent, see RunsPrograms."""
+
+    @property
+    def sent(self) -> bytes:
+        """All bytes that are sent."""
+        return b"".join((*(action for action in self.actions if isinstance(action, bytes)), *self.program))
+
+    @property
+    def pauses_ns(self) -> int:
+        """Time of all pauses together."""
+        return sum(action for action in self.actions if isinstance(action, int))
+
+
+def decode_job(data: bytes) -> str:
+    """Text of a job file: UTF-8 (with or without byte order mark), or Latin-1 if it is not valid UTF-8.
+
+    Raises JobError for UTF-16 and for what is no text at all.
+    """
+    if b"\0" in data or data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise JobError("is UTF-16 or no text at all; save it as UTF-8, and write a byte 0 in a command as <0>")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def parse_job(text: str, language: Language | None, controller: str) -> list[Line]:
+    """Lines of a job for a controller and its language, without empty lines and comments. Raises JobError.
+
+    Only text that has to be framed needs the language.
+    """
+    if isinstance(language, RunsPrograms):
+        try:
+            steps = language.job(text)
+        except LanguageError as error:
+            raise JobError(str(error)) from None
+        if steps is not None:
+            return [Line(number, step, (), source=text, program=data) for number, (step, data) in enumerate(steps, 1)]
+    lines: list[Line] = []
+    for number, raw in enumerate(_LINE_END.split(text), 1):
+        told = _COMMENT.sub("", raw)
+        marker = _EXPECTED.search(told)
+        command = (told[: marker.start()] if marker else told).strip(_BLANKS)
+        try:
+            if not marker and (sign := _CONDITION.match(told)):
+                if not any(line.actions for line in lines):
+                    raise ExpectError("a condition stands after a command", sign.start(1))
+                lines.append(_condition_line(number, raw, told, sign.end()))
+            elif marker and (not command or _CONDITION.match(told)):
+                raise ExpectError("a reply is expected of a command, which is missing before it", marker.start())
+            elif command:
+                actions = tuple(_actions(command, language, controller))
+                lines.append(Line(number, command, actions, _expected(told, marker)))
+        except (JobError, LanguageError) as error:
+            raise JobError(f"line {number}: {error}") from None
+        except ExpectError as error:
+            raise expect_error(error, number, raw) from None
+    return lines
+
+
+def check_controller(text: str, language: Language | None, controller: str) -> None:
+    """Raise JobError for a text that can only be a program of another controller than the one that is named."""
+    if isinstance(language, RunsPrograms):
+        return
+    if others := programs_for(text):
+        raise JobError(
+            f"is a program for {' or '.join(others)}, which {controller} cannot run; name the controller, {others[0]}, "
+            "and a machine for it. A job begins with a command or a remark (# ...)"
+        )
+
+
+def expect_error(error: ExpectError, number: int, source: str, begin: int = 0) -> JobError:
+    """The error of a line of a job. begin: where what was parsed begins in it."""
+    at = begin + error.at
+    return JobError(f"line {number}, column {at + 1}: {error}", excerpt(source, at))
+
+
+def check_conditions(lines: Sequence[Line], twin: Twin) -> None:
+    """Raise JobError for a condition with a name that this twin does not know."""
+    for line in lines:
+        if line.condition is not None:
+            try:
+                line.condition.check(twin)
+            except ExpectError as error:
+                raise expect_error(error, line.number, line.source, line.begin) from None
+
+
+def _condition_line(number: int, raw: str, told: str, begin: int) -> Line:
+    try:
+        condition = parse_condition(told[begin:])
+    except ExpectError as error:
+        raise ExpectError(str(error), begin + error.at) from None
+    return Line(number, told.strip(_BLANKS), (), None, condition, raw, begin)
+
+
+def _expected(told: str, marker: re.Match[str] | None) -> Expected | None:
+    if marker is None:
+        return None
+    try:
+        return parse_expected(told[marker.end() :])
+    except ExpectError as error:
+        raise ExpectError(str(error), marker.end() + error.at) from None
+
+
+def _actions(command: str, language: Language | None, controller: str) -> Iterator[bytes | int]:
+    """Bytes and pauses in their order; neighbouring bytes are sent together."""
+    together = b""
+    *pieces, rest = _ITEM.split(command)  # text, item, text, item, ..., text
+    for text, item in zip(pieces[::2], pieces[1::2], strict=True):
+        together += encoded(text)
+        if (byte := _BYTE.fullmatch(item)) and int(byte[1]) < 256:
+            together += bytes([int(byte[1])])
+        elif pause := _PAUSE.fullmatch(item):
+            if together:
+                yield together
+            together = b""
+            seconds = float(pause[1])
+            if seconds > LONGEST_PAUSE_S:
+                raise JobError(f"a pause of more than {LONGEST_PAUSE_S:.0f} s; make it shorter")
+            yield round(seconds * SECOND_NS)
+        else:
+            raise JobError(f"<{item}> is neither a byte (<0> to <255>) nor a pause (<0.5s>)")
+    if rest:
+        together += needed(language, controller).frame(rest)
+    if together:
+        yield together
+
+
+def play(
+    twin: Twin, lines: Sequence[Line], timeout_s: float, stop: Callable[[], bool] | None = None
+) -> Iterator[Result]:
+    """Send the lines one after the other, each when the one before is over.
+
+    timeout_s: virtual seconds after which a line without complete reply is given up; it counts as refused, and the job
+    ends there. stop: asked whenever something has happened; once it returns True, the job ends in the same way.
+    """
+    language = twin.language
+    last: Result | None = None
+    for line in lines:
+        if stop is not None and stop():
+            return
+        if line.condition is not None:
+            yield _look(twin, line, line.condition, last)
+            continue
+        time_ns = twin.time_ns
+        twin.watch_margin()
+        twin.steps_made.clear()
+        said = twin.remarks[-1] if twin.remarks else None
+        complete = _converse(twin, line, timeout_s, stop)
+        reply = twin.read()
+        seen = snapshot(twin)
+        text = None if language is None else language.text(reply)
+        took_ns = twin.time_ns - time_ns
+        why = "" if line.expected is None else line.expected.why_not(reply, complete, took_ns, text)
+        accepted = language is None or bool(line.program) or language.accepted(line.sent, reply)
+        parts = _parts(twin, line, said) if line.program else ()
+        if line.program and twin.fault:
+            accepted = False
+            why = next((part.text for part in reversed(parts) if not part.position_mm), "the controller shows an error")
+        elif line.program and not complete and twin.steps_made:
+            why = twin.unfinished
+        last = Result(
+            number=line.number,
+            command=line.command,
+            reply=readable(reply) if text is None else text,
+            ok=complete and (accepted if line.expected is None else not why),
+            time_ns=time_ns,
+            end_ns=seen.time_ns,
+            counts=tuple(seen.counts.tolist()),
+            position_mm=tuple(seen.position_mm.tolist()),
+            margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
+            complete=complete,
+            expected=None if line.expected is None else line.expected.text,
+            why=why,
+            parts=parts,
+        )
+        yield last
+        if not complete or (line.program and not last.ok):  # what cannot be loaded cannot be started
+            return
+
+
+def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part, ...]:
+    """Steps of a program, each with the place that it ends at, and what was said since the remark `before`."""
+    steps = list(twin.steps_made)
+    ends = [step.counts for step in steps[1:]] + [tuple(twin.counts.tolist())]
+    scale = twin.step_mm.tolist()
+    language = twin.language
+    new = list(reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks)))))
+    about = [language.place(text) if isinstance(language, RunsPrograms) else ("", 0) for _, text in new]
+    names = {step.name for step in steps} | {name for name, _ in about if name}
+    places: Mapping[str, int] = (
+        language.lines(line.source, names) if isinstance(language, RunsPrograms) and names else {}
+    )
+
+    def at(name: str, column: int) -> tuple[int, int] | None:
+        return (places[name], column) if name in places else None
+
+    parts = [
+        Part(
+            step.t_ns,
+            f"{step.name} {step.text}".strip(),
+            tuple(count * mm for count, mm in zip(end, scale, strict=False)),
+            step.plane,
+            step.tool_mm,
+            at(step.name, 1),
+        )
+        for step, end in zip(steps, ends, strict=False)
+    ]
+    said = [Part(time_ns, text, at=at(*where)) for (time_ns, text), where in zip(new, about, strict=True)]
+    return tuple(sorted(parts + said, key=lambda part: part.time_ns))
+
+
+def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+    """Send pieces, each when the controller has taken the one before; return whether it has taken all."""
+    for piece in pieces:
+        twin.write(piece)
+        if not twin.commands_due:
+            continue
+        until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
+        twin.run_until(until_ns, lambda: not twin.commands_due or _stands(twin) or (stop is not None and stop()))
+        if twin.commands_due:
+            return False
+    return True
+
+
+def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
+    """What a condition finds now."""
+    found = condition.look(twin, last)
+    seen = snapshot(twin)
+    quantity, _, axis = condition.name.partition(".")
+    known: tuple[float | None, ...] = ()
+    faults: tuple[int | None, ...] = ()
+    if found.met and quantity == "lost":
+        each = zip(AXIS_NAMES, lost_steps(twin).tolist(), strict=False)
+        known = tuple(steps if axis in ("", name) else None for name, steps in each)
+    if found.met and quantity == "drive_faults":
+        drives = zip(AXIS_NAMES, twin.drive_faults, strict=False)
+        faults = tuple(number if axis in ("", name) else None for name, (number, _) in drives)
+    return Result(
+        number=line.number,
+        command=line.command,
+        reply=found.value,
+        ok=found.met,
+        time_ns=seen.time_ns,
+        end_ns=seen.time_ns,
+        counts=tuple(seen.counts.tolist()),
+        position_mm=tuple(seen.position_mm.tolist()),
+        expected=condition.text,
+        why="" if found.met else f"is {found.value}",
+        condition=True,
+        lost_known=known,
+        fault_known=found.met and quantity == "fault",
+        drive_faults_known=faults,
+    )
+
+
+def _converse(twin: Twin, line: Line, timeout_s: float, stop: Callable[[], bool] | None) -> bool:
+    """Send a line and wait until it is over; return whether it is."""
+    start_ns = twin.time_ns
+    for action in line.actions:
+        if isinstance(action, bytes):
+            twin.write(action)
+        else:
+            twin.run_until(twin.time_ns + action, stop)
+            if stop is not None and stop():
+                return False
+    if not _feed(twin, line.program, timeout_s, stop):
+        return False
+    if line.expected is not None and line.expected.wait_ns is not None:
+        until_ns = start_ns + line.expected.wait_ns
+        twin.run_until(until_ns, stop)
+        return twin.time_ns >= until_ns
+    until_ns = twin.time_ns + round(timeout_s * SECOND_NS)
+    if not line.program:
+        twin.run_until(until_ns, lambda: twin.idle or (stop is not None and stop()))
+        return twin.idle
+    twin.run_until(until_ns, lambda: (twin.idle and (_over(twin) or _stands(twin))) or (stop is not None and stop()))
+    return twin.idle and _over(twin)
+
+
+def _over(twin: Twin) -> bool:
+    """Whether a program that this line has begun is not to go on."""
+    return twin.fault or not twin.steps_made or not twin.unfinished
+
+
+def _stands(twin: Twin) -> bool:
+    """Whether it should, and there is nobody who could see to it: a scenario that presses Start, later on."""
+    return not _over(twin) and not twin.events_left

@@ -1,0 +1,249 @@
+"""Is the outcome of a job luck? The same job on machines that differ by no more than machines of one kind do.
+
+Near stall what happens is chaotic in narrow bands: one speed loses everything, a little more and a little less lose
+nothing. One run cannot tell such a job from a sound one. So it is repeated with small perturbations, each drawn from
+seed and number of the repetition:
+
+    start       another power-on position of each carriage, so another rotor angle and another scatter of the switches
+    supply      of all stages, +-5 %: mains and load of an unregulated supply
+    friction    of each axis (guide, shaft), +-20 %: temperature and age of the grease
+    load        each moving mass and the payload, +-10 %
+
+A job is robust if all repetitions end as the job itself does: accepted or not, and on each axis lost or not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.controller import create_controller
+from isel_twin.core.spec import TwinCall
+from isel_twin.jobs.verdict import Verdict, judge
+from isel_twin.machine import Machine, load_machine, with_overrides
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.job import Line
+
+__all__ = [
+    "FRICTION",
+    "LOAD",
+    "SUPPLY",
+    "Trial",
+    "agree",
+    "called_machine",
+    "check",
+    "given_up",
+    "giving_up",
+    "perturbation",
+    "perturbed_twin",
+    "processes",
+    "trials",
+]
+
+SUPPLY = 0.05
+"""Largest part by which the supply of the stages differs."""
+FRICTION = 0.2
+"""Largest part by which the friction of an axis differs."""
+LOAD = 0.1
+"""Largest part by which each mass differs."""
+
+POLL_S = 0.1
+"""How often one that waits for processes asks whether it should."""
+
+_FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """A repetition of a job and what became of it."""
+
+    number: int
+    """From 1."""
+    seed: int
+    """Of the twin: power-on positions, switch scatter, bounce."""
+    factors: Mapping[str, float]
+    """By what the numbers of the machine were multiplied: supply, friction_x .. friction_z, and each mass."""
+    verdict: Verdict
+
+
+def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[str, float], dict[str, Any]]:
+    """Seed of a twin, factors and machine overrides of a repetition; the same for the same seed and number."""
+    draw = np.random.default_rng([seed, number])
+    twin_seed = int(draw.integers(2**31))
+    factors = {"supply": 1.0 + SUPPLY * draw.uniform(-1.0, 1.0)}
+    overrides: dict[str, Any] = {}
+    tree = machine.tree
+
+    def times(factor: float, *keys: str) -> None:
+        value: Any = tree
+        for key in keys:
+            value = value[key]
+        overrides[".".join(keys)] = value["value"] * factor
+
+    for name in CARRIAGES:
+        factors[f"friction_{name}"] = 1.0 + FRICTION * draw.uniform(-1.0, 1.0)
+        times(factors["supply"], "axes", name, "servo" if "servo" in tree["axes"][name] else "stage", "supply")
+        for key in _FRICTION_KEYS:
+            times(factors[f"friction_{name}"], "axes", name, key)
+    for name in tree["masses"]:
+        factors[name] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
+        times(factors[name], "masses", name)
+    factors["payload"] = 1.0 + LOAD * draw.uniform(-1.0, 1.0)
+    times(factors["payload"], "payload", "mass")
+    return twin_seed, factors, overrides
+
+
+def check(call: TwinCall, number: int) -> None:
+    """Refuse a call that cannot be repeated so many times, before anything has been computed.
+
+    Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
+    numbers leave their limits when perturbed.
+    """
+    if call.plant == "kinematic":
+        raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
+    with call_errors():
+        machine = called_machine(call)
+        for n in range(1, number + 1):
+            with_overrides(machine, perturbation(machine, call.seed, n)[2])
+
+
+def trials(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    *,
+    timeout_s: float,
+    flash: bytes | None = None,
+    executor: Executor | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Iterator[Trial]:
+    """Repeat a job so many times with small perturbations; in the order of their numbers, whatever runs them.
+
+    flash: image of the controller's flash memory at the beginning of the job; nothing is written to the call's file.
+    executor: None: here, one by one, each when it is asked for. stop: asked now and then; once it returns True the
+    repetitions end, and those that have begun are given up (in other processes if these are of `processes`).
+    """
+    numbers = range(1, number + 1)
+    if executor is None:
+        begun = (_trial(call, lines, n, timeout_s, flash, stop) for n in numbers)
+    else:
+        futures = [executor.submit(_trial, call, lines, n, timeout_s, flash) for n in numbers]
+        begun = (_wait(future, stop) for future in futures)
+    return _until_none(begun)
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor]:
+    """Processes that repeat jobs, begun when they are needed; at the end they give up what they are at."""
+    context = multiprocessing.get_context("spawn")
+    given_up = context.Event()
+    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_serve, initargs=(given_up,))
+    try:
+        yield executor
+    finally:
+        given_up.set()
+        executor.shutdown(cancel_futures=True)
+
+
+_given_up: Callable[[], bool] | None = None
+"""In a process of `processes`: whether to go on; no result depends on it."""
+
+
+def _serve(given_up: Any) -> None:
+    """Begin as a process that repeats jobs."""
+    global _given_up
+    _given_up = given_up.is_set
+
+
+def given_up() -> bool:
+    """Whether whoever asked for what is computed in this process waits for it no longer."""
+    return _given_up is not None and _given_up()
+
+
+@contextmanager
+def giving_up(stop: Callable[[], bool] | None) -> Iterator[None]:
+    """What is computed here meanwhile is given up once `stop` returns True."""
+    global _given_up
+    before, _given_up = _given_up, stop
+    try:
+        yield
+    finally:
+        _given_up = before
+
+
+def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
+    """A repetition in another process, None if it is to be waited for no longer."""
+    while stop is None or not stop():
+        try:
+            return future.result(None if stop is None else POLL_S)
+        except TimeoutError:
+            if future.done():
+                raise
+    return future.result() if future.done() and not future.cancelled() else None
+
+
+def _until_none(begun: Iterator[Trial | None]) -> Iterator[Trial]:
+    for trial in begun:
+        if trial is None:
+            return
+        yield trial
+
+
+def agree(verdict: Verdict, other: Verdict) -> bool:
+    """Whether two runs of a job ended alike: accepted or not, as expected or not, and lost or not on each axis."""
+    ends = [(v.ok, v.refused, v.unmet, v.lost) for v in (verdict, other)]
+    return ends[0] == ends[1]
+
+
+def called_machine(call: TwinCall) -> Machine:
+    """The machine of a call as its twin has it."""
+    machine = load_machine(call.machine)
+    controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
+    return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
+
+
+def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+    """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
+    from isel_twin.core.twin import Twin
+
+    seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
+    twin = Twin(
+        call.machine,
+        call.controller,
+        call.plant,
+        seed,
+        flash=flash,
+        scenario=call.scenario,
+        line_speed=call.line_speed,
+        overrides={**call.overrides, **overrides},
+    )
+    return twin, seed, factors
+
+
+def _trial(
+    call: TwinCall,
+    lines: Sequence[Line],
+    number: int,
+    timeout_s: float,
+    flash: bytes | None,
+    stop: Callable[[], bool] | None = None,
+) -> Trial | None:
+    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
+    from isel_twin.jobs.job import play
+
+    stop = stop or _given_up
+    twin, seed, factors = perturbed_twin(call, number, flash)
+    results = list(play(twin, lines, timeout_s, stop))
+    if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
+        return None
+    return Trial(number, seed, factors, judge(twin, results, len(lines) - len(results)))

@@ -1,0 +1,252 @@
+"""The verdict on a job: was every command accepted, and is the machine where the controller believes it to be?
+
+A motor holds its load up to half a period of its torque and then slips by whole periods, four full steps each. So at
+rest
+
+    steps are lost  <=>  |counter - rotor| >= slip / 2
+
+and anything less is load angle. Almost half a slip is neither: there, between two places that would hold, dry friction
+keeps a rotor on the unstable point of its motor. Nothing pulls it back, and the next touch takes it one way or the
+other; so it is told as what it is, and is not well. What was lost and then forgotten, as a reference run set the
+counter anew, counts too.
+
+A servo drive loses nothing; it switches itself off if its following error goes beyond its limit. That it did is no
+better than lost steps, also if somebody has switched it on again.
+
+Events of a scenario that could not have an effect are no blame for the job, but they are counted: whoever meant to see
+an emergency stop, and had it come after the end of the job, has seen nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isel_twin.core.snapshot import snapshot
+from isel_twin.wiring.contacts import FAULTS
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.result import Result
+
+__all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost", "whole_slips"]
+
+HALFWAY = 0.375
+"""Part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway."""
+
+SETTLE_S = 0.5
+"""Virtual time for the machine to come to rest after the last command, before it is asked what it has lost."""
+
+
+def lost(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
+    """bool [axes], whether an axis has lost steps.
+
+    steps [axes]: counter minus rotor position at rest, or its change from one rest to another. slip_steps [axes]: steps
+    in one slip of each motor. What is not a number counts as lost.
+    """
+    return ~(np.abs(steps) < np.asarray(slip_steps) / 2.0)
+
+
+def whole_slips(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.float64]:
+    """float64 [axes], steps of the whole slips by which an axis is off, 0 if none are lost. Arguments as in `lost`."""
+    slip = np.asarray(slip_steps, dtype=np.float64)
+    whole: NDArray[np.float64] = np.floor(np.abs(steps) / slip + 0.5) * slip
+    return whole
+
+
+def halfway(steps: ArrayLike, slip_steps: ArrayLike) -> NDArray[np.bool_]:
+    """bool [axes], whether a rotor rests near the middle between two places that its motor would hold.
+
+    Arguments as in `lost`. No load does that: beyond a quarter of a slip the torque of a motor falls with the angle.
+    """
+    slip = np.asarray(slip_steps, dtype=np.float64)
+    off = np.abs(np.asarray(steps) / slip - np.round(np.asarray(steps) / slip))
+    return off >= HALFWAY
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a job. Tuples have one entry an axis, those of positions one a carriage."""
+
+    commands: int
+    refused: int
+    lost_steps: tuple[float, ...]
+    """Counter minus rotor position in steps at rest, since each counter was set."""
+    forgotten_steps: tuple[float, ...]
+    """Steps lost before that, since power-on."""
+    slip_steps: tuple[float, ...]
+    """Steps in one slip of each motor."""
+    controller_fault: bool
+    """The controller shows an error that no reply has told."""
+    faults: Mapping[str, str]
+    """Contacts that are broken or stuck, and how. No blame for the job: it may be about them."""
+    ticks: int
+    """Ticks of the step stream since power-on."""
+    counts: tuple[int, ...]
+    position_mm: tuple[float, ...]
+    position_error_mm: tuple[float, ...]
+    began_ns: int
+    """When the first command was sent."""
+    ended_ns: int
+    """When the last one was over."""
+    time_ns: int
+    """When the verdict was given, the machine at rest."""
+    machine: str
+    margin: tuple[float | None, ...] = ()
+    """Least pull-out margin of each axis in all lines of the job; None for an axis without a motor."""
+    unsent: int = 0
+    """Commands of the job that were never sent, as it ended before."""
+    interrupted: bool = False
+    """Somebody stopped the job."""
+    flash_fault: bool = False
+    """The flash image handed to the controller could not be read, and has not been written anew."""
+    expectations: int = 0
+    """Replies and conditions that the job expects, as far as it came."""
+    unmet: tuple[int, ...] = ()
+    """Numbers of the lines with one that was not so."""
+    lost_known: tuple[float, ...] = ()
+    """Steps lost of each axis that the job has expected: they do not count as lost."""
+    fault_known: bool = False
+    """The job has expected the controller's error."""
+    drive_faults: tuple[tuple[int, str], ...] = ()
+    """How often each servo drive has switched itself off since power-on, and why it did last."""
+    drive_faults_known: tuple[int, ...] = ()
+    """As many of each as the job has expected."""
+    following_error: tuple[float | None, ...] = ()
+    """Of each servo drive at rest, in increments; None for an axis without one."""
+    events_after_end: int = 0
+    """Events of the scenario that were still to come when the last command was over."""
+    events_without_effect: int = 0
+    """Forces, cuts and lost phases of the scenario on a plant without physics."""
+
+    @property
+    def accepted(self) -> int:
+        """Commands that were not refused."""
+        return self.commands - self.refused
+
+    @property
+    def lost(self) -> tuple[bool, ...]:
+        """Whether steps of each axis are lost, or were before its counter was set anew, that nobody expected."""
+        now = lost(self.lost_steps, self.slip_steps) | (np.array(self.forgotten_steps) != 0.0)
+        if any(self.lost_known):
+            known = np.array(self.lost_known)
+            total = whole_slips(self.lost_steps, self.slip_steps) + np.array(self.forgotten_steps)
+            now = np.where(known > 0.0, ~(total == known), now)
+        return tuple(now.tolist())
+
+    @property
+    def switched_off(self) -> tuple[str, ...]:
+        """Why the servo drive of each axis has switched itself off, "" if it has not, or the job has expected it."""
+        known = (*self.drive_faults_known, *[0] * len(self.drive_faults))
+        return tuple(
+            cause if number != expected else ""
+            for (number, cause), expected in zip(self.drive_faults, known, strict=False)
+        )
+
+    @property
+    def halfway(self) -> tuple[bool, ...]:
+        """Whether the rotor of each axis rests between two places that would hold."""
+        return tuple(halfway(self.lost_steps, self.slip_steps).tolist())
+
+    @property
+    def ok(self) -> bool:
+        """Every command sent and accepted or answered as expected, no step lost or half lost, no drive switched off by
+        itself, no error left in the controller, every condition met."""
+        whole = self.unsent == 0 and not self.interrupted and self.refused == 0 and not self.unmet
+        held = not any(self.lost) and not any(self.halfway) and not any(self.switched_off)
+        return whole and held and (self.fault_known or not self.controller_fault) and not self.flash_fault
+
+    def summary(self) -> dict[str, Any]:
+        """The verdict in JSON's types, for the summary line of `isel-twin run --json` and for tables. What is of servo
+        drives is there if the machine has any."""
+        servo = any(error is not None for error in self.following_error)
+        return {
+            "ok": self.ok,
+            "commands": self.commands,
+            "refused": self.refused,
+            "lost_steps": [round(steps, 3) for steps in self.lost_steps],
+            "lost_before_reference": [int(steps) for steps in self.forgotten_steps],
+            "controller_fault": self.controller_fault,
+            "steps": self.ticks,
+            "counts": list(self.counts),
+            "position_mm": [round(position, 6) for position in self.position_mm],
+            "time_ns": self.time_ns,
+            "machine": self.machine,
+            "unsent": self.unsent,
+            "interrupted": self.interrupted,
+            "flash_fault": self.flash_fault,
+            "events_after_end": self.events_after_end,
+            "events_without_effect": self.events_without_effect,
+            "margin": list(self.margin),
+            "halfway": list(self.halfway),
+            "expectations": self.expectations,
+            "unmet": list(self.unmet),
+            **(
+                {"following_error": list(self.following_error), "switched_off": list(self.switched_off)}
+                if servo
+                else {}
+            ),
+        }
+
+
+def judge(twin: Twin, results: Sequence[Result], unsent: int = 0, interrupted: bool = False) -> Verdict:
+    """The verdict on the job that had these results on this twin, after SETTLE_S in which it comes to rest.
+
+    unsent: commands of the job that have no result. interrupted: because somebody stopped it.
+    """
+    start_ns, events_after_end = twin.time_ns, twin.events_left
+    twin.run(SETTLE_S)
+    seen = snapshot(twin)
+    return Verdict(
+        commands=sum(not result.condition for result in results),
+        refused=sum(not result.ok and result.expected is None for result in results),
+        lost_steps=tuple(seen.lost_steps.tolist()),
+        forgotten_steps=tuple(twin.forgotten_steps.tolist()),
+        slip_steps=tuple(twin.slip_steps.tolist()),
+        controller_fault=twin.fault,
+        faults={name: state for name, state in seen.inputs.items() if state in FAULTS and state != "ok"},
+        ticks=twin.steps.made,
+        counts=tuple(seen.counts.tolist()),
+        position_mm=tuple(seen.position_mm.tolist()),
+        position_error_mm=tuple(seen.position_error_mm.tolist()),
+        began_ns=results[0].time_ns if results else start_ns,
+        ended_ns=results[-1].end_ns if results else start_ns,
+        time_ns=seen.time_ns,
+        machine=twin.machine.name,
+        margin=_least([result for result in results if not result.condition]),
+        expectations=sum(result.expected is not None for result in results),
+        unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),
+        lost_known=_known([result.lost_known for result in results]),
+        fault_known=any(result.fault_known for result in results),
+        drive_faults=twin.drive_faults,
+        drive_faults_known=tuple(int(n) for n in _known([result.drive_faults_known for result in results])),
+        following_error=tuple(
+            round(error, 3) if closed else None
+            for error, closed in zip(twin.following_error.tolist(), twin.closed_loop.tolist(), strict=True)
+        ),
+        unsent=unsent,
+        interrupted=interrupted,
+        flash_fault=bool(twin.outputs.get("flash_fault")),
+        events_after_end=events_after_end,
+        events_without_effect=twin.events_without_effect,
+    )
+
+
+def _known(found: Sequence[Sequence[float | None]]) -> tuple[float, ...]:
+    """What conditions have found well of each axis, the last of it; 0 if there were none."""
+    known = [0.0] * max(map(len, found), default=0)
+    for each in found:
+        for axis, steps in enumerate(each):
+            if steps is not None:
+                known[axis] = steps
+    return tuple(known)
+
+
+def _least(results: Sequence[Result]) -> tuple[float | None, ...]:
+    """The least margin of each axis in all results."""
+    axes = zip(*(result.margin for result in results), strict=True)
+    return tuple(min((value for value in axis if value is not None), default=None) for axis in axes)

@@ -1,0 +1,1 @@
+"""Many twins: sweeps, tuning, identification."""

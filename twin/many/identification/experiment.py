@@ -1,0 +1,292 @@
+"""What would tell something of a machine: blocks of moves, written as a job with a file to fill in.
+
+A block is a short piece of a job with what to measure in it; it begins and ends at rest, referenced:
+
+    reversal   to a place from below, read, beyond it and back, read            backlash, friction
+    push       at rest, pulled at the tool one way and the other, read          stiffness, backlash
+    coast      emergency stop at speed, read how far beyond the counter         friction, mass
+    stall      the same move ever faster until steps are lost                   supply, mass, friction
+    far        a place near the motor and one far away, by a scale              lead error
+    switch     slowly into the far switch, read                                 its position
+
+Which of them are worth most says choice.py.
+
+Speeds, places and forces vary with the seed, so that a second experiment is not the first one again: that is the one
+to hold back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.language import Language, MoveSettings, create_language, needed
+from isel_twin.machine import Machine
+from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
+from isel_twin.many.identification.session import referenced, stall_speed_hz
+from isel_twin.many.identification.unknowns import Unknown
+
+__all__ = ["Block", "Experiment", "Step", "assemble", "blocks", "job_text"]
+
+PUSH_N = 150.0
+"""A spring scale or a 15 kg weight over a pulley."""
+STALL_HZ_PER_MS = (400, 1000)
+"""Accelerations of the stall series: each has chaos of its own."""
+PULLS = 2
+REVERSALS = 4
+APART_MM = 0.3625
+"""From one place of a reversal to the next: elsewhere within the step of the motor, so that the place of rest is drawn
+anew."""
+APPROACH_MM = 2.0
+"""Far more than any backlash."""
+FAR_SIGMA_MM = 0.01
+"""Of a scale or gauge blocks over a long way."""
+COAST_S = 1.5
+"""Longest move for an emergency stop: whoever presses it needs time."""
+PRESS_S, RELEASE_S = 0.5, 2.5
+"""When it is pressed and released, after the command was sent; at which speed and how long it coasts does not depend
+on it."""
+GENTLE = (6000, 100, 300)
+"""Speed, acceleration and start-stop frequency of moves between readings."""
+SERIES = 1.04
+"""From one speed of a stall series to the next."""
+SERIES_FROM, SERIES_TO = 0.5, 1.8
+"""Of the stall speed expected."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command of a job and what is measured after it."""
+
+    data: bytes
+    readings: tuple[Reading, ...] = ()
+    """Without recording, command and value."""
+    acts: tuple[Act, ...] = ()
+    comment: str = ""
+    any_reply: bool = False
+    """Whatever the controller answers is well."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """See the module."""
+
+    name: str
+    what: str
+    """For people."""
+    steps: tuple[Step, ...] = ()
+    stall: Stall | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Blocks put together."""
+
+    name: str
+    steps: tuple[Step, ...]
+    stalls: tuple[Stall, ...]
+
+    def template(self) -> Measured:
+        """The file to fill in."""
+        readings, acts = [], []
+        for command, step in enumerate(self.steps, 1):
+            readings += [replace(reading, recording=self.name, command=command) for reading in step.readings]
+            acts += [replace(act, recording=self.name, command=command) for act in step.acts]
+        stalls = tuple(replace(stall, recording=self.name, held_hz=math.nan, lost_hz=math.nan) for stall in self.stalls)
+        return Measured(tuple(readings), tuple(acts), stalls)
+
+    def comments(self) -> dict[int, str]:
+        """By command: what to read after it."""
+        return {number: step.comment for number, step in enumerate(self.steps, 1) if step.comment}
+
+
+def blocks(
+    machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
+) -> list[Block]:
+    """Everything that could be done on these axes. Raises ValueError for a controller whose moves are not answered."""
+    language = needed(create_language(controller), controller)
+    if language.accepted(language.move([0] * len(CARRIAGES), MoveSettings())[-1], b""):
+        raise ValueError(
+            f"controller {controller!r} answers nothing to a move, so no recording tells when one is over; "
+            "take one that answers, at the same drives"
+        )
+    draw = np.random.default_rng([seed, 13])
+    names = {item.name for item in unknowns}
+    found: list[Block] = []
+    for name in axes:
+        axis = machine.axes[CARRIAGES.index(name)]
+        tell = _Teller(language, name, axis.steps_per_mm)
+        reach_mm = min(axis.travel_mm - 10.0, 120.0)
+        place_mm = float(round(draw.uniform(0.2, 0.5) * reach_mm))
+        found.append(_reversal(tell, place_mm))
+        found.append(_push(tell, place_mm + 5.0, PUSH_N * float(draw.choice([0.8, 1.0, 1.2]))))
+        fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
+        for speed in (6000.0, 10_000.0, 16_000.0):
+            found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
+        for acceleration in STALL_HZ_PER_MS:
+            found.append(_stall(name, machine, controller, 15.0, min(55.0, axis.travel_mm - 5.0), acceleration))
+        if f"lead.{name}" in names:
+            found.append(_far(tell, axis.travel_mm))
+        for contact in machine.switches:
+            if f"switch.{contact.name}" in names and contact.axis == name and contact.end == "far":
+                found.append(_switch(tell, language, axis.travel_mm, contact.name))
+    return found
+
+
+class _Teller:
+    """Moves of one axis in the words of a controller."""
+
+    def __init__(self, language: Language, axis: str, steps_per_mm: float) -> None:
+        self.language, self.axis, self.steps_per_mm = language, axis, steps_per_mm
+        low, high = language.ranges["speed_hz"]
+        self.gentle = (int(np.clip(GENTLE[0], low, high)), *GENTLE[1:])
+
+    def move(
+        self, mm: float, how: tuple[int, int, int] | None = None, readings: tuple[Reading, ...] = (), **of_last: object
+    ) -> tuple[Step, ...]:
+        """To a place; the other axes stay at 0. Readings and the rest belong to the command that moves."""
+        target = [0, 0, 0]
+        target[CARRIAGES.index(self.axis)] = round(mm * self.steps_per_mm)
+        *before, last = self.language.move(target, MoveSettings(*(how or self.gentle)))
+        step = Step(last, readings)
+        return (*(Step(data) for data in before), replace(step, **of_last))  # type: ignore[arg-type]
+
+    def reading(self, gauge: str, **more: float) -> Reading:
+        return Reading("", 1, self.axis, math.nan, gauge=gauge, **more)
+
+
+def _reversal(tell: _Teller, mm: float) -> Block:
+    name = f"reversal {tell.axis} {mm:g}"
+    read = (tell.reading(name),)
+    below, above = f"read the gauge on {tell.axis}: came from below", "read it again: came from above"
+    steps: tuple[Step, ...] = ()
+    for number in range(REVERSALS):
+        place_mm = mm + number * APART_MM
+        steps += tell.move(place_mm - APPROACH_MM) + tell.move(place_mm, readings=read, comment=below)
+        steps += tell.move(place_mm + APPROACH_MM) + tell.move(place_mm, readings=read, comment=above)
+    return Block(name, f"{tell.axis}: to {mm:g} mm and on from both sides, dial gauge between tool and table", steps)
+
+
+def _push(tell: _Teller, mm: float, force_n: float) -> Block:
+    name = f"push {tell.axis} {force_n:g}"
+    ways = (force_n, -force_n, 0.5 * force_n, -0.5 * force_n) * PULLS
+    readings = tuple(tell.reading(name, push_n=way) for way in ways)
+    comment = (
+        f"pull at the tool along {tell.axis}: {force_n:g} N up, down, half of it up, down, all again; read at each"
+    )
+    steps = tell.move(mm - APPROACH_MM) + tell.move(mm, readings=readings, comment=comment)
+    return Block(name, f"{tell.axis}: pulled with {force_n:g} N both ways, dial gauge", steps)
+
+
+def _coast(tell: _Teller, machine: Machine, language: Language, speed_hz: int) -> Block:
+    name = f"coast {tell.axis} {speed_hz}"
+    start_mm = 5.0
+    end_mm = start_mm + COAST_S * speed_hz / tell.steps_per_mm
+    before, after = tell.reading(name), tell.reading(name, counter_mm=math.nan)
+    acts = (
+        Act("", 1, PRESS_S, {"set": {"estop": "pressed"}}),
+        Act("", 1, RELEASE_S, {"set": {"estop": "released"}}),
+    )
+    steps = tell.move(start_mm, readings=(before,), comment=f"read the scale on {tell.axis}")
+    comment = "press the emergency stop at full speed, release it at rest, read the scale"
+    steps += tell.move(end_mm, (speed_hz, 400, 300), (after,), acts=acts, comment=comment, any_reply=True)
+    first, *others = language.reference()
+    asked: Sequence[bytes] = getattr(language, "ask_counters", tuple)()
+    comment = "enter the counter that this tells as counter_mm (isel-twin decode explains the reply)"
+    steps += (Step(first), *(Step(data, comment=comment, any_reply=True) for data in asked))
+    steps += tuple(Step(data) for data in others)
+    return Block(name, f"{tell.axis}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale", steps)
+
+
+def _stall(name: str, machine: Machine, controller: str, from_mm: float, to_mm: float, acceleration: int) -> Block:
+    middle = 0.5 * needed(create_language(controller), controller).ranges["speed_hz"][1]
+    wanted = Stall("", name, from_mm, to_mm, acceleration, 300, middle, 1.02 * middle)
+    expected = stall_speed_hz(referenced(controller, machine), wanted)
+    stall = replace(wanted, held_hz=expected / math.sqrt(SERIES), lost_hz=expected * math.sqrt(SERIES))
+    return Block(
+        f"stall {name} {acceleration}",
+        f"{name}: {from_mm:g} to {to_mm:g} mm and back at {acceleration} Hz/ms, ever faster, until steps are lost",
+        stall=stall,
+    )
+
+
+def _far(tell: _Teller, travel_mm: float) -> Block:
+    name, near_mm, far_mm = f"far {tell.axis}", 10.0, travel_mm - 10.0
+    read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
+    steps = tell.move(near_mm, readings=read, comment=f"read the scale on {tell.axis}")
+    steps += tell.move(far_mm, readings=read, comment="read it again")
+    return Block(name, f"{tell.axis}: from {near_mm:g} to {far_mm:g} mm, scale", steps)
+
+
+def _switch(tell: _Teller, language: Language, travel_mm: float, contact: str) -> Block:
+    name = f"switch {contact}"
+    read = (tell.reading(name, sigma_mm=FAR_SIGMA_MM),)
+    steps = tell.move(travel_mm - 10.0, readings=read, comment=f"read the scale on {tell.axis}")
+    slow = (1000, 100, 300)
+    steps += tell.move(travel_mm + 5.0, slow, read, comment="stands in the switch: read it again", any_reply=True)
+    steps += tuple(Step(data) for data in language.reference())
+    return Block(name, f"{tell.axis}: slowly into {contact}, scale", steps)
+
+
+def assemble(name: str, chosen: Sequence[Block], language: Language) -> Experiment:
+    """A job of blocks: reference run first, then each in its turn; gauges of a block that comes twice are set anew."""
+    steps = [Step(data) for data in language.reference()]
+    stalls = []
+    for number, block in enumerate(chosen, 1):
+        for index, step in enumerate(block.steps):
+            readings = tuple(replace(reading, gauge=f"{number} {reading.gauge}") for reading in step.readings)
+            heading = f"[{number}] {block.what}" if index == 0 else ""
+            comment = "; ".join(part for part in (heading, step.comment) if part)
+            steps.append(replace(step, readings=readings, comment=comment))
+        if block.stall is not None and block.stall not in stalls:
+            stalls.append(block.stall)
+    return Experiment(name, tuple(steps), tuple(stalls))
+
+
+def job_text(experiment: Experiment, language: Language) -> str:
+    """The job as a file that `isel-twin run` takes."""
+    lines = [f"# {experiment.name}: what to measure stands above the lines; enter it in {experiment.name}.toml"]
+    for number, step in enumerate(experiment.steps, 1):
+        if step.comment:
+            lines += ["", f"# command {number}: {step.comment}"]
+        text = "".join(message.text for message in language.messages(step.data, True))
+        lines.append(f"{text} => *" if step.any_reply else text)
+    return "\n".join(lines) + "\n"
+
+
+def series_text(experiment: Experiment, machine: Machine, language: Language) -> str:
+    """The stall series as a job of its own; "" if there is none."""
+    if not experiment.stalls:
+        return ""
+    lines = [
+        f"# {experiment.name}: ever faster. Stop as soon as an axis stands elsewhere than before (mark, gauge);",
+        f"# enter the last speed that held and the one that lost in {experiment.name}.toml. After a stall: reference.",
+    ]
+    for stall in experiment.stalls:
+        scale = machine.axes[CARRIAGES.index(stall.axis)].steps_per_mm
+        lines += ["", *(_text(language, data) for data in language.reference())]
+        for speed in series_hz(stall, language):
+            lines += ["", f"# {stall.axis} at {speed} Hz, {stall.acceleration_hz_per_ms} Hz/ms"]
+            for mm in (stall.from_mm, stall.to_mm, stall.from_mm):
+                target = [0, 0, 0]
+                target[CARRIAGES.index(stall.axis)] = round(mm * scale)
+                settings = MoveSettings(speed, stall.acceleration_hz_per_ms, stall.start_stop_hz)
+                lines += [_text(language, data) for data in language.move(target, settings)]
+    return "\n".join(lines) + "\n"
+
+
+def series_hz(stall: Stall, language: Language) -> list[int]:
+    """Speeds of the series for a stall that is expected at its speeds."""
+    middle = math.sqrt(stall.held_hz * stall.lost_hz)
+    low, high = language.ranges["speed_hz"]
+    count = math.ceil(math.log(SERIES_TO / SERIES_FROM) / math.log(SERIES))
+    speeds = [round(middle * SERIES_FROM * SERIES**n) for n in range(count + 1)]
+    return [speed for speed in speeds if low <= speed <= high]
+
+
+def _text(language: Language, data: bytes) -> str:
+    return "".join(message.text for message in language.messages(data, True))

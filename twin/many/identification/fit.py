@@ -1,0 +1,374 @@
+"""Least squares over several sessions: what can be told, what is found, and whether it predicts what it has not seen.
+
+    r(u) = (measured - predicted(u)) / sigma          less the weighted mean within a group that shares a zero
+    cost = |r(u)|^2 + |u|^2                           u: standard deviations from the prior (unknowns.py)
+    J    = dr/du                                      by differences of wide steps, below
+
+**Before the fit**: the singular values of J at the prior. A direction of the u with singular value s is known to
+1/sqrt(1 + s^2) of the prior afterwards; where s < 1 the data say less than what was believed before. So the rank is
+the number of s >= 1, and a parameter is told as not identified if its interval stays wider than NOT_IDENTIFIED of the
+prior's.
+
+**Steps of the differences.** The model is not smooth in the small: counters are whole steps of 3 um, the backlash is a
+dead zone, dry friction lets a carriage rest anywhere in a band of 1 to 3 um, a stall comes in bands of speed. A step
+of 1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
+So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
+Jacobian are central, free of the curvature; those between only lead downhill, and go one way.
+
+**After it**: cov = (J'J + 1)^-1, times chi^2 per degree of freedom where that is above 1, so that a model that does
+not fit does not claim precision; 95 % intervals are of the u, so never negative where the value cannot be.
+
+**Held back**: the root mean square of r over recordings that had no part in the fit, before (at the prior) and after.
+Greater after than before: refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.machine import Machine
+from isel_twin.many.identification.session import MISSED, Datum, Session, predict
+from isel_twin.many.identification.unknowns import Unknown, candidate
+
+__all__ = ["Estimate", "Fit", "Model", "Prospect", "fit", "prospect"]
+
+STEP = 0.8
+"""Of the differences, in standard deviations of the prior."""
+CLIFF = 5.0
+"""Ratio of the differences of two steps, one either way, from which on one of them is no slope."""
+CHANCE = 4.0
+"""Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
+BOUND = 3.0
+"""Standard deviations from the prior beyond which nothing is searched."""
+NOT_IDENTIFIED = 0.9
+"""Standard deviation afterwards over that of the prior from which on nothing has been learnt."""
+WEAK = 0.5
+"""And from which on it is said to be known only roughly."""
+NORMAL_95 = 1.96
+TOLD = 0.3
+"""Part of a direction from which on a parameter is named as one of those in it."""
+ENOUGH = 0.01
+"""Relative change of cost and place at which the search ends: less than the scatter of the model makes."""
+MOST_CALLS = 8
+"""Of the model by the search, beside those for its Jacobians."""
+
+Floats = NDArray[np.float64]
+
+
+class Model:
+    """All sessions on candidate machines; keeps what it has computed."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        unknowns: Sequence[Unknown],
+        sessions: Sequence[Session],
+        executor: Executor | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        """executor: any of concurrent.futures, for the replays; None: here. progress: told how many were."""
+        self.machine = machine
+        self.unknowns = tuple(unknowns)
+        self.sessions = tuple(sessions)
+        self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
+        self._executor = executor
+        self._progress = progress
+        self._known: dict[tuple[float, ...], Floats] = {}
+        self.replays = 0
+        self._value = np.array([item.value for item in self.data])
+        self._sigma = np.array([item.sigma for item in self.data])
+        groups: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            if item.group:
+                groups.setdefault(item.group, []).append(index)
+        batches: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            if item.scatter > 0.0:
+                batches.setdefault(item.group or item.kind, []).append(index)
+        kinds: dict[str, list[int]] = {}
+        for index, item in enumerate(self.data):
+            kinds.setdefault(item.group or item.kind, []).append(index)
+        self._kinds = [np.array(indices) for indices in kinds.values()]
+        self._scatter = np.array([item.scatter for item in self.data])
+        self._batches = [np.array(indices) for indices in batches.values()]
+        self._groups = [np.array(indices) for indices in groups.values()]
+        self.freedom = max(1, len(self.data) - len(self._groups) - len(self.unknowns))
+        """Data that are free to differ: less those that set zeros, less the parameters."""
+
+    def values(self, u: Floats) -> list[float]:
+        """Values of the unknowns, [n]."""
+        return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
+
+    def predictions(self, points: Sequence[Floats]) -> list[Floats]:
+        """float64 [data] at each of several u."""
+        keys = [tuple(np.round(point, 12).tolist()) for point in points]
+        new = list(dict.fromkeys(key for key in keys if key not in self._known))
+        calls = [
+            (session, self.machine, self.unknowns, self.values(np.array(key)))
+            for key in new
+            for session in self.sessions
+        ]
+        mapped = map(_predict, calls) if self._executor is None else self._executor.map(_predict, calls)
+        pieces = []
+        for piece in mapped:
+            pieces.append(piece)
+            self.replays += 1
+            if self._progress is not None:
+                self._progress(self.replays)
+        count = len(self.sessions)
+        for index, key in enumerate(new):
+            own = pieces[index * count : (index + 1) * count]
+            self._known[key] = np.concatenate(own) if own else np.zeros(0)
+        return [self._known[key] for key in keys]
+
+    def residuals(self, predicted: Floats) -> Floats:
+        """r [data], zeros of gauges taken out."""
+        difference = self._value - predicted
+        weight = 1.0 / self._sigma**2
+        for indices in self._groups:
+            own = indices[np.isfinite(difference[indices])]
+            if len(own):
+                difference[own] -= np.average(difference[own], weights=weight[own])
+        found = np.where(np.isfinite(difference), difference / self._sigma, MISSED)
+        return np.clip(found, -MISSED, MISSED)
+
+    def residuals_at(self, u: Floats) -> Floats:
+        """r [data] at u."""
+        return self.residuals(self.predictions([u])[0])
+
+    def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
+        """dr/du [data, n] by differences of steps [n]."""
+        points: list[Floats] = []
+        for index, step in enumerate(steps):
+            away = np.zeros(len(u))
+            away[index] = step if u[index] + step <= BOUND else -step
+            points += [u + away, u - away] if central else [u + away]
+        here, *found = [self.residuals(one) for one in self.predictions([u, *points])]
+        columns = []
+        for index in range(len(u)):
+            if central:
+                way = points[2 * index][index] - u[index]
+                columns.append(self._between(found[2 * index] - here, here - found[2 * index + 1]) / way)
+            else:
+                columns.append(self._told(found[index] - here) / (points[index][index] - u[index]))
+        return np.array(columns).T.reshape(len(self.data), len(u))
+
+    def _between(self, ahead: Floats, back: Floats) -> Floats:
+        """The mean of the differences [data] of two steps; the smaller one in a batch where they are far apart (CLIFF).
+
+        There one of the two candidates has lost steps where the other has not: no slope of anything.
+        """
+        mean = self._told(ahead + back) / 2.0
+        for indices in self._kinds:
+            one, two = float(np.linalg.norm(ahead[indices])), float(np.linalg.norm(back[indices]))
+            if max(one, two) > CLIFF * max(min(one, two), 1.0):
+                mean[indices] = self._told(ahead if one < two else back)[indices]
+        return mean
+
+    def _told(self, difference: Floats) -> Floats:
+        """Differences [data] of two residuals, 0 throughout a batch in which they are no more than the model's
+        scatter."""
+        told = difference.copy()
+        for indices in self._batches:
+            by_chance = 2.0 * float(((self._scatter[indices] / self._sigma[indices]) ** 2).sum())
+            if float((told[indices] ** 2).sum()) <= by_chance * (1.0 + CHANCE * math.sqrt(2.0 / len(indices))):
+                told[indices] = 0.0
+        return told
+
+
+def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) -> Floats:
+    """One session on one candidate, for processes."""
+    session, machine, unknowns, values = call
+    return predict(session, candidate(machine, unknowns, values))
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What the data can tell, before anything is fitted."""
+
+    singular: tuple[float, ...]
+    """Of the Jacobian, from the largest; in standard deviations of the data for one of the prior."""
+    remaining: tuple[float, ...]
+    """By parameter: expected standard deviation afterwards over that of the prior."""
+    lines: tuple[str, ...]
+    """What to tell people."""
+    jacobian: Floats = field(repr=False)
+
+    @property
+    def rank(self) -> int:
+        """Directions in which the data say more than the prior."""
+        return sum(value >= 1.0 for value in self.singular)
+
+
+def prospect(unknowns: Sequence[Unknown], jacobian: Floats) -> Prospect:
+    """What data with this Jacobian [data, n] can tell."""
+    count = len(unknowns)
+    _, values, ways = np.linalg.svd(jacobian, full_matrices=True)
+    singular = np.zeros(count)
+    singular[: len(values)] = values
+    remaining = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian + np.eye(count))))
+    lines = [
+        f"rank {int((singular >= 1.0).sum())} of {count}; singular values {', '.join(f'{s:.3g}' for s in singular)}"
+    ]
+    for item, left in zip(unknowns, remaining, strict=True):
+        if left >= NOT_IDENTIFIED:
+            lines.append(f"{item.name}: cannot be identified from these data, its interval stays that of the prior")
+        elif left >= WEAK:
+            lines.append(f"{item.name}: only roughly, its interval shrinks to {left:.0%} of the prior's")
+    for s, way in zip(singular, ways, strict=True):
+        named = [(item.name, part) for item, part in zip(unknowns, way, strict=True) if abs(part) >= TOLD]
+        if s < 1.0 and len(named) > 1:
+            together = ", ".join(f"{part:+.2f} {name}" for name, part in named)
+            lines.append(
+                f"not to be told apart: {together} (together they change the data by {s:.2g} standard deviations)"
+            )
+    return Prospect(tuple(singular.tolist()), tuple(remaining.tolist()), tuple(lines), jacobian)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter afterwards."""
+
+    unknown: Unknown
+    value: float
+    low: float
+    high: float
+    """95 % interval."""
+    remaining: float
+    """Standard deviation over that of the prior."""
+
+    @property
+    def identified(self) -> bool:
+        """Something has been learnt."""
+        return self.remaining < NOT_IDENTIFIED
+
+    @property
+    def note(self) -> str:
+        """Why the interval is as wide as it is, if it is."""
+        if not self.identified:
+            return "not identified: the data say no more than the prior"
+        if self.remaining >= WEAK:
+            return "only roughly"
+        at_bound = abs(self.unknown.at(self.value)) >= BOUND - 0.01
+        return "at the end of what was searched: widen its --prior" if at_bound else ""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result."""
+
+    estimates: tuple[Estimate, ...]
+    correlation: Floats
+    """[n, n]."""
+    covariance: Floats
+    """[n, n], of the u."""
+    u: Floats
+    chi2: float
+    """Per degree of freedom, of the data fitted."""
+    prospect: Prospect
+    before: Mapping[str, float]
+    """Held back: root mean square of r at the prior, by kind and in `all`; empty: nothing was."""
+    after: Mapping[str, float]
+    fitted_before: Mapping[str, float]
+    fitted_after: Mapping[str, float]
+    held: tuple[tuple[Datum, float, float], ...]
+    """Each datum held back, its prediction before and after, zeros of gauges taken out."""
+    replays: int
+
+    @property
+    def worse(self) -> bool:
+        """It predicts what was held back worse than the prior does."""
+        return bool(self.before) and self.after["all"] > self.before["all"]
+
+    @property
+    def times(self) -> float:
+        """By how much better what was held back is predicted; nan: nothing was."""
+        return self.before["all"] / self.after["all"] if self.before else math.nan
+
+
+def fit(
+    machine: Machine,
+    unknowns: Sequence[Unknown],
+    fitted: Sequence[Session],
+    held: Sequence[Session],
+    *,
+    executor: Executor | None = None,
+    told: Callable[[Prospect], None] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Fit:
+    """Fit and judge. told: called with what can be identified, before the fit. Raises ImportError without SciPy."""
+    from scipy.optimize import least_squares
+
+    model = Model(machine, unknowns, fitted, executor, progress)
+    count = len(unknowns)
+    zero = np.zeros(count)
+    steps = np.full(count, STEP)
+    first = model.jacobian(zero, steps, central=True)
+    expected = prospect(unknowns, first)
+    if told is not None:
+        told(expected)
+
+    def residuals(u: Floats) -> Floats:
+        return np.concatenate((model.residuals_at(u), u))
+
+    def slope(u: Floats) -> Floats:
+        jacobian = first if not u.any() else model.jacobian(u, steps, central=False)
+        return np.concatenate((jacobian, np.eye(count)))
+
+    solved = least_squares(
+        residuals,
+        zero,
+        jac=slope,
+        bounds=(-BOUND, BOUND),
+        method="trf",
+        ftol=ENOUGH,
+        xtol=ENOUGH,
+        max_nfev=MOST_CALLS,
+    )
+    u = np.asarray(solved.x, dtype=np.float64)
+    last = model.jacobian(u, steps, central=True)
+    after = model.residuals_at(u)
+    chi2 = float((np.clip(after, -50.0, 50.0) ** 2).sum() / model.freedom)
+    covariance: Floats = np.asarray(np.linalg.inv(last.T @ last + np.eye(count)) * max(1.0, chi2), dtype=np.float64)
+    deviation = np.sqrt(np.diag(covariance))
+    estimates = []
+    for index, item in enumerate(unknowns):
+        half = NORMAL_95 * deviation[index]
+        low, high = item.value(u[index] - half), item.value(u[index] + half)
+        estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
+    other = Model(machine, unknowns, held, executor, progress)
+    predicted = other.predictions([zero, u]) if held else [np.zeros(0), np.zeros(0)]
+    before_held, after_held = (other.residuals(one) for one in predicted) if held else (np.zeros(0), np.zeros(0))
+    return Fit(
+        tuple(estimates),
+        covariance / np.outer(deviation, deviation),
+        covariance,
+        u,
+        chi2,
+        expected,
+        by_kind(other.data, before_held),
+        by_kind(other.data, after_held),
+        by_kind(model.data, model.residuals_at(zero)),
+        by_kind(model.data, after),
+        tuple(
+            (item, item.value - item.sigma * one, item.value - item.sigma * two)
+            for item, one, two in zip(other.data, before_held.tolist(), after_held.tolist(), strict=True)
+        ),
+        model.replays + other.replays,
+    )
+
+
+def by_kind(data: Sequence[Datum], residuals: Floats) -> dict[str, float]:
+    """Root mean square of r, by kind and of all."""
+    if not len(data):
+        return {}
+    kinds = dict.fromkeys(item.kind for item in data)
+    of = np.array([item.kind for item in data])
+    found = {"all": math.sqrt(float(np.mean(residuals**2)))}
+    return found | {kind: math.sqrt(float(np.mean(residuals[of == kind] ** 2))) for kind in kinds}

@@ -1,0 +1,361 @@
+"""The file of what was measured at a machine: TOML, or CSV for readings alone.
+
+    gauge_sigma_mm = 0.005                  # standard deviation of a reading, if the entry has none of its own
+    time_sigma_s = 0.005                    # of a duration in a recording
+
+    [[reading]]                             # a dial gauge, a scale, calipers
+    recording = "first"                     # the recording's file without .mcap
+    command = 7                             # at rest after this command, counted from 1 as by `compare --all`
+    axis = "x"
+    mm = 19.993                             # up in the direction of the counter; nan: not read yet
+    gauge = "a"                             # readings of one mounting of the gauge share an unknown zero
+    push_n = 150.0                          # meanwhile somebody pulls at the tool along the axis; 0 or left out: nobody
+    counter_mm = 20.0                       # what the counter says then, if that is by chance (an emergency stop)
+    at_s = 0.35                             # in motion, so long after the command was sent; left out: at rest
+    sigma_mm = 0.02
+
+    [[act]]                                 # what somebody did to the machine
+    recording = "first"
+    command = 9
+    after_s = 0.4                           # after the command was sent
+    set = { estop = "pressed" }             # any keys of a scenario event
+
+    [[stall]]                               # the same move ever faster, until the motor stalled
+    recording = "first"                     # what it is fitted or held back with; there need not be such a file
+    command = 20                            # first command of that series, if it is in the recording; replay ends there
+    axis = "x"
+    from_mm = 20.0
+    to_mm = 60.0
+    acceleration_hz_per_ms = 400
+    start_stop_hz = 300
+    held_hz = 24000                         # fastest speed at which no step was lost
+    lost_hz = 25000                         # the next one, at which some were; left out: it never stalled
+
+    [[repeats]]                             # the same place after several reference runs
+    recording = "first"
+    axis = "x"
+    mm = [0.003, 0.011, -0.004]
+
+A CSV file has the keys of a reading in its first line, one reading a line. Sampled positions (a scale that was logged)
+are readings with `at_s`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, table, text
+from isel_twin.wiring.scenario import EVENT_KEYS
+
+__all__ = ["Act", "Measured", "MeasuredError", "Reading", "Repeats", "Stall", "read_measured", "written"]
+
+GAUGE_SIGMA_MM = 0.005
+TIME_SIGMA_S = 0.005
+"""USB adapters keep bytes back for 1 to 16 ms, and hosts do other things too."""
+
+_MM = Limits("mm", -1e5, 1e5)
+_N = Limits("N", -1e4, 1e4)
+_S = Limits("s", 0.0, 1e5)
+_HZ = Limits("Hz", 1.0, 1e6)
+_SIGMA = Limits("mm", 1e-6, 100.0)
+_COMMAND = Limits("", 1, 1e6, whole=True)
+
+
+class MeasuredError(FileError):
+    """A file of measurements is wrong; one line that names file, entry, value and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A position that was read. See the module for what the fields mean."""
+
+    recording: str
+    command: int
+    axis: str
+    mm: float
+    sigma_mm: float = GAUGE_SIGMA_MM
+    gauge: str = ""
+    push_n: float = 0.0
+    at_s: float | None = None
+    counter_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class Act:
+    """What somebody did."""
+
+    recording: str
+    command: int
+    after_s: float
+    content: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of a scenario event."""
+
+
+@dataclass(frozen=True)
+class Stall:
+    """Two speeds between which a move begins to lose steps."""
+
+    recording: str
+    axis: str
+    from_mm: float
+    to_mm: float
+    acceleration_hz_per_ms: int
+    start_stop_hz: int
+    held_hz: float
+    lost_hz: float
+    """inf: it never stalled."""
+    command: int | None = None
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """One place after several reference runs, mm."""
+
+    recording: str
+    axis: str
+    mm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that one file, or several, say."""
+
+    readings: tuple[Reading, ...] = ()
+    acts: tuple[Act, ...] = ()
+    stalls: tuple[Stall, ...] = ()
+    repeats: tuple[Repeats, ...] = ()
+    time_sigma_s: float = TIME_SIGMA_S
+    gauge_sigma_mm: float = GAUGE_SIGMA_MM
+    unread: int = 0
+    """Entries whose number is still nan: left out."""
+
+    @property
+    def names(self) -> list[str]:
+        """Recordings that it speaks of, each once."""
+        entries: tuple[Reading | Act | Stall | Repeats, ...] = (
+            *self.readings,
+            *self.acts,
+            *self.stalls,
+            *self.repeats,
+        )
+        every = [item.recording for item in entries]
+        return list(dict.fromkeys(every))
+
+    @property
+    def axes(self) -> list[str]:
+        """Axes that something is said of, each once, in the order X, Y, Z."""
+        entries: tuple[Reading | Stall | Repeats, ...] = (*self.readings, *self.stalls, *self.repeats)
+        found = {item.axis for item in entries}
+        return [name for name in CARRIAGES if name in found]
+
+    def of(self, recording: str) -> Measured:
+        """What belongs to one recording."""
+        return Measured(
+            tuple(item for item in self.readings if item.recording == recording),
+            tuple(item for item in self.acts if item.recording == recording),
+            tuple(item for item in self.stalls if item.recording == recording),
+            tuple(item for item in self.repeats if item.recording == recording),
+            self.time_sigma_s,
+            self.gauge_sigma_mm,
+        )
+
+    def __add__(self, other: Measured) -> Measured:
+        return Measured(
+            self.readings + other.readings,
+            self.acts + other.acts,
+            self.stalls + other.stalls,
+            self.repeats + other.repeats,
+            max(self.time_sigma_s, other.time_sigma_s),
+            max(self.gauge_sigma_mm, other.gauge_sigma_mm),
+            self.unread + other.unread,
+        )
+
+
+def read_measured(path: str | Path) -> Measured:
+    """Read a file of measurements, .csv or TOML. Raises MeasuredError, OSError."""
+    place = Place(Path(path), MeasuredError)
+    content = read_text(place)
+    if Path(path).suffix.lower() == ".csv":
+        lines = list(csv.DictReader(io.StringIO(content), skipinitialspace=True))
+        return _measured(
+            {"reading": [_from_csv(line, place.at(f"line {n}")) for n, line in enumerate(lines, 2)]}, place
+        )
+    return _measured(parse_toml(content, place), place)
+
+
+def _from_csv(line: Mapping[str | None, Any], place: Place) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in line.items():
+        if key is None or value is None:
+            raise place.wrong("has not as many fields as the first line")
+        if value == "":
+            continue
+        if key in ("recording", "axis", "gauge"):
+            found[key] = value
+            continue
+        try:
+            found[key] = int(value) if key == "command" else float(value)
+        except ValueError:
+            raise place.at(key).wrong(f"{value!r}; allowed: a number") from None
+    return found
+
+
+_READING = ("recording", "command", "axis", "mm", "sigma_mm", "gauge", "push_n", "at_s", "counter_mm")
+_STALL = (
+    "recording", "command", "axis", "from_mm", "to_mm", "acceleration_hz_per_ms", "start_stop_hz", "held_hz", "lost_hz"
+)  # fmt: skip
+
+
+def _measured(tree: dict[str, Any], place: Place) -> Measured:
+    known(tree, ("gauge_sigma_mm", "time_sigma_s", "reading", "act", "stall", "repeats"), place)
+    sigma_mm = plain(tree.get("gauge_sigma_mm", GAUGE_SIGMA_MM), _SIGMA, place.at("gauge_sigma_mm"))
+    time_sigma_s = plain(tree.get("time_sigma_s", TIME_SIGMA_S), Limits("s", 1e-9, 10.0), place.at("time_sigma_s"))
+    readings = [_reading(item, sigma_mm, at) for item, at in _entries(tree, "reading", place)]
+    acts = [_act(item, at) for item, at in _entries(tree, "act", place)]
+    stalls = [_stall(item, at) for item, at in _entries(tree, "stall", place)]
+    repeats = [_repeats(item, at) for item, at in _entries(tree, "repeats", place)]
+    read = tuple(item for item in readings if not math.isnan(item.mm) and not _nan(item.counter_mm))
+    done = tuple(item for item in stalls if not math.isnan(item.held_hz))
+    again = tuple(item for item in repeats if len(item.mm) >= 2 and not any(map(math.isnan, item.mm)))
+    unread = len(readings) + len(stalls) + len(repeats) - len(read) - len(done) - len(again)
+    return Measured(read, tuple(acts), done, again, time_sigma_s, sigma_mm, unread)
+
+
+def _nan(value: float | None) -> bool:
+    return value is not None and math.isnan(value)
+
+
+def _entries(tree: Mapping[str, Any], key: str, place: Place) -> list[tuple[dict[str, Any], Place]]:
+    content = tree.get(key, [])
+    if not isinstance(content, list):
+        raise place.at(key).wrong(f"must be a list of tables: [[{key}]]")
+    return [(table(item, place.at(f"{key} {n}")), place.at(f"{key} {n}")) for n, item in enumerate(content, 1)]
+
+
+def _need(item: Mapping[str, Any], keys: Sequence[str], place: Place) -> None:
+    for key in keys:
+        if key not in item:
+            raise place.at(key).wrong("missing")
+
+
+def _plain(item: Mapping[str, Any], key: str, limits: Limits, place: Place) -> float:
+    """A number within limits, or nan: not read yet."""
+    value = item[key]
+    return math.nan if isinstance(value, float) and math.isnan(value) else plain(value, limits, place.at(key))
+
+
+def _command(item: Mapping[str, Any], place: Place) -> int:
+    value = plain(item["command"], _COMMAND, place.at("command"))
+    if value != int(value):
+        raise place.at("command").wrong(f"{value}; allowed: whole numbers from 1")
+    return int(value)
+
+
+def _reading(item: dict[str, Any], sigma_mm: float, place: Place) -> Reading:
+    known(item, _READING, place)
+    _need(item, ("recording", "command", "axis", "mm"), place)
+    return Reading(
+        recording=text(item["recording"], place.at("recording")),
+        command=_command(item, place),
+        axis=text(item["axis"], place.at("axis"), CARRIAGES),
+        mm=_plain(item, "mm", _MM, place),
+        sigma_mm=plain(item.get("sigma_mm", sigma_mm), _SIGMA, place.at("sigma_mm")),
+        gauge=text(item.get("gauge", ""), place.at("gauge")),
+        push_n=plain(item.get("push_n", 0.0), _N, place.at("push_n")),
+        at_s=None if "at_s" not in item else plain(item["at_s"], _S, place.at("at_s")),
+        counter_mm=None if "counter_mm" not in item else _plain(item, "counter_mm", _MM, place),
+    )
+
+
+def _act(item: dict[str, Any], place: Place) -> Act:
+    known(item, ("recording", "command", "after_s", *EVENT_KEYS), place)
+    _need(item, ("recording", "command", "after_s"), place)
+    content = {key: value for key, value in item.items() if key in EVENT_KEYS}
+    if not content:
+        raise place.wrong(f"says not what was done; allowed: {', '.join(EVENT_KEYS)}")
+    return Act(
+        text(item["recording"], place.at("recording")),
+        _command(item, place),
+        plain(item["after_s"], _S, place.at("after_s")),
+        content,
+    )
+
+
+def _stall(item: dict[str, Any], place: Place) -> Stall:
+    known(item, _STALL, place)
+    _need(item, [key for key in _STALL if key not in ("command", "lost_hz")], place)
+    held_hz, lost_hz = _plain(item, "held_hz", _HZ, place), math.inf
+    if "lost_hz" in item and item["lost_hz"] != math.inf:
+        lost_hz = _plain(item, "lost_hz", _HZ, place)
+    if lost_hz <= held_hz:
+        raise place.at("lost_hz").wrong(f"{lost_hz:g}; allowed: more than held_hz, {held_hz:g} Hz")
+    return Stall(
+        recording=text(item["recording"], place.at("recording")),
+        axis=text(item["axis"], place.at("axis"), CARRIAGES),
+        from_mm=plain(item["from_mm"], _MM, place.at("from_mm")),
+        to_mm=plain(item["to_mm"], _MM, place.at("to_mm")),
+        acceleration_hz_per_ms=int(plain(item["acceleration_hz_per_ms"], _HZ, place.at("acceleration_hz_per_ms"))),
+        start_stop_hz=int(plain(item["start_stop_hz"], _HZ, place.at("start_stop_hz"))),
+        held_hz=held_hz,
+        lost_hz=math.nan if math.isnan(held_hz) else lost_hz,
+        command=_command(item, place) if "command" in item else None,
+    )
+
+
+def _repeats(item: dict[str, Any], place: Place) -> Repeats:
+    known(item, ("recording", "axis", "mm"), place)
+    _need(item, ("recording", "axis", "mm"), place)
+    if not isinstance(item["mm"], list):
+        raise place.at("mm").wrong(f"{item['mm']!r}; allowed: a list of numbers")
+    values = tuple(_plain({"mm": value}, "mm", _MM, place) for value in item["mm"])
+    return Repeats(
+        text(item["recording"], place.at("recording")), text(item["axis"], place.at("axis"), CARRIAGES), values
+    )
+
+
+# Writing --------------------------------------------------------------------------------------------------------------
+
+
+def written(measured: Measured, comments: Mapping[int, str] | None = None) -> str:
+    """The file as text; comments: one for the readings after a command."""
+    lines = [f"gauge_sigma_mm = {measured.gauge_sigma_mm!r}", f"time_sigma_s = {measured.time_sigma_s!r}"]
+    for act in measured.acts:
+        lines += ["", "[[act]]", f"recording = {_toml(act.recording)}", f"command = {act.command}"]
+        lines += [f"after_s = {act.after_s!r}", *(f"{key} = {_toml(value)}" for key, value in act.content.items())]
+    for reading in measured.readings:
+        comment = (comments or {}).get(reading.command)
+        lines += ["", *([f"# {comment}"] if comment else []), "[[reading]]", *_lines(reading, _READING)]
+    for stall in measured.stalls:
+        lines += ["", "[[stall]]", *_lines(stall, _STALL)]
+    for repeats in measured.repeats:
+        lines += ["", "[[repeats]]", *_lines(repeats, ("recording", "axis", "mm"))]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(item: Any, keys: Sequence[str]) -> list[str]:
+    values = [(key, getattr(item, key)) for key in keys]
+    left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
+    return [
+        f"{key} = {_toml(value)}"
+        for key, value in values
+        if value is not None and not (key in left_out and value == left_out[key])
+    ]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)

@@ -1,0 +1,181 @@
+"""The result of an identification as a page that needs nothing else: plain HTML with inline SVG, no script, no request.
+
+    verdict | what can be told | estimates with intervals | correlations | held back: before and after, datum by datum
+
+Residuals are in standard deviations of the data, on a logarithmic scale (decades above 1): what is within 1 is noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from isel_twin.many.identification.fit import Estimate, Fit
+from isel_twin.report.chart import escape
+from isel_twin.report.report import part_of, policy_hash
+
+__all__ = ["page"]
+
+ROWS = 400
+"""Most data listed; the worst ones first."""
+WIDTH, ROW = 460, 22
+LABEL = 46
+"""Most characters of a label that stand beside its bar."""
+
+
+def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
+    """The whole page."""
+    style = part_of("report.css")
+    policy = f"default-src 'none'; style-src '{policy_hash(style)}'; base-uri 'none'; form-action 'none'"
+    if result.worse:
+        verdict = "NOT PROMOTED: what was held back is predicted worse than before"
+    elif held:
+        verdict = f"held back: predicted {result.times:.1f} times better than before"
+    else:
+        verdict = "nothing was held back: not judged"
+    body = [
+        f"<header><h1>{escape(title)}</h1>",
+        f"<p class='verdict {'bad' if result.worse else 'good'}'>{escape(verdict)}</p>",
+        f"<p>Fitted: {escape(', '.join(fitted))}. Held back: {escape(', '.join(held) or 'none')}. "
+        f"Chi squared per degree of freedom: {result.chi2:.2f}. {result.replays} replays.</p></header><main>",
+        "<section><h2>Before the fit: what these data can tell</h2><ul>",
+        *(f"<li>{escape(line)}</li>" for line in result.prospect.lines),
+        "</ul></section>",
+        "<section><h2>Estimates</h2>",
+        _estimates(result.estimates),
+        "<figure>",
+        _intervals(result.estimates),
+        "<figcaption>Light: prior range. Dark: 95 % interval. In standard deviations.</figcaption></figure>",
+        "<h3>Correlations</h3>",
+        _correlations(result),
+        "</section>",
+        "<section><h2>Residuals: root mean square, in standard deviations of the data</h2>",
+        _errors(result),
+        "</section>",
+        _held(result) if held else "",
+        "</main>",
+    ]
+    head = [
+        "<!DOCTYPE html>",
+        "<html lang='en'><head><meta charset='utf-8'>",
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
+    ]
+    return "\n".join(part for part in (*head, *body, "</body></html>\n") if part)
+
+
+def _estimates(estimates: Sequence[Estimate]) -> str:
+    rows = []
+    for one in estimates:
+        item = one.unknown
+        cells = (
+            f"{one.value:.4g}",
+            f"{one.low:.4g} .. {one.high:.4g}",
+            escape(item.unit),
+            f"{item.low:.4g} .. {item.high:.4g}",
+            f"{one.remaining:.0%}",
+        )
+        mark = "" if one.identified else " class='wrong'"
+        rows.append(
+            f"<tr{mark}><th scope='row' class='text'>{escape(item.name)}</th>"
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + f"<td class='text'>{escape(one.note)}</td><td class='code'>{escape(', '.join(item.keys))}</td></tr>"
+        )
+    head = ("value", "95 % interval", "unit", "prior range", "of the prior's", "remark", "stands for")
+    titles = "".join(f"<th scope='col'>{name}</th>" for name in head)
+    return (
+        f"<div class='wide'><table><thead><tr><th scope='col' class='text'>parameter</th>{titles}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _intervals(estimates: Sequence[Estimate]) -> str:
+    """Each parameter's prior range and interval on one scale, in standard deviations of its prior."""
+    left, span = 130, 4.0
+    height = ROW * len(estimates) + 20
+
+    def px(u: float) -> float:
+        return left + (max(-span, min(span, u)) + span) / (2.0 * span) * WIDTH
+
+    parts = [f"<svg viewBox='0 0 {left + WIDTH + 20} {height}' width='{left + WIDTH + 20}' role='img'>"]
+    parts += [f"<title>Prior range and interval of {len(estimates)} parameters</title>"]
+    for tick in (-4, -2, 0, 2, 4):
+        parts.append(f"<line class='grid' x1='{px(tick):.1f}' x2='{px(tick):.1f}' y1='0' y2='{height - 18}'/>")
+        parts.append(f"<text class='soft' x='{px(tick):.1f}' y='{height - 4}' text-anchor='middle'>{tick}</text>")
+    for row, one in enumerate(estimates):
+        y = ROW * row + 4
+        low, high = (_bounded(one, value) for value in (one.low, one.high))
+        at = px(one.unknown.at(one.value))
+        parts.append(f"<text x='0' y='{y + 11}'>{escape(one.unknown.name)}</text>")
+        parts.append(f"<rect class='even' x='{px(-2):.1f}' y='{y}' width='{px(2) - px(-2):.1f}' height='14'/>")
+        parts.append(
+            f"<rect class='v1' x='{px(low):.1f}' y='{y + 3}' width='{max(2.0, px(high) - px(low)):.1f}' height='8'/>"
+        )
+        parts.append(f"<line class='line path' x1='{at:.1f}' x2='{at:.1f}' y1='{y}' y2='{y + 14}'/>")
+    return "".join(parts) + "</svg>"
+
+
+def _bounded(one: Estimate, value: float) -> float:
+    return one.unknown.at(value) if value > 0.0 or not one.unknown.logarithmic else -math.inf
+
+
+def _correlations(result: Fit) -> str:
+    names = [escape(one.unknown.name) for one in result.estimates]
+    head = "".join(f"<th scope='col'>{name}</th>" for name in names)
+    rows = "".join(
+        f"<tr><th scope='row' class='text'>{name}</th>" + "".join(f"<td>{value:+.2f}</td>" for value in line) + "</tr>"
+        for name, line in zip(names, result.correlation.tolist(), strict=True)
+    )
+    return f"<div class='wide'><table><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+
+
+def _errors(result: Fit) -> str:
+    def cells(before: Mapping[str, float], after: Mapping[str, float], kind: str) -> str:
+        if kind not in before:
+            return "<td></td><td></td>"
+        return f"<td>{before[kind]:.2f}</td><td>{after[kind]:.2f}</td>"
+
+    kinds = list(dict.fromkeys([*result.fitted_before, *result.before]))
+    rows = "".join(
+        f"<tr><th scope='row' class='text'>{kind}</th>{cells(result.fitted_before, result.fitted_after, kind)}"
+        f"{cells(result.before, result.after, kind)}</tr>"
+        for kind in kinds
+    )
+    head = "".join(f"<th scope='col'>{name}</th>" for name in ("fitted, before", "after", "held back, before", "after"))
+    return f"<table><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def _held(result: Fit) -> str:
+    """Every datum held back with its residuals, the largest ones first."""
+    left = 330
+
+    def px(sigmas: float) -> float:
+        return left + min(4.0, math.log10(max(1.0, abs(sigmas)))) / 4.0 * WIDTH
+
+    each = [
+        (item, (item.value - before) / item.sigma, (item.value - after) / item.sigma)
+        for item, before, after in result.held
+    ]
+    each.sort(key=lambda row: -max(abs(row[1]), abs(row[2])))
+    shown = each[:ROWS]
+    height = 16 * len(shown) + 24
+    parts = [f"<svg viewBox='0 0 {left + WIDTH + 20} {height}' width='{left + WIDTH + 20}' role='img'>"]
+    parts.append("<title>Residuals of what was held back, before and after</title>")
+    for decade in range(5):
+        x = left + decade / 4.0 * WIDTH
+        parts.append(f"<line class='grid' x1='{x:.1f}' x2='{x:.1f}' y1='0' y2='{height - 20}'/>")
+        parts.append(f"<text class='soft' x='{x:.1f}' y='{height - 6}' text-anchor='middle'>{10**decade}</text>")
+    for row, (item, before, after) in enumerate(shown):
+        y = 16 * row
+        label = f"{item.kind} {item.recording} {item.label}"
+        parts.append(f"<text x='0' y='{y + 11}'>{escape(label[:LABEL])}</text>")
+        parts.append(f"<rect class='refused' x='{left}' y='{y + 2}' width='{px(before) - left:.1f}' height='6'/>")
+        parts.append(f"<rect class='v1' x='{left}' y='{y + 8}' width='{px(after) - left:.1f}' height='5'/>")
+    more = f" The worst {ROWS} of {len(each)}." if len(each) > ROWS else ""
+    return (
+        "<section><h2>Held back, before and after</h2><figure>"
+        + "".join(parts)
+        + "</svg><figcaption>Residuals in standard deviations, logarithmic from 1. Red: before. Blue: after."
+        + f"{more}</figcaption></figure></section>"
+    )

@@ -1,0 +1,127 @@
+"""The result as a machine: a machine.toml that says what has been found and is based on what it was begun with.
+
+    based_on = "4030"
+    name = "4030-identified"
+
+    [axes.x]
+    backlash = { value = 0.0312, unit = "mm", grade = "measured", source = "identified from a: 95 % 0.027 .. 0.036" }
+
+Only what the data have told is in it; the rest stays what it was. Grade `measured` if recordings were held back and
+are predicted better; without any held back the numbers are estimates, and graded so, and so is what is known only
+roughly.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from isel_twin.machine import Machine
+from isel_twin.many.identification.fit import WEAK, Fit
+from isel_twin.many.identification.unknowns import candidate, changes
+from isel_twin.models import machine_names
+
+__all__ = ["as_json", "based_on", "patch"]
+
+
+def based_on(name: str, machine: Machine, folder: Path) -> str:
+    """What a machine.toml in that folder says to begin with `name`, which is that machine."""
+    return name if name in machine_names() else Path(os.path.relpath(machine.folder, folder)).as_posix()
+
+
+def patch(
+    result: Fit, machine: Machine, base: str, name: str, controller: str, fitted: Sequence[str], held: Sequence[str]
+) -> str:
+    """The text of the machine.toml. base: see `based_on`. controller: any that moves it. fitted, held: names of
+    recordings."""
+    tables: dict[str, list[str]] = {}
+    flags: dict[str, None] = {}
+    for estimate in result.estimates:
+        item = estimate.unknown
+        if not estimate.identified:
+            continue
+        grade = "measured" if held and estimate.remaining < WEAK else "estimate"
+        if item.flag:
+            flags[item.flag] = None
+        span = f"{estimate.low:.4g} .. {estimate.high:.4g} {item.unit if item.unit != '1' else ''}".strip()
+        of = "factor " if item.factor else ""
+        source = f"identified from {', '.join(fitted)}: 95 % {of}{span}"
+        for key, value in changes(machine, [item], [estimate.value]).items():
+            table, _, last = key.rpartition(".")
+            number = f"{value}" if item.whole else f"{float(f'{value:.6g}')!r}"
+            unit = _unit(machine, key, item.unit)
+            entry = (
+                f'{last} = {{ value = {number}, unit = "{unit}", grade = "{grade}", source = {json.dumps(source)} }}'
+            )
+            tables.setdefault(table, []).append(entry)
+    step_ms = _step_ms(result, machine, controller)
+    if step_ms is not None:
+        source = "as light and stiff as it was found to be, it needs shorter steps"
+        entry = f'mujoco_step = {{ value = {step_ms!r}, unit = "ms", grade = "setting", source = "{source}" }}'
+        tables.setdefault("timing", []).append(entry)
+    judged = ""
+    if held:
+        judged = f"# {', '.join(held)}, held back, predicted {result.times:.1f} times better than before.\n"
+    lines = [
+        f"# Identified from {', '.join(fitted)}; what the data did not tell is not in here.\n{judged}",
+        f"based_on = {json.dumps(base)}",
+        f"name = {json.dumps(name)}",
+        f"description = {json.dumps(f'{machine.name}, as measured')}",
+    ]
+    for table, entries in tables.items():
+        lines += ["", f"[{table}]", *entries]
+    if wanted := [flag for flag in flags if not getattr(machine.imperfections, flag)]:
+        lines += ["", "[imperfections]", *(f"{flag} = true" for flag in wanted)]
+    return "\n".join(lines) + "\n"
+
+
+def _unit(machine: Machine, key: str, otherwise: str) -> str:
+    content: Any = machine.tree
+    for part in key.split("."):
+        content = content.get(part, {}) if isinstance(content, dict) else {}
+    return str(content.get("unit", otherwise)) if isinstance(content, dict) else otherwise
+
+
+def _step_ms(result: Fit, machine: Machine, controller: str) -> float | None:
+    """The time step that the machine found needs, if it is another one."""
+    from isel_twin.many.identification.session import model_twin
+
+    known = [estimate for estimate in result.estimates if estimate.identified]
+    found = candidate(machine, [one.unknown for one in known], [one.value for one in known])
+    step_ns = model_twin(found, controller).machine.timing.mujoco_step_ns
+    return None if step_ns == machine.timing.mujoco_step_ns else step_ns * 1e-6
+
+
+def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str, Any]:
+    """The result in JSON's types: for programs, and for `isel-twin experiment --known`."""
+    return {
+        "parameters": [
+            {
+                "name": one.unknown.name,
+                "keys": list(one.unknown.keys),
+                "factor": one.unknown.factor,
+                "unit": one.unknown.unit,
+                "prior": [one.unknown.low, one.unknown.prior, one.unknown.high],
+                "prior_source": one.unknown.source,
+                "value": one.value,
+                "interval": [one.low, one.high],
+                "of_prior": one.remaining,
+                "identified": one.identified,
+                "note": one.note,
+            }
+            for one in result.estimates
+        ],
+        "correlation": result.correlation.tolist(),
+        "covariance": result.covariance.tolist(),
+        "singular_values": list(result.prospect.singular),
+        "before_the_fit": list(result.prospect.lines),
+        "chi2": result.chi2,
+        "fitted": {"recordings": list(fitted), "before": result.fitted_before, "after": result.fitted_after},
+        "held_out": {"recordings": list(held), "before": result.before, "after": result.after},
+        "times_better": result.times if held else None,
+        "promoted": not result.worse,
+        "replays": result.replays,
+    }

@@ -1,0 +1,415 @@
+"""A recording with what was measured meanwhile, and what a machine with other numbers would have given in its place.
+
+    recording    sent --------- reply   gap   sent ----- reply     bytes and their times, of whatever machine
+    measured         act   at_s       reading
+
+    replay       the same bytes to a twin of the candidate machine, each as long after the last reply as it was then;
+    acts
+                 and readings at their commands, in the order of the file
+
+What comes of it are numbers beside numbers, `Datum` by `Datum`:
+
+    duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, unless
+    it
+                 begins where nobody knows (the first reference run of an axis) or somebody interferes
+    reading      position at rest or in motion; less the counter where the file says what it was
+    stall        logarithm of the speed at which steps begin to be lost, found as at the machine: ever faster
+    scatter      logarithm of the standard deviation over reference runs
+
+The model is deterministic: one seed, switches that do not scatter, chance only in the data. Two candidates differ by
+their numbers alone (common random numbers).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import Place
+from isel_twin.base.units import SECOND_NS
+from isel_twin.core.journal import Received
+from isel_twin.core.twin import Twin
+from isel_twin.jobs.verdict import lost
+from isel_twin.language import Language, MoveSettings, create_language, needed
+from isel_twin.machine import Machine, MachineError, with_overrides
+from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
+from isel_twin.recordings.compare import paired, traffic
+from isel_twin.recordings.reading import Recorded, RecordingError
+from isel_twin.wiring import ScenarioError, event_now
+
+__all__ = ["Datum", "Player", "Session", "predict", "session_of", "stall_speed_hz", "stand_alone"]
+
+LEAST_S = 0.05
+"""A shorter duration says something of the controller and its line, nothing of the machine."""
+SETTLE_S = 0.3
+"""From the reply, or from a pull at the machine, until a gauge is read."""
+STALL_SCATTER = 0.03
+"""Relative standard deviation of a stall speed beside what its two speeds leave open: near stall the outcome is
+chaotic in narrow bands of speed."""
+START_MM = 3.0
+"""Where the carriages of the model stand at power-on: near the switch, so that the first reference run is short."""
+STALL_LOW, STALL_HIGH = 0.6, 1.7
+"""Looked for from and to, over the speed measured."""
+STALL_COARSE, STALL_FINE = 1.06, 1.02
+"""From one speed to the next: upwards until steps are lost, then once more from the last one that held."""
+REST_SIGMA_MM = 0.001
+"""Standard deviation of a place of rest beside the gauge's: dry friction lets rotor and carriage stand anywhere in a
+narrow band (0.7 to 1.5 um on the 4030, over forty places)."""
+REFERENCE_SIGMA_S = 0.015
+"""Of the duration of a reference run beside the clock's: a switch that scatters by 10 to 15 um is left at 1 mm/s."""
+MISSED = 1e4
+"""Residual of what the model cannot say, in standard deviations: the command was not answered."""
+MOST_HALVINGS = 3
+"""Of the time step, for candidates that need a shorter one."""
+_PATIENCE_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Datum:
+    """One number that was measured."""
+
+    kind: str
+    """duration, reading, stall, scatter."""
+    label: str
+    recording: str
+    value: float
+    sigma: float
+    unit: str
+    group: str = ""
+    """Readings of one group share an unknown zero, durations what line, adapter and host always take."""
+    scatter: float = 0.0
+    """Standard deviation of what the model itself says, by chance; it is part of sigma."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A recording as it is replayed; can be pickled."""
+
+    name: str
+    controller: str
+    pieces: tuple[tuple[int, bytes, bool, int], ...]
+    """As `isel_twin.recordings.compare.traffic`."""
+    operated: tuple[tuple[int, Mapping[str, Any]], ...]
+    """What was done to a twin, by time in ns: keys of a scenario event."""
+    measured: Measured
+    line_speed: bool = True
+    unknown_start: frozenset[int] = field(default_factory=frozenset)
+    """Commands whose duration depends on where the carriages stood at power-on."""
+    references: frozenset[int] = field(default_factory=frozenset)
+    """Commands that are reference runs."""
+
+    @property
+    def last(self) -> float:
+        """The last command that is replayed."""
+        return min((stall.command - 1 for stall in self.measured.stalls if stall.command is not None), default=math.inf)
+
+    @property
+    def stalls(self) -> tuple[Stall, ...]:
+        """Those that did stall: speeds that nothing was lost at bound nothing that a fit could follow."""
+        return tuple(stall for stall in self.measured.stalls if stall.lost_hz < math.inf)
+
+    @property
+    def data(self) -> tuple[Datum, ...]:
+        """What was measured, in the order of `predict`."""
+        found = []
+        if self.pieces:
+            language = _language(self.controller)
+            for number, exchange in enumerate(paired(self.pieces, language), 1):
+                if self._timed(number) and exchange.duration_ns is not None and exchange.duration_ns >= LEAST_S * 1e9:
+                    scatter = REFERENCE_SIGMA_S if number in self.references else 0.0
+                    sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
+                    seconds = exchange.duration_ns / SECOND_NS
+                    found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
+        for reading in self.measured.readings:
+            value = reading.mm - (reading.counter_mm or 0.0)
+            push = f", {reading.push_n:g} N" if reading.push_n else ""
+            when = "" if reading.at_s is None else f", {reading.at_s:g} s"
+            label = f"{reading.command}: {reading.axis}{push}{when}"
+            group = f"{self.name}/{reading.axis}/{reading.gauge}"
+            sigma = math.hypot(reading.sigma_mm, REST_SIGMA_MM)
+            found.append(Datum("reading", label, self.name, value, sigma, "mm", group, REST_SIGMA_MM))
+        for stall in self.stalls:
+            value, sigma = _log_speed(stall)
+            label = f"{stall.axis}, {stall.acceleration_hz_per_ms} Hz/ms"
+            found.append(Datum("stall", label, self.name, value, sigma, "ln Hz", "", STALL_SCATTER))
+        for repeats in self.measured.repeats:
+            values = np.array(repeats.mm)
+            sigma = 1.0 / math.sqrt(2.0 * (len(values) - 1))
+            label = f"{repeats.axis}, {len(values)} times"
+            found.append(Datum("scatter", label, self.name, math.log(max(values.std(ddof=1), 1e-6)), sigma, "ln mm"))
+        return tuple(found)
+
+    def _timed(self, number: int) -> bool:
+        """Whether the duration of a command is told by the machine alone."""
+        acts = any(act.command == number for act in self.measured.acts)
+        return number <= self.last and not acts and number not in self.unknown_start
+
+
+def _log_speed(stall: Stall) -> tuple[float, float]:
+    """ln of the stall speed, Hz, and its standard deviation: evenly distributed between the two speeds."""
+    low, high = math.log(stall.held_hz), math.log(stall.lost_hz)
+    return 0.5 * (low + high), math.hypot((high - low) / math.sqrt(12.0), STALL_SCATTER)
+
+
+def _language(controller: str) -> Language:
+    return needed(create_language(controller), controller)
+
+
+def session_of(recorded: Recorded, measured: Measured, controller: str, machine: Machine) -> Session:
+    """A recording with its measurements. machine: any, to see where reference runs begin. Raises RecordingError."""
+    name = recorded.path.stem
+    own = measured.of(name)
+    controller = recorded.controller or controller
+    if not controller:
+        raise RecordingError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
+    operated = tuple((entry.time_ns, entry.content) for entry in recorded.of("/operator"))
+    events = tuple((time_ns, content) for time_ns, content in operated if "line_speed" not in content)
+    line_speed = not recorded.of_twin or recorded.metadata.get("line_speed") == "true"
+    pieces = tuple(traffic(recorded))
+    session = Session(name, controller, pieces, events, own, line_speed)
+    commands = len(paired(pieces, _language(controller)))
+    entries: tuple[Reading | Act, ...] = (*own.readings, *own.acts)
+    for item in entries:
+        if item.command > commands:
+            raise RecordingError(
+                f"{recorded.path}: something was measured after command {item.command}; the recording has {commands}"
+            )
+    player = Player(session, machine)
+    player.play()
+    unknown, references = frozenset(player.unknown_start), frozenset(player.references)
+    return Session(name, controller, pieces, events, own, line_speed, unknown, references)
+
+
+def stand_alone(name: str, measured: Measured, controller: str) -> Session:
+    """What was measured without a recording: stall speeds, repeats."""
+    return Session(name, controller, (), (), measured.of(name))
+
+
+def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
+    """float64 [n], what the machine gives for each of `session.data`; nan: nothing."""
+    found: list[float] = []
+    data = session.data
+    if session.pieces and any(item.kind in ("duration", "reading") for item in data):
+        player = Player(session, machine)
+        player.play()
+        durations = dict(enumerate((exchange.duration_ns for exchange in player.exchanges()), 1))
+        for item in data:
+            if item.kind == "duration":
+                ns = durations.get(int(item.label.partition(":")[0]))
+                found.append(math.nan if ns is None else ns / SECOND_NS)
+        found += player.readings
+    if session.stalls:
+        twin = referenced(session.controller, machine)
+        found += [math.log(stall_speed_hz(twin, stall)) for stall in session.stalls]
+    scatter = machine.tree["switches"]["repeatability"]["value"]
+    sigma = session.measured.gauge_sigma_mm
+    found += [math.log(math.hypot(scatter, sigma)) for _ in session.measured.repeats]
+    return np.array(found)
+
+
+class Player:
+    """One replay of a session on a candidate machine. See the module."""
+
+    def __init__(self, session: Session, machine: Machine) -> None:
+        self._session = session
+        self._twin = model_twin(machine, session.controller, session.line_speed)
+        self._pieces: list[tuple[int, bytes, bool, int]] = []
+        self._twin.listen(self._note)
+        self._command = 0
+        self.readings: list[float] = []
+        """Of each reading of the session, mm; nan: its command was never sent."""
+        self.unknown_start: set[int] = set()
+        """See Session.unknown_start."""
+        self.references: set[int] = set()
+        self._referenced: set[int] = set()
+        self._place = Place(session.name, ScenarioError)
+
+    def _note(self, time_ns: int, kind: str, what: Any) -> None:
+        if kind == "sent":
+            self._pieces.append((time_ns, what, True, 0))
+        elif kind == "received":
+            received: Received = what
+            self._pieces.append((received.arrival_ns, received.data, False, received.byte_ns))
+        elif kind == "counter" and time_ns - self._began_ns > LEAST_S * SECOND_NS:
+            self.references.add(self._command)
+            if what.axis not in self._referenced:
+                self._referenced.add(what.axis)
+                self.unknown_start.add(self._command)
+
+    _began_ns = 0
+
+    def exchanges(self) -> list[Any]:
+        """The commands as the twin answered them."""
+        return paired(sorted(self._pieces, key=lambda piece: piece[0]), _language(self._session.controller))
+
+    def play(self) -> None:
+        """All of it, up to the last command that counts."""
+        session, twin = self._session, self._twin
+        language = _language(session.controller)
+        found: dict[Reading, float] = {}
+        then = now = 0
+        past_ns = resumed_ns = 0  # the last instant that both know: then, and now
+        entries: list[tuple[int, int, Any]] = [(piece[0], 1, piece) for piece in session.pieces]
+        entries += [(time_ns, 0, content) for time_ns, content in session.operated]
+        for time_ns, kind, content in sorted(entries, key=lambda entry: entry[:2]):
+            if kind and not content[2]:  # a reply
+                then += len(content[1])
+                past_ns = time_ns
+                continue
+            now = self._await(then, now)
+            if resumed_ns < (arrived_ns := twin.time_ns):
+                resumed_ns = arrived_ns
+            self._read(found, resting=True)
+            twin.run_until(max(twin.time_ns, resumed_ns + max(0, time_ns - past_ns)))
+            past_ns, resumed_ns = time_ns, twin.time_ns
+            if not kind:
+                twin.carry_out(event_now(dict(content), self._place, twin.settable, twin.keys))
+                continue
+            messages = sum(1 for _ in language.messages(content[1], True))
+            if self._command + messages > session.last:
+                break
+            self._began_ns = twin.time_ns
+            twin.write(content[1])
+            self._command += messages
+            self._meanwhile(found)
+        else:
+            self._await(then, now)
+        self._read(found, resting=True)
+        self.readings = [found.get(reading, math.nan) for reading in session.measured.readings]
+
+    def _await(self, then: int, now: int) -> int:
+        """Let time pass until as many bytes have come as came then, or no more will."""
+        twin = self._twin
+        end_ns = twin.time_ns + round(_PATIENCE_S * SECOND_NS)
+        now += len(twin.read())
+        while now < then and twin.time_ns < end_ns and not twin.idle:
+            twin.run_until(end_ns, lambda: twin.reply_waiting or twin.idle)
+            now += len(twin.read())
+        return now
+
+    def _meanwhile(self, found: dict[Reading, float]) -> None:
+        """What was done and read while the command just sent was carried out."""
+        session, twin, sent_ns = self._session, self._twin, self._twin.time_ns
+        happened: list[tuple[float, int, Act | Reading]] = [
+            (act.after_s, 0, act) for act in session.measured.acts if act.command == self._command
+        ]
+        happened += [
+            (reading.at_s, 1, reading)
+            for reading in session.measured.readings
+            if reading.command == self._command and reading.at_s is not None
+        ]
+        for after_s, _, what in sorted(happened, key=lambda each: each[:2]):
+            twin.run_until(max(twin.time_ns, sent_ns + round(after_s * SECOND_NS)))
+            if isinstance(what, Act):
+                twin.carry_out(event_now(dict(what.content), self._place, twin.settable, twin.keys))
+            else:
+                found[what] = self._position_mm(what)
+
+    def _read(self, found: dict[Reading, float], resting: bool) -> None:
+        """The gauges at rest after the last command."""
+        pushed: set[int] = set()
+        twin = self._twin
+        for reading in self._session.measured.readings:
+            if reading.command != self._command or reading.at_s is not None or reading in found:
+                continue
+            axis = CARRIAGES.index(reading.axis)
+            if reading.push_n or axis in pushed:
+                twin.apply_force(axis, reading.push_n, "tool")
+                pushed.add(axis)
+            twin.run(SETTLE_S)
+            found[reading] = self._position_mm(reading)
+        for axis in pushed:
+            twin.apply_force(axis, 0.0, "tool")
+            twin.run(SETTLE_S)
+
+    def _position_mm(self, reading: Reading) -> float:
+        twin, axis = self._twin, CARRIAGES.index(reading.axis)
+        position_mm = float(twin.position_mm[axis])
+        if reading.counter_mm is not None:
+            position_mm -= float(twin.counts[axis] * twin.step_mm[axis])
+        return position_mm
+
+
+def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> Twin:
+    """A twin of a candidate, near its switches, in steps of time that its stiffness and masses need.
+
+    Light and stiff candidates need shorter ones than the machine one began with, which the plant refuses: then half of
+    them. Raises MachineError.
+    """
+    x, y, z = (min(START_MM, 0.5 * axis.travel_mm) for axis in machine.axes)
+    for _ in range(MOST_HALVINGS):
+        try:
+            return Twin(machine, controller, "mujoco", 0, line_speed=line_speed, start_mm=(x, y, z), keep_motions=1)
+        except MachineError as error:
+            timing = machine.tree["timing"]
+            step_ms = 0.5 * float(timing["mujoco_step"]["value"])
+            if "timing.mujoco_step" not in str(error) or (1e3 * step_ms) % float(timing["motor_substep"]["value"]):
+                raise
+            machine = with_overrides(machine, {"timing.mujoco_step": step_ms})
+    return Twin(machine, controller, "mujoco", 0, line_speed=line_speed, start_mm=(x, y, z), keep_motions=1)
+
+
+def referenced(controller: str, machine: Machine) -> Twin:
+    """A twin that has made a reference run."""
+    twin = model_twin(machine, controller)
+    for command in _language(controller).reference():
+        converse(twin, command)
+    return twin
+
+
+def converse(twin: Twin, data: bytes) -> bytes:
+    """Send, and run until all is answered and stands still: the reply."""
+    twin.read()
+    twin.write(data)
+    twin.run_until_idle(_PATIENCE_S)
+    return twin.read()
+
+
+def stall_speed_hz(twin: Twin, stall: Stall) -> float:
+    """The speed at which the move there and back begins to lose steps, as one finds it at the machine: ever faster.
+
+    Upwards and not by bisection, for near stall there are bands of speed that hold beyond the first that does not.
+    The highest speed, where none loses any.
+    """
+    language = needed(twin.language, twin.controller_name)
+    lowest, highest = language.ranges["speed_hz"]
+    middle = math.sqrt(stall.held_hz * stall.lost_hz)
+    held, top = max(float(lowest), STALL_LOW * middle), min(float(highest), STALL_HIGH * middle)
+    for factor in (STALL_COARSE, STALL_FINE):
+        while held < top:
+            faster = min(held * factor, top)
+            if stalls(twin, stall, round(faster)):
+                for command in language.reference():  # nobody knows where it stands now
+                    converse(twin, command)
+                top = faster
+                break
+            held = faster
+    return math.sqrt(held * top)
+
+
+def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
+    """Whether the move there and back loses steps at that speed."""
+    axis = CARRIAGES.index(stall.axis)
+    language = needed(twin.language, twin.controller_name)
+    settings = MoveSettings(speed_hz, stall.acceleration_hz_per_ms, stall.start_stop_hz)
+    gentle = MoveSettings(min(6000, language.ranges["speed_hz"][1]), 50, stall.start_stop_hz)
+    for mm, how in ((stall.from_mm, gentle), (stall.to_mm, settings), (stall.from_mm, settings)):
+        before = twin.lost_steps[axis]
+        for data in language.move(_target(twin, axis, mm), how):
+            converse(twin, data)
+        twin.run(SETTLE_S)
+        if how is settings and bool(lost(twin.lost_steps[axis] - before, twin.slip_steps[axis])):
+            return True
+    return False
+
+
+def _target(twin: Twin, axis: int, mm: float) -> Sequence[int]:
+    target = [int(count) for count in twin.counts[:3]]
+    target[axis] = round(mm / float(twin.step_mm[axis]))
+    return target

@@ -1,0 +1,229 @@
+"""Named parameters of a machine that one wants to know, and what is believed of them before anything is measured.
+
+    name             stands for                                                       as
+    friction.x       axes.x.guide_friction, shaft_coulomb, shaft_viscous              a common factor
+    stiffness.x      axes.x.stiffness and the structure's modes along X               a common factor
+    backlash.x       axes.x.backlash                                                  mm
+    lead.x           axes.x.lead_error (and the imperfection of that name, on)        %
+    supply           axes.all.stage.supply                                            V
+    mass             all [masses]                                                     a common factor
+    switch.limit_x2  contacts.limit_x2.position                                       mm
+    repeatability    switches.repeatability                                           mm
+    any key          as `isel-twin describe` has it: axes.z.brake, controller.start_stop_hz ...
+
+Keys that only act together at what can be measured have one factor: guides and shaft both only brake, and a gauge at
+the tool sees screw and frame in series. Whoever can tell them apart names the keys themselves.
+
+Within the fit each is a plain number u, 0 at the prior value, 1 a standard deviation of what is believed:
+
+    value = prior exp(s u)      for what is positive         value = prior + s u      for what may be 0 or negative
+
+The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Where nobody says one, it
+follows from the grade of the number in the machine file, GRADE_FACTOR.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import hint, rows
+from isel_twin.machine import Machine, machine_from_tree
+
+__all__ = ["GRADE_FACTOR", "Unknown", "candidate", "default_names", "parse_prior", "unknown"]
+
+GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
+"""By grade: the prior range reaches from the value divided by this to the value times it."""
+SWITCH_MM = 2.0
+"""Prior range of a switch position, either way: cams are clamped by hand."""
+LEAD_PERCENT = 0.1
+"""Prior range of a lead error, either way: rolled screws of class C7 to C10 have 0.05 to 0.2 %."""
+
+_FRICTION = ("guide_friction", "shaft_coulomb", "shaft_viscous")
+_SD_PER_RANGE = 4.0
+"""Standard deviations in a range that holds 95 % (3.92, rounded up)."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One parameter of the fit."""
+
+    name: str
+    keys: tuple[str, ...]
+    """Keys of the machine file, all of which follow it."""
+    prior: float
+    """Most believed value."""
+    low: float
+    high: float
+    """95 % of the belief lies between the two."""
+    unit: str
+    source: str
+    """Where the prior comes from."""
+    factor: bool = False
+    """The value multiplies what the machine file has under the keys."""
+    whole: bool = False
+    """The file has whole numbers only."""
+    flag: str = ""
+    """Imperfection that has to be on for it to act."""
+    place: bool = False
+    """It is counted from a zero that somebody chose: half as much means nothing."""
+
+    @property
+    def logarithmic(self) -> bool:
+        """It can only be positive."""
+        return self.low > 0.0 and not self.place
+
+    @property
+    def deviation(self) -> float:
+        """s of the module: of the logarithm, or of the value."""
+        if self.logarithmic:
+            return math.log(self.high / self.low) / _SD_PER_RANGE
+        return (self.high - self.low) / _SD_PER_RANGE
+
+    def value(self, u: float) -> float:
+        """The value at u standard deviations from the prior."""
+        if self.logarithmic:
+            return self.prior * math.exp(self.deviation * u)
+        return self.prior + self.deviation * u
+
+    def at(self, value: float) -> float:
+        """u of a value, the opposite of `value`."""
+        if self.logarithmic:
+            return math.log(value / self.prior) / self.deviation
+        return (value - self.prior) / self.deviation
+
+
+def parse_prior(text: str) -> tuple[str, float, float]:
+    """NAME=LOW..HIGH. Raises ValueError with one line."""
+    name, equals, span = (part.strip() for part in text.partition("="))
+    low_text, dots, high_text = span.partition("..")
+    try:
+        low, high = float(low_text), float(high_text)
+    except ValueError:
+        low = high = math.nan
+    if not (equals and dots and name and low < high and math.isfinite(high - low)):
+        raise ValueError(f"prior {text!r}: must be NAME=LOW..HIGH, for example backlash.x=0.005..0.08")
+    return name, low, high
+
+
+def default_names(axes: Iterable[str], machine: Machine) -> list[str]:
+    """What is fitted if nobody says, for the axes that were measured; only stages of stepper motors have a supply."""
+    axes = list(dict.fromkeys(axes))
+    named = [f"{what}.{axis}" for axis in axes for what in ("friction", "backlash", "stiffness")]
+    return [*named, *_supply(machine), "mass"]
+
+
+def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None) -> Unknown:
+    """The parameter of that name; span: its prior range. Raises ValueError with one line."""
+    by_key = {row.parameter: row for row in rows(machine.tree)}
+    what, _, of = name.partition(".")
+    factor, flag = False, ""
+    keys: tuple[str, ...] = (name,)
+    half: float | None = None
+    prior: float | None = None
+    if what in ("friction", "backlash", "stiffness", "lead") and of in CARRIAGES:
+        own = {"friction": _FRICTION, "backlash": ("backlash",), "stiffness": ("stiffness",), "lead": ("lead_error",)}
+        keys = tuple(f"axes.{of}.{key}" for key in own[what])
+        factor = what in ("friction", "stiffness")
+        if what == "stiffness" and machine.imperfections.structure:
+            keys += tuple(f"structure.{mode.joint}.stiffness" for mode in machine.structure if mode.axis == of)
+        flag = {"backlash": "backlash", "lead": "lead_error"}.get(what, "")
+        if what == "lead":
+            half = LEAD_PERCENT
+            prior = None if machine.imperfections.lead_error else 0.0
+    elif name == "supply":
+        keys = tuple(f"axes.{axis}.stage.supply" for axis in CARRIAGES)
+    elif name == "mass":
+        keys, factor = tuple(f"masses.{body}" for body in machine.tree["masses"]), True
+    elif name == "repeatability":
+        keys = ("switches.repeatability",)
+    elif what == "switch" and of in {contact.name for contact in machine.switches}:
+        keys, half = (f"contacts.{of}.position",), SWITCH_MM
+        prior = next(contact.position_mm for contact in machine.switches if contact.name == of)
+    elif name.startswith("axes.all."):
+        keys = tuple(f"axes.{axis}.{name.removeprefix('axes.all.')}" for axis in CARRIAGES)
+    found = [by_key.get(key) for key in keys]
+    known = [row for row in found if row is not None]
+    if prior is None and len(known) < len(found) and not (what == "controller" and span):
+        raise ValueError(
+            f"fit {name!r}: no such parameter; {hint(name, [*_names(machine), *by_key])} (see isel-twin describe)"
+        )
+    for row in known:
+        if isinstance(row.value, bool | str):
+            raise ValueError(f"fit {name!r}: {row.parameter} is {row.value!r}, which is no number")
+    grade = known[0].grade if known else "estimate"
+    source = f"{grade}: {known[0].source}" if known and known[0].source else grade
+    unit = "1" if factor else known[0].unit if known else "mm" if what == "switch" else "1"
+    if prior is None:
+        prior = 1.0 if factor else float(known[0].value) if known else math.nan
+    if span is not None:
+        low, high = span
+        source = f"range of {low:g} .. {high:g}"
+        if not low <= prior <= high:
+            prior = math.sqrt(low * high) if low > 0.0 and half is None else 0.5 * (low + high)
+    elif half is not None:
+        low, high = prior - half, prior + half
+    elif prior > 0.0:
+        times = max(GRADE_FACTOR[row.grade] for row in known)
+        low, high = prior / times, prior * times
+    else:
+        raise ValueError(f"prior {name}: is {prior:g} in the machine file; say a range: --prior {name}=LOW..HIGH")
+    whole = what == "controller" and (not known or isinstance(known[0].value, int))
+    return Unknown(name, keys, prior, low, high, unit, source, factor, whole, flag, half is not None)
+
+
+def _supply(machine: Machine) -> list[str]:
+    return [] if any(axis.closed_loop for axis in machine.axes) else ["supply"]
+
+
+def _names(machine: Machine) -> list[str]:
+    per_axis = [f"{what}.{axis}" for what in ("friction", "backlash", "stiffness", "lead") for axis in CARRIAGES]
+    return [
+        *per_axis,
+        *_supply(machine),
+        "mass",
+        "repeatability",
+        *(f"switch.{contact.name}" for contact in machine.switches),
+    ]
+
+
+def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> dict[str, float]:
+    """By key of the machine file, the value that it gets."""
+    found: dict[str, float] = {}
+    for item, value in zip(unknowns, values, strict=True):
+        for key in item.keys:
+            times = float(_number(machine.tree, key)["value"]) if item.factor else 1.0
+            found[key] = round(value) if item.whole else value * times
+    return found
+
+
+def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> Machine:
+    """The machine with other values, [n] as the unknowns, and switches that do not scatter: a model has no luck.
+
+    Raises MachineError for a value out of its limits.
+    """
+    tree: dict[str, Any] = copy.deepcopy(dict(machine.tree))
+    units = {item.keys[0]: item.unit for item in unknowns}
+    for key, value in changes(machine, unknowns, values).items():
+        *path, last = key.split(".")
+        content = tree
+        for part in path:
+            content = content.setdefault(part, {})
+        old = content.get(last) or {"unit": units.get(key, "1")}
+        content[last] = {**old, "value": value, "grade": "measured", "source": "candidate"}
+    for item in unknowns:
+        if item.flag:
+            tree["imperfections"][item.flag] = True
+    tree["imperfections"]["repeatability"] = False
+    return machine_from_tree(tree, machine.file)
+
+
+def _number(tree: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    content: Any = tree
+    for part in key.split("."):
+        content = content[part]
+    return dict(content)

@@ -1,0 +1,91 @@
+"""Points of a plan: a grid, in each of its points all samples, in each of those all seeds.
+
+    number 1, 2, 3 ...    the seed changes fastest, then the sample, then the values, those of the last parameter first
+
+Samples are one low-discrepancy sequence for all that is sampled, the same in every point of the grid, so that grids can
+be compared sample by sample:
+
+    sobol       points of a scrambled Sobol' sequence, [0, 1)^d; twice as many samples begin with the same ones
+    saltelli    A, B, and A with one column of B, for each of them: d + 2 points a sample, of which variances of first
+                order and of all orders follow (A. Saltelli et al., Computer Physics Communications 181 (2010) 259)
+
+A point is known by its content, a digest of all that its row depends on. So a plan that has more values, samples or
+seeds than before has the old points among the new ones; one with another job has none of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.errors import CallError
+from isel_twin.many.studies.plan import Plan, between
+from isel_twin.many.studies.row import Point
+
+__all__ = ["all_points", "points", "unit_samples"]
+
+
+def unit_samples(plan: Plan) -> NDArray[np.float64]:
+    """float64 [n, d]: the samples in [0, 1), one column for each sampled parameter; [1, 0] if there are none.
+
+    Raises CallError without scipy.
+    """
+    count = sum(parameter.sampled for parameter in plan.parameters)
+    if not count:
+        return np.empty((1, 0))
+    try:
+        from scipy.stats import qmc
+    except ImportError:
+        raise CallError("samples need scipy: pip install 'isel-twin[tune]'") from None
+    saltelli = plan.sampling == "saltelli"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of older versions, that `seed` becomes `rng`
+        sequence = qmc.Sobol(2 * count if saltelli else count, scramble=True, seed=plan.sample_seed)
+        drawn = sequence.random(plan.samples)
+    if not saltelli:
+        return np.asarray(drawn, dtype=np.float64)
+    a, b = drawn[:, None, :count], drawn[:, None, count:]
+    mixed = np.where(np.eye(count, dtype=np.bool_)[None, :, :], b, a)
+    return np.concatenate([a, mixed, b], axis=1).reshape(-1, count)
+
+
+def all_points(plan: Plan) -> Iterator[Point]:
+    """All of them in their order, also those that stand twice."""
+    same = dataclasses.replace(plan.work, parameters=(), job_name="", machine="")  # names may change, content counts
+    digest = hashlib.sha256(_canonical(dataclasses.asdict(same)))
+    axes = [parameter.values if parameter.values else (None,) for parameter in plan.parameters]
+    samples = [_sample(plan, unit) for unit in unit_samples(plan)]
+    for number, (values, sample, seed) in enumerate(
+        itertools.product(itertools.product(*axes), samples, plan.seeds), 1
+    ):
+        drawn = iter(sample)
+        point = tuple(next(drawn) if p.sampled else v for p, v in zip(plan.parameters, values, strict=True))
+        content = sorted(zip(plan.work.parameters, point, strict=True), key=lambda pair: pair[0])
+        whole = digest.copy()
+        whole.update(_canonical([content, seed]))
+        yield Point(number, whole.hexdigest()[:16], point, seed)
+
+
+def points(plan: Plan) -> list[Point]:
+    """All different ones, numbered from 1: whole numbers may be drawn twice."""
+    different = {point.id: point for point in reversed(list(all_points(plan)))}
+    ordered = sorted(different.values(), key=lambda point: point.number)
+    return [dataclasses.replace(point, number=number) for number, point in enumerate(ordered, 1)]
+
+
+def _sample(plan: Plan, unit: NDArray[np.float64]) -> tuple[float, ...]:
+    """One value for each sampled parameter."""
+    sampled = [parameter for parameter in plan.parameters if parameter.sampled]
+    return tuple(between(parameter, float(part)) for parameter, part in zip(sampled, unit, strict=True))
+
+
+def _canonical(content: Any) -> bytes:
+    return json.dumps(content, sort_keys=True, default=str).encode()

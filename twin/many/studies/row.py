@@ -1,0 +1,352 @@
+"""One point of a sweep, one row of its table: a function of two values that runs anywhere.
+
+    Work    what is the same for all rows: text of the job, machine by name, tables of the scenario, bounds
+    Point   what is not: the values of the parameters and the seed
+    compute(work, point) -> {"ok": True, "margin": 0.41, "cycle_s": 12.3, ...}, the columns OUTCOMES
+
+A row is as good as the job was: refused commands, lost steps, bounds that are not kept make `ok` false and say so in
+`failure`, by the rules of `isel-twin check`. What cannot even begin (a machine out of its limits, a job that is none)
+is a row, too, with `error` and nothing else. What is the matter with the computer and not with the point (a file that
+is not there, no memory) is raised.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import json
+import logging
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import one_line
+from isel_twin.core.spec import TwinCall
+from isel_twin.jobs.checks.job import Bounds
+
+if TYPE_CHECKING:
+    from isel_twin.jobs.job import Line
+    from isel_twin.machine import Machine
+
+__all__ = ["OUTCOMES", "MismatchError", "Point", "Work", "compute", "machine_digest"]
+
+OUTCOMES: Mapping[str, tuple[str, str, str]] = {
+    "ok": ("bool", "", "the job did what it has to, no step lost, every bound kept; null: it could not begin"),
+    "error": ("string", "", "why it could not begin; null: it did"),
+    "failure": ("string", "", "rules that were broken, as `isel-twin check` has them, with blanks between; null: none"),
+    "finding": ("string", "", "the first of them in words, with its line"),
+    "commands": ("int64", "1", "commands sent"),
+    "refused": ("int64", "1", "commands refused"),
+    "lost_x": ("int64", "steps", "whole slips of axis x since power-on"),
+    "lost_y": ("int64", "steps", "whole slips of axis y since power-on"),
+    "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
+    "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
+    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),
+    "limiting": ("string", "", "the axis that has the least margin in those"),
+    "limiting_line": ("int64", "1", "and the line of the job in which it has it"),
+    "error_mm": ("float64", "mm", "largest difference of true position and counter of any axis at the end, at rest"),
+    "cycle_s": ("float64", "s", "from the first command to the end of the last one"),
+    "events_late": ("int64", "1", "events of the scenario that were still to come at the end"),
+    "reply": ("string", "", "the last reply"),
+}
+"""Columns that every row has: kind, unit ("": text or truth) and meaning."""
+
+
+class MismatchError(RuntimeError):
+    """Whoever computes has another version of the package, or another machine of that name."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is the same for all rows of a sweep. Travels to whoever computes them."""
+
+    version: str
+    job_name: str
+    job: str = ""
+    """Text of the job with its placeholders; "" if there are moves."""
+    moves: tuple[tuple[float, float, float], ...] = ()
+    """Targets in mm, after a reference run."""
+    machine: str = "4030"
+    machine_digest: str = ""
+    controller: str = "imc-s8"
+    plant: str = "mujoco"
+    events: tuple[Mapping[str, Any], ...] = ()
+    """Tables of the scenario."""
+    start_mm: tuple[float, float, float] | None = None
+    perturbed: bool = False
+    """Each seed has a slightly different machine, as repetitions of `isel-twin run --robust` have."""
+    bounds: Bounds = field(default_factory=Bounds)
+    parameters: tuple[tuple[str, str, str], ...] = ()
+    """Section, key and unit of each value of a point."""
+
+    @property
+    def job_lines(self) -> list[str]:
+        """The lines of the job, as job files count them."""
+        return self.job.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a sweep."""
+
+    number: int
+    """Of its row, from 1."""
+    id: str
+    """The same for the same content, in whatever plan."""
+    values: tuple[Any, ...]
+    """In the order of `Work.parameters`."""
+    seed: int
+
+
+def compute(work: Work, point: Point) -> dict[str, Any] | None:
+    """The outcome of one point, OUTCOMES by name; None if it was given up.
+
+    Raises MismatchError and OSError for what is no fault of the point.
+    """
+    _check(work)
+    nothing: dict[str, Any] = dict.fromkeys(OUTCOMES)
+    try:
+        with _quietly(), tempfile.TemporaryDirectory() as folder:
+            try:
+                found = _made(work, point, Path(folder))
+            except ValueError as error:  # a place in a file that nobody else sees is nothing to tell
+                raise ValueError(str(error).replace(str(Path(folder)), "").lstrip("/\\")) from error
+    except (OSError, MemoryError, MismatchError):
+        raise
+    except ValueError as error:
+        return {**nothing, "error": one_line(str(error))}
+    except Exception as error:
+        return {**nothing, "error": one_line(f"{type(error).__name__}: {error}")}
+    return None if found is None else {**nothing, **found}
+
+
+def machine_digest(machine: Machine) -> str:
+    """What tells one machine from another: its numbers and its model, wherever their files stand."""
+    fixture = machine.fixture_file.read_bytes().hex() if machine.fixture_file is not None else ""
+    tree = {**machine.tree, "model": machine.model_file.read_bytes().hex(), "fixture": fixture}
+    return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def _check(work: Work) -> None:
+    from isel_twin.machine import load_machine
+    from isel_twin.version import VERSION
+
+    if work.version != VERSION:
+        raise MismatchError(f"isel-twin {VERSION} computes there, {work.version} asks")
+    if work.machine_digest:
+        try:
+            there = machine_digest(load_machine(work.machine))
+        except ValueError as error:
+            raise MismatchError(f"the machine {work.machine} cannot be read there: {one_line(str(error))}") from None
+        if there != work.machine_digest:
+            raise MismatchError(f"the machine {work.machine} is another one there")
+
+
+def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
+    from isel_twin.jobs.checks.job import Inspection
+    from isel_twin.jobs.job import check_conditions, play
+    from isel_twin.jobs.robust import called_machine, given_up, perturbation
+    from isel_twin.jobs.verdict import judge, whole_slips
+
+    given = dict(zip(work.parameters, point.values, strict=True))
+    call = TwinCall(
+        machine=work.machine,
+        controller=work.controller,
+        plant=work.plant,
+        seed=point.seed,
+        scenario=_scenario(work, _of(given, "scenario"), folder),
+        overrides={},
+        start_mm=work.start_mm,
+    )
+    call = dataclasses.replace(call, overrides=_overrides(call, _of(given, "machine")))
+    if work.perturbed:
+        seed, _, overrides = perturbation(called_machine(call), 0, point.seed)
+        call = dataclasses.replace(call, seed=seed, overrides={**call.overrides, **overrides})
+    lines = _lines(work, given, call)
+    twin = call.build()
+    check_conditions(lines, twin)
+    inspection = Inspection(twin, work.bounds)
+    for result in play(twin, lines, work.bounds.timeout_s, given_up):
+        inspection.take(result)
+    results = inspection.results
+    if given_up() and not (len(results) == len(lines) and results[-1].complete):
+        return None
+    verdict = judge(twin, results, len(lines) - len(results))
+    report = inspection.report(work.job_name, verdict)
+    wrong = [finding for finding in report.findings if not finding.warning]
+    slips = whole_slips(verdict.lost_steps, verdict.slip_steps) + verdict.forgotten_steps
+    margins = [
+        (each, result.number, name)
+        for result in results
+        for name, each in zip(CARRIAGES, result.margin, strict=False)
+        if each is not None and not result.condition
+    ]
+    nothing = (None, None, None)
+    least, line, axis = min((m for m in margins if m[1] not in inspection.setting), default=nothing)
+    first = wrong[0] if wrong else None
+    replies = [result.shown_reply for result in results if not result.condition]
+    return {
+        "ok": report.ok,
+        "failure": " ".join(dict.fromkeys(finding.rule for finding in wrong)) or None,
+        "finding": None if first is None else f"line {first.line}: {first.message}" if first.line else first.message,
+        "commands": verdict.commands,
+        "refused": verdict.refused,
+        **{f"lost_{name}": int(steps) for name, steps in zip(CARRIAGES, slips, strict=False)},
+        "margin": min(margins, default=nothing)[0],
+        "margin_moves": least,
+        "limiting": axis,
+        "limiting_line": line,
+        "error_mm": max(abs(error) for error in verdict.position_error_mm),
+        "cycle_s": report.cycle_s,
+        "events_late": verdict.events_after_end,
+        "reply": replies[-1] if replies else None,
+    }
+
+
+def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[str, str, Any]]:
+    """Key, unit and value of the parameters of a section."""
+    return [(key, unit, value) for (where, key, unit), value in given.items() if where == section]
+
+
+def _overrides(call: TwinCall, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
+    """Overrides of the machine: plain values first, then multiples of what the machine then has."""
+    from isel_twin.jobs.robust import called_machine
+
+    overrides = {key: value for key, unit, value in given if unit != "times"}
+    factors = [(key, value) for key, unit, value in given if unit == "times"]
+    if factors:
+        tree = called_machine(dataclasses.replace(call, overrides=overrides)).tree
+        for key, factor in factors:
+            for name in _each_axis(key):
+                overrides[name] = overrides.get(name, _value(tree, name)) * factor
+    return overrides
+
+
+def _each_axis(key: str) -> Iterator[str]:
+    if key.startswith("axes.all."):
+        yield from (f"axes.{name}.{key.removeprefix('axes.all.')}" for name in CARRIAGES)
+    else:
+        yield key
+
+
+def _value(tree: Any, key: str) -> float:
+    for name in key.split("."):
+        tree = tree[name]
+    return float(tree["value"] if isinstance(tree, Mapping) else tree)
+
+
+# ---- job -------------------------------------------------------------------------------------------------------------
+
+
+def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinCall) -> list[Line]:
+    from isel_twin.jobs.job import parse_job
+    from isel_twin.jobs.robust import called_machine
+    from isel_twin.language import create_language
+
+    if work.moves:
+        settings = {key: value for key, _, value in _of(given, "settings")}
+        return _moves(work, settings, called_machine(call))
+    lines = work.job_lines
+    words = []
+    for key, _, value in _of(given, "job"):
+        if key.startswith("line "):
+            lines[int(key.removeprefix("line ")) - 1] = _word(value)
+        else:
+            words.append((f"{{{key}}}", _word(value)))
+    text = "\n".join(lines)
+    for placeholder, word in words:
+        text = text.replace(placeholder, word)
+    parsed = parse_job(text, create_language(work.controller), work.controller)
+    if not parsed:
+        raise ValueError(f"{work.job_name}: there is no command in it")
+    return parsed
+
+
+def _word(value: Any) -> str:
+    """A value as a job has it: a number that is whole without a point, as controllers want it."""
+    if isinstance(value, float) and value == math.floor(value) and abs(value) < 1e15:
+        return str(int(value))
+    return str(value)
+
+
+def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Line]:
+    """What a host would send for the moves: a reference run, and each target with the settings."""
+    from isel_twin.jobs.job import Line
+    from isel_twin.language import MoveSettings, create_language, needed, readable
+
+    language = needed(create_language(work.controller), work.controller)
+    how = MoveSettings(**settings)
+    frames = list(language.reference())
+    for target_mm in work.moves:
+        for axis, mm in zip(machine.axes, target_mm, strict=True):
+            if not 0.0 <= mm < axis.travel_mm:
+                raise ValueError(f"moves: {axis.name} is {mm:g} mm; allowed: 0 to {axis.travel_mm:g} mm")
+        counts = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, machine.axes, strict=True)]
+        frames += language.move(counts, how)
+    return [Line(number, readable(frame), (frame,)) for number, frame in enumerate(frames, 1)]
+
+
+# ---- scenario --------------------------------------------------------------------------------------------------------
+
+
+def _scenario(work: Work, given: Sequence[tuple[str, str, Any]], folder: Path) -> Path | None:
+    """The scenario of this point as a file in the folder; None: nothing happens."""
+    if not work.events:
+        return None
+    events = [copy.deepcopy(dict(event)) for event in work.events]
+    by_name = {str(number): event for number, event in enumerate(events, 1)}
+    by_name |= {str(event["name"]): event for event in events if "name" in event}
+    happening: list[str] | None = None
+    for key, unit, value in given:
+        if key == "events":
+            happening = str(value).split()
+            continue
+        name, _, path = key.partition(".")
+        *above, last = path.split(".")
+        inner: Any = by_name[name]
+        for step in above:
+            inner = inner.setdefault(step, {})
+            if not isinstance(inner, dict):
+                raise ValueError(f"scenario.{key}: {step} is no table in the event")
+        if unit == "times":
+            if not isinstance(inner.get(last), int | float):
+                raise ValueError(f"scenario.{key}: the event has no number there to be multiplied")
+            value = inner[last] * value
+        inner[last] = value
+    if happening is not None:
+        events = [event for event in events if "name" not in event or event["name"] in happening]
+    file = folder / "scenario.toml"
+    lines = [line for event in events for line in ("[[event]]", *(f"{_key(k)} = {_toml(v)}" for k, v in event.items()))]
+    file.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return file
+
+
+def _key(name: str) -> str:
+    return json.dumps(name, ensure_ascii=False)
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it: numbers, texts, switches, lists and tables in line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Warnings of one twin among thousands are a column of its row, if anything."""
+    log = logging.getLogger("isel_twin")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)

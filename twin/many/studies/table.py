@@ -1,0 +1,187 @@
+"""The table of a sweep: one Parquet file that is whole at any time, and a journal for what is not in it yet.
+
+    row comes ->  sweep.parquet.journal   a line of JSON, handed to the operating system at once
+                        | now and then, and at the end
+                        v
+                  sweep.parquet      written anew, sorted by row, and renamed over the old one
+
+Whoever is killed loses no row: the next one reads both, and a row that is in both counts once. Whoever reads meanwhile
+(DuckDB, polars) finds a whole file, at most a sixteenth of its rows behind. Rows are sorted and depend on their points
+alone, so the finished file is the same, byte for byte, whoever computed them in whatever order.
+
+Each column says what it is: metadata `key`, `unit` ("1": a number of things; none for text) and `description`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.files import Claim, replacing
+from isel_twin.many.studies.row import OUTCOMES, Point
+from isel_twin.version import VERSION
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from isel_twin.many.studies.plan import Plan
+
+__all__ = ["Table", "journal_of", "read_rows"]
+
+MOST_WAITING = 10_000
+"""Rows that wait in the journal at most."""
+PART_WAITING = 16
+"""And the part of the table that they are at most, one in so many."""
+
+
+def journal_of(file: Path) -> Path:
+    """The journal of a table."""
+    return file.with_name(f"{file.name}.journal")
+
+
+class Table:
+    """The table of a plan in a file, this process's own until `close`. A context manager.
+
+    Raises CallError if the file is in use, is no table of a sweep, or has rows that are not of this plan.
+    """
+
+    def __init__(self, file: Path, plan: Plan, points: Sequence[Point]) -> None:
+        _need_pyarrow()
+        self.file = file
+        self.rows: dict[str, dict[str, Any]] = {}
+        """By id of the point."""
+        self._points = {point.id: point for point in points}
+        self._plan = plan
+        self._schema = _schema(plan)
+        self._waiting = 0
+        with call_errors(file):
+            self._claim = Claim(file)
+            try:
+                self._take_in()
+                self._write()
+                journal_of(file).write_bytes(b"")
+                self._journal = journal_of(file).open("a", encoding="utf-8")  # its end, also after it has been emptied
+            except BaseException:
+                self._claim.release()
+                raise
+
+    def __enter__(self) -> Table:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def missing(self) -> list[Point]:
+        """Points that have no row yet, in their order."""
+        return [point for point in self._points.values() if point.id not in self.rows]
+
+    def add(self, point: Point, outcome: Mapping[str, Any]) -> dict[str, Any]:
+        """Keep a row, and return it as the table has it. Raises OSError."""
+        row = self._row(point, outcome)
+        self.rows[point.id] = row
+        self._journal.write(json.dumps(row) + "\n")
+        self._journal.flush()
+        self._waiting += 1
+        if self._waiting >= min(MOST_WAITING, max(1, len(self.rows) // PART_WAITING)):
+            self._write()
+            self._journal.truncate(0)
+        return row
+
+    def close(self) -> None:
+        """Write what is waiting, and let others have the file; one without rows is removed. May be called again."""
+        if self._journal.closed:
+            return
+        try:
+            if self._waiting:
+                self._write()
+            self._journal.close()
+            journal_of(self.file).unlink(missing_ok=True)
+            if not self.rows:
+                self.file.unlink(missing_ok=True)
+        finally:
+            self._journal.close()
+            self._claim.release()
+
+    def _row(self, point: Point, outcome: Mapping[str, Any]) -> dict[str, Any]:
+        given = {parameter.name: value for parameter, value in zip(self._plan.parameters, point.values, strict=True)}
+        return {"row": point.number, "point": point.id, **given, "seed": point.seed, **outcome}
+
+    def _take_in(self) -> None:
+        """Rows of an earlier call."""
+        found: dict[str, Mapping[str, Any]] = {}
+        if self.file.exists():
+            found |= {row["point"]: row for row in read_rows(self.file)}
+        journal = journal_of(self.file)
+        if journal.exists():
+            for line in journal.read_bytes().split(b"\n")[:-1]:  # the last one may be torn
+                with suppress(ValueError):  # after a power cut any of them; its row is computed again
+                    row = json.loads(line)
+                    found[row["point"]] = row
+        if strange := sum(point not in self._points for point in found):
+            raise CallError(
+                f"{self.file}: {strange} of {len(found)} rows are not of this plan: job, machine, scenario, values "
+                f"or the version have been changed; undo that, or name another file with --out"
+            )
+        for point, row in found.items():
+            outcome = {name: row[name] for name in OUTCOMES}
+            self.rows[point] = self._row(self._points[point], outcome)
+
+    def _write(self) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        rows = sorted(self.rows.values(), key=lambda row: row["row"])
+        columns = [[row[name] for row in rows] for name in self._schema.names]
+        arrays = [pa.array(column, kind) for column, kind in zip(columns, self._schema.types, strict=True)]
+        with replacing(self.file) as temporary:
+            pq.write_table(pa.table(arrays, schema=self._schema), temporary, compression="zstd")
+        self._waiting = 0
+
+
+def read_rows(file: Path) -> list[dict[str, Any]]:
+    """The rows of a table. Raises CallError for a file that is none, OSError."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        found = pq.read_table(file)
+    except pa.ArrowInvalid as error:
+        raise CallError(f"{file}: is no Parquet file; name another one with --out") from error
+    if not {"row", "point", *OUTCOMES} <= set(found.column_names):
+        raise CallError(f"{file}: is no table of a sweep; name another file with --out")
+    rows: list[dict[str, Any]] = found.to_pylist()
+    return rows
+
+
+def _need_pyarrow() -> None:
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise CallError("a table needs pyarrow: pip install 'isel-twin[tune]'") from None
+
+
+def _schema(plan: Plan) -> pa.Schema:
+    import pyarrow as pa
+
+    kinds = {"bool": pa.bool_(), "int64": pa.int64(), "float64": pa.float64(), "string": pa.string()}
+    described: list[tuple[str, str, Mapping[str, str]]] = [
+        ("row", "int64", {"unit": "1", "description": "number of the row in the plan, from 1"}),
+        ("point", "string", {"description": "digest of all that the row depends on"}),
+    ]
+    for parameter in plan.parameters:
+        told = {"key": f"{parameter.section}.{parameter.key}", "description": "what varies"}
+        described.append((parameter.name, parameter.kind, told | _unit(parameter.unit, parameter.kind)))
+    described.append(("seed", "int64", {"unit": "1", "description": "of power-on positions, switch scatter, bounce"}))
+    for name, (kind, unit, text) in OUTCOMES.items():
+        described.append((name, kind, {"description": text, **_unit(unit, kind)}))
+    fields: Iterable[Any] = (pa.field(name, kinds[kind]).with_metadata(told) for name, kind, told in described)
+    about = {"creator": f"isel-twin {VERSION}", "plan": plan.text}
+    return pa.schema(list(fields), metadata=about)
+
+
+def _unit(unit: str, kind: str) -> dict[str, str]:
+    return {"unit": unit or "1"} if kind in ("int64", "float64") else {}

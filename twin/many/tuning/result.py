@@ -1,0 +1,153 @@
+"""The fastest setting that holds, and how it is brought back to the real controller.
+
+    front, fastest first --> repetitions that the study has not seen --> the first that loses nothing and keeps `least`
+
+A study takes the best of many; what is best on a few machines may owe it to them. So the margin that is promised comes
+from machines on which nothing was chosen. A setting is given up at the first that goes wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+from isel_twin.language import MoveSettings
+from isel_twin.many.tuning.judge import Judgement, Repetition, Weather, repetitions
+from isel_twin.many.tuning.space import Candidate, Problem
+
+__all__ = ["Held", "Tried", "Tuned", "confirm", "front", "tuned"]
+
+ALONE = 5
+"""Per cent of the repetitions that may have kept less than the margin that nearly all keep."""
+
+
+PUT_TOGETHER = -1
+"""In place of the number of a trial: no trial was made of it, its moves are from several."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A trial of a study."""
+
+    number: int
+    values: Mapping[str, int]
+    """Of the parameters of the problem."""
+    judgement: Judgement
+
+
+@dataclass(frozen=True)
+class Held:
+    """How a setting did on machines that the study has not seen."""
+
+    wanted: int
+    """Repetitions."""
+    made: int
+    """The last of them went wrong if these are fewer."""
+    margin: float
+    """Least of all."""
+    nearly_all: float
+    """Margin that all but ALONE per cent of them keep."""
+    why: str = ""
+    """What was wrong in the last one."""
+    lost: int = 0
+    """Repetitions in which something was wrong: 0, or 1, as the first one ends them."""
+    last: Repetition | None = None
+    """The last one."""
+
+    @property
+    def good(self) -> bool:
+        """Nothing was wrong in any, and they were all made."""
+        return not self.why and self.made == self.wanted
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A setting that has been found."""
+
+    tried: Tried
+    candidate: Candidate
+    """The job with it."""
+    held: Held
+    permanent: tuple[str, ...]
+    """Lines that make its ramps the controller's own; those of the most careful move if each has its own."""
+    kept: MoveSettings
+    """What these make permanent; its speed stands in the job."""
+
+
+def front(tried: Sequence[Tried]) -> list[Tried]:
+    """Trials of which none else is both faster and has more margin, the fastest first; of equals the first."""
+    best: list[Tried] = []
+    for each in sorted(tried, key=lambda one: (one.judgement.time_s, -one.judgement.margin, one.number)):
+        if each.judgement.good and (not best or each.judgement.margin > best[-1].judgement.margin):
+            best.append(each)
+    return best
+
+
+def confirm(
+    problem: Problem,
+    candidate: Candidate,
+    wanted: int,
+    least: float = 0.0,
+    executor: Executor | None = None,
+    stop: Callable[[], bool] | None = None,
+    told: Callable[[Repetition], None] | None = None,
+    hard: Sequence[int] = (),
+) -> Held | None:
+    """Make a job `wanted` times on machines that no trial has seen, until one goes wrong or keeps less than `least`.
+
+    told: given every repetition as it is over. hard: repetitions that go first, as others have failed there. None if
+    it was stopped.
+    """
+    made: list[Repetition] = []
+    those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
+    numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
+    for repetition in repetitions(candidate, Weather.of(problem), numbers, executor, stop):
+        if repetition is None:
+            return None
+        made.append(repetition)
+        if told is not None:
+            told(repetition)
+        if repetition.why or repetition.margin < least:
+            break
+    last = made[-1]
+    why = last.why or (f"keeps {100 * last.margin:.1f} %" if last.margin < least else "")
+    margins = sorted(repetition.margin for repetition in made)
+    return Held(
+        wanted,
+        len(made),
+        margins[0],
+        margins[len(margins) * ALONE // 100],
+        f"{why}, repetition {last.number}" if why else "",
+        int(bool(last.why)),
+        last,
+    )
+
+
+def tuned(problem: Problem, tried: Tried, held: Held) -> Tuned:
+    """A setting with what is needed to bring it back."""
+    settings = problem.settings(tried.values).values()
+    kept = MoveSettings(
+        speed_hz=max(each.speed_hz for each in settings),
+        acceleration_hz_per_ms=min(each.acceleration_hz_per_ms for each in settings),
+        start_stop_hz=min(each.start_stop_hz for each in settings),
+    )
+    permanent = tuple(problem.language.permanent(kept))
+    return Tuned(tried, problem.candidate(tried.values), held, permanent, kept)
+
+
+def gain(now_s: float, before_s: float) -> float:
+    """Part of the time that is saved."""
+    return 1.0 - now_s / before_s if before_s > 0.0 else 0.0
+
+
+def as_json(judgement: Judgement) -> dict[str, Any]:
+    """In JSON's types."""
+    return {
+        "good": judgement.good,
+        "time_s": round(judgement.time_s, 6),
+        "margin": round(judgement.margin, 4),
+        "why": judgement.why,
+        "repetitions": judgement.repetitions,
+    }

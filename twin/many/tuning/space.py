@@ -1,0 +1,275 @@
+"""What can be set in a job, and the job with other settings.
+
+    whole job        3 parameters: speed of the rapid ways, acceleration, start-stop frequency
+    each move        3 for each move with a rapid way, 2 for one without; lines of the same text share them
+
+A rapid way is one whose speed in the job is `rapid_hz` or more; what is slower is a feed that a process demands.
+Without a number for it, half of the fastest speed that stands in the job.
+
+Parameters lie within the ranges of the controller's language, and not below half of what the job has: slower than
+that nobody looks for the fastest.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from isel_twin.core.spec import TwinCall
+from isel_twin.jobs.job import Line, parse_job
+from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
+
+__all__ = ["SETTINGS", "Candidate", "Group", "Parameter", "Problem"]
+
+SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
+"""Names of `MoveSettings`; speeds count by their differences, ramps by their ratios."""
+SLOWEST = 2
+"""What the job has, divided by this, is the lowest that is tried."""
+
+_LINE_END = re.compile(r"(\r\n|\r|\n)")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number to be found."""
+
+    name: str
+    """`speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`."""
+    setting: str
+    low: int
+    high: int
+
+    @property
+    def log(self) -> bool:
+        """Tried on a geometric scale."""
+        return self.setting != "speed_hz"
+
+    def nearest(self, value: int) -> int:
+        """The value within the range."""
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Moves that are made with the same settings."""
+
+    name: str
+    """Line number of the first of them; "" if they are all moves of the job."""
+    moves: tuple[JobMove, ...]
+    parameters: tuple[Parameter, ...]
+
+    def own(self, values: Mapping[str, int]) -> dict[str, int]:
+        """Values of its parameters among those of all."""
+        return {parameter.name: values[parameter.name] for parameter in self.parameters}
+
+    def parameter(self, setting: str) -> str:
+        """Name of its parameter for this setting."""
+        return f"{setting}.{self.name}" if self.name else setting
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A job with certain settings."""
+
+    text: str
+    lines: tuple[Line, ...]
+    first: int
+    """Number of the line with which the first move begins: what sets its ramps, or the move."""
+    moves: tuple[int, ...]
+    """Numbers of the lines of all moves, as `Problem.moves` has them."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A job on a machine, and what may be changed. Raises ValueError or CallError for one that cannot be tuned."""
+
+    text: str
+    """Of the job file."""
+    call: TwinCall = field(default_factory=TwinCall)
+    each_move: bool = False
+    rapid_hz: int | None = None
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """Narrower than the language's, by the names of SETTINGS."""
+    repetitions: int = 5
+    """On slightly different machines, with which a setting is judged beside the machine as it is."""
+    timeout_s: float = 3600.0
+    flash: bytes | None = None
+    """Image of the controller's flash memory."""
+
+    def __post_init__(self) -> None:
+        if self.call.plant == "kinematic":
+            raise ValueError("the kinematic plant loses no step whatever one sets; take mujoco")
+        if not self.moves:
+            raise ValueError("there is no move in the job that settings could be brought to")
+        if not any(group.parameters for group in self.groups):
+            raise ValueError("nothing is left to be tried: every range is a single number")
+
+    # ---- the job as it stands ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def language(self) -> RetimesJobs:
+        """Of the controller. Raises LanguageError if it cannot bring settings into a job."""
+        language = needed(create_language(self.call.controller), self.call.controller)
+        if not isinstance(language, RetimesJobs):
+            raise LanguageError(
+                f"the language of {self.call.controller} cannot bring settings into a job; isel_twin.envs tunes moves"
+            )
+        return language
+
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """Of the job."""
+        return tuple(self._parsed(self.text))
+
+    def _parsed(self, text: str) -> list[Line]:
+        return parse_job(text, create_language(self.call.controller), self.call.controller)
+
+    @cached_property
+    def moves(self) -> Sequence[JobMove]:
+        """Of the job."""
+        return self.language.job_moves([line.command for line in self.lines])
+
+    @cached_property
+    def rapid_from_hz(self) -> int:
+        """Speed from which a way counts as rapid."""
+        if self.rapid_hz is not None:
+            return self.rapid_hz
+        return max(1, max((speed for move in self.moves for speed in move.speeds_hz), default=0) // 2)
+
+    # ---- what can be set --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """Moves that share their settings."""
+        if not self.each_move:
+            return (self._group("", tuple(self.moves)),)
+        alike: dict[str, list[JobMove]] = {}
+        for move in self.moves:
+            alike.setdefault(self.lines[move.line].command, []).append(move)
+        return tuple(self._group(str(self.lines[moves[0].line].number), tuple(moves)) for moves in alike.values())
+
+    def _group(self, name: str, moves: tuple[JobMove, ...]) -> Group:
+        group = Group(name, moves, ())
+        return Group(name, moves, tuple(p for p in map(lambda s: self._parameter(group, s), SETTINGS) if p is not None))
+
+    def _parameter(self, group: Group, setting: str) -> Parameter | None:
+        now = self._now(group, setting)
+        if not now:  # no rapid way
+            return None
+        low, high = self._range(setting)
+        if setting not in self.ranges:
+            low = max(low, min(now) // SLOWEST)
+        return Parameter(group.parameter(setting), setting, low, high) if low < high else None
+
+    def _range(self, setting: str) -> tuple[int, int]:
+        """Of a setting, as it may be tried. Raises ValueError for one that the controller does not take."""
+        low, high = self.language.ranges[setting]
+        if setting not in self.ranges:
+            return low, high
+        asked_low, asked_high = self.ranges[setting]
+        if not low <= asked_low <= asked_high <= high:
+            raise ValueError(f"{setting} {asked_low}:{asked_high}: {self.call.controller} takes {low} to {high}")
+        return asked_low, asked_high
+
+    def _now(self, group: Group, setting: str) -> list[int]:
+        """What the moves of a group have in the job as it stands; of speeds those of rapid ways."""
+        if setting == "speed_hz":
+            return [speed for move in group.moves for speed in move.speeds_hz if speed >= self.rapid_from_hz]
+        return [getattr(move, setting) for move in group.moves]
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """All of them."""
+        return [parameter for group in self.groups for parameter in group.parameters]
+
+    def nearest(self) -> dict[str, int]:
+        """The parameters that come nearest to the job as it stands."""
+        return {
+            parameter.name: parameter.nearest(max(self._now(group, parameter.setting)))
+            for group in self.groups
+            for parameter in group.parameters
+        }
+
+    def settings(self, values: Mapping[str, int]) -> dict[int, MoveSettings]:
+        """Settings of each move, by its line from 0, for a value of every parameter."""
+        made = {}
+        for group in self.groups:
+            chosen = {name: self._chosen(group, name, values) for name in SETTINGS}
+            made.update(dict.fromkeys((move.line for move in group.moves), MoveSettings(**chosen)))
+        return made
+
+    def _chosen(self, group: Group, setting: str, values: Mapping[str, int]) -> int:
+        low, high = self._range(setting)
+        if (name := group.parameter(setting)) in values:
+            return values[name]
+        return min(max(max(self._now(group, setting), default=low), low), high)
+
+    # ---- jobs --------------------------------------------------------------------------------------------------------
+
+    def candidate(self, values: Mapping[str, int]) -> Candidate:
+        """The job with these values of the parameters."""
+        return self._with(self.settings(values), self.rapid_from_hz)
+
+    def as_it_stands(self) -> Candidate:
+        """The job."""
+        numbers = tuple(self.lines[move.line].number for move in self.moves)
+        return Candidate(self.text, self.lines, numbers[0], numbers)
+
+    def defaults(self) -> Candidate:
+        """The job with its own speeds and the ramps of a controller as it was delivered."""
+        speed_hz, _ = self._range("speed_hz")
+        settings = MoveSettings(speed_hz=speed_hz, **self.language.defaults)
+        none = 1 + max(speed for move in self.moves for speed in (*move.speeds_hz, 0))
+        return self._with({move.line: settings for move in self.moves}, none)
+
+    def _with(self, settings: Mapping[int, MoveSettings], rapid_hz: int) -> Candidate:
+        made = self.language.retimed([line.command for line in self.lines], settings, rapid_hz)
+        text = _rewritten(self.text, self.lines, made)
+        lines = tuple(self._parsed(text))
+        ends = list(itertools.accumulate(len(each) for each in made))
+        numbers = tuple(lines[ends[move.line] - 1].number for move in self.moves)
+        first = self.moves[0].line
+        return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
+
+    # ---- what it is --------------------------------------------------------------------------------------------------
+
+    def about(self) -> dict[str, Any]:
+        """What results depend on, in JSON's types: a study of anything else is another study."""
+        import hashlib
+        import json
+
+        from isel_twin.machine import load_machine, with_overrides
+
+        def digest(data: bytes) -> str:
+            return hashlib.sha256(data).hexdigest()[:16]
+
+        call = self.call
+        tree = with_overrides(load_machine(call.machine), call.overrides).tree
+        return {
+            "job": digest(self.text.encode()),
+            "machine": digest(json.dumps(tree, sort_keys=True, default=str).encode()),
+            "controller": call.controller,
+            "plant": call.plant,
+            "seed": call.seed,
+            "scenario": digest(call.scenario.read_bytes()) if call.scenario is not None else "",
+            "flash memory": digest(self.flash or b""),
+            "number of repetitions": self.repetitions,
+            "speed of rapid ways": self.rapid_from_hz,
+            "choice of parameters": digest(repr(self.parameters).encode()),
+        }
+
+
+def _rewritten(text: str, lines: Sequence[Line], made: Sequence[Sequence[str]]) -> str:
+    """The text of a job with other commands; comments, blanks and what is expected stay where they are."""
+    pieces = _LINE_END.split(text)
+    end = pieces[1] if len(pieces) > 1 else "\n"
+    for line, (*before, own) in zip(lines, made, strict=True):
+        at = 2 * (line.number - 1)
+        if own != line.command:
+            pieces[at] = pieces[at].replace(line.command, own, 1)
+        pieces[at] = "".join(f"{each}{end}" for each in before) + pieces[at]
+    return "".join(pieces)

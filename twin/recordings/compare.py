@@ -1,0 +1,239 @@
+"""Two recordings laid over each other, command by command: the twin's over the real controller's.
+
+    A   @07 -> 0    @0R7 -> 0    @0A800,...       -> 0
+        |  5 ms |      | 18.31 s |     | 0.42 s    |
+    B   @07 -> 0    @0R7 -> 0    @0A800,...          -> 0       the same commands, whenever the host sent them
+        |  5 ms |      | 18.30 s |     | 0.48 s       |         duration: from the command's last byte to the reply's
+
+A language (`isel_twin.language`) frames commands and replies. Replies come in the order of the commands that demand
+one; what comes beyond them belongs to the last command. Commands are matched as lines of two texts are: what only one
+side has is told, the rest is compared. Where both sides are of twins, so are the counters at each reply, exactly: what
+the stream has made by then since the counter was set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
+
+import numpy as np
+
+from isel_twin.language import Language, readable
+from isel_twin.recordings.reading import Entry, Recorded, RecordingError
+
+__all__ = ["Comparison", "Counters", "Exchange", "Pair", "compare", "exchanges", "paired", "traffic"]
+
+MOST_UNLIKE = 4000
+"""Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
+with the one at its place."""
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A command and what came for it."""
+
+    sent_ns: int
+    """When its last byte was sent."""
+    command: bytes
+    text: str
+    explanation: str
+    reply: bytes
+    replied_ns: int | None
+    """When the last byte of the reply came; None: nothing came."""
+    counts: tuple[int, ...] | None
+    """The controller's counters then; None where nobody knows."""
+
+    @property
+    def duration_ns(self) -> int | None:
+        """From the command to the end of its reply."""
+        return None if self.replied_ns is None else self.replied_ns - self.sent_ns
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The same command on both sides."""
+
+    number: int
+    """Of the command on side A, from 1."""
+    a: Exchange
+    b: Exchange
+
+    @property
+    def later_ns(self) -> int | None:
+        """How much longer B took; None if one side has no reply."""
+        a, b = self.a.duration_ns, self.b.duration_ns
+        return None if a is None or b is None else b - a
+
+    def differs(self, tolerance_ns: int) -> tuple[str, ...]:
+        """What is not the same: `reply`, `duration`, `counters`."""
+        later, counts = self.later_ns, (self.a.counts, self.b.counts)
+        found = {
+            "reply": self.a.reply != self.b.reply,
+            "duration": later is not None and abs(later) > tolerance_ns,
+            "counters": None not in counts and counts[0] != counts[1],
+        }
+        return tuple(name for name, is_so in found.items() if is_so)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """See the module."""
+
+    pairs: tuple[Pair, ...]
+    only_a: tuple[Exchange, ...]
+    only_b: tuple[Exchange, ...]
+    tolerance_ns: int
+    different: tuple[Pair, ...] = field(init=False)
+    """The pairs that differ in something, in the order of side A."""
+
+    def __post_init__(self) -> None:
+        different = tuple(pair for pair in self.pairs if pair.differs(self.tolerance_ns))
+        object.__setattr__(self, "different", different)
+
+    @property
+    def same(self) -> bool:
+        """Nothing differs beyond the tolerance, and no side has a command of its own."""
+        return not (self.different or self.only_a or self.only_b)
+
+    @property
+    def most(self) -> Pair | None:
+        """The pair whose durations differ most, beyond the tolerance or not."""
+        timed = [pair for pair in self.pairs if pair.later_ns is not None]
+        return max(timed, key=lambda pair: abs(pair.later_ns or 0), default=None)
+
+
+def compare(a: Recorded, b: Recorded, language_a: Language, language_b: Language, tolerance_ns: int) -> Comparison:
+    """Compare two recordings; the languages are fresh instances of their own. Raises RecordingError."""
+    side_a, side_b = exchanges(a, language_a), exchanges(b, language_b)
+    pairs, only_a, only_b = [], [], []
+    for first_a, last_a, first_b, last_b, alike in _matched([e.command for e in side_a], [e.command for e in side_b]):
+        if alike:
+            both = zip(side_a[first_a:last_a], side_b[first_b:last_b], strict=True)
+            pairs += [Pair(number, one, other) for number, (one, other) in enumerate(both, first_a + 1)]
+        else:
+            only_a += side_a[first_a:last_a]
+            only_b += side_b[first_b:last_b]
+    return Comparison(tuple(pairs), tuple(only_a), tuple(only_b), tolerance_ns)
+
+
+def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int, int, bool]]:
+    """Stretches of both sides, in order: from, to in A, from, to in B, and whether they are the same commands."""
+    head = next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+    left = min(len(a), len(b)) - head
+    back = zip(reversed(a), reversed(b), strict=False)
+    tail = min(left, next((i for i, (x, y) in enumerate(back) if x != y), left))
+    middle_a, middle_b = a[head : len(a) - tail], b[head : len(b) - tail]
+    stretches = [(0, head, 0, head, True)]
+    if max(len(middle_a), len(middle_b)) <= MOST_UNLIKE:
+        at_a = at_b = 0
+        for match in SequenceMatcher(None, middle_a, middle_b, autojunk=False).get_matching_blocks():
+            stretches.append((head + at_a, head + match.a, head + at_b, head + match.b, False))
+            at_a, at_b = match.a + match.size, match.b + match.size
+            stretches.append((head + match.a, head + at_a, head + match.b, head + at_b, True))
+    else:
+        for place in range(max(len(middle_a), len(middle_b))):
+            in_a, in_b = min(place + 1, len(middle_a)), min(place + 1, len(middle_b))
+            from_a, from_b = min(place, len(middle_a)), min(place, len(middle_b))
+            alike = in_a > from_a and in_b > from_b and middle_a[from_a] == middle_b[from_b]
+            stretches.append((head + from_a, head + in_a, head + from_b, head + in_b, alike))
+    stretches.append((len(a) - tail, len(a), len(b) - tail, len(b), True))
+    return [stretch for stretch in stretches if stretch[0] < stretch[1] or stretch[2] < stretch[3]]
+
+
+def exchanges(recorded: Recorded, language: Language) -> list[Exchange]:
+    """The commands of a recording, each with its reply. Raises RecordingError for messages without bytes."""
+    found = paired(traffic(recorded), language)
+    if not recorded.of_twin:
+        return found
+    counters = Counters(recorded)
+    return [
+        exchange if exchange.replied_ns is None else replace(exchange, counts=counters.at(exchange.replied_ns))
+        for exchange in found
+    ]
+
+
+def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -> list[Exchange]:
+    """The commands in pieces of traffic (see `traffic`), each with its reply, without counters."""
+    sent: list[tuple[int, bytes, str, str]] = []
+    replies: list[list[tuple[int, bytes]]] = []
+    waiting: list[int] = []
+    for time_ns, data, by_host, byte_ns in pieces:
+        left = len(data)
+        for message in language.messages(data, by_host):
+            left -= len(message.data)
+            if by_host:
+                if not language.accepted(message.data, b""):
+                    waiting.append(len(sent))
+                sent.append((time_ns, message.data, message.text or readable(message.data), message.explanation))
+                replies.append([])
+            elif replies:
+                replies[waiting.pop(0) if waiting else -1].append((time_ns - max(left, 0) * byte_ns, message.data))
+    return [
+        Exchange(
+            sent_ns, command, text, explanation, b"".join(data for _, data in came), came[-1][0] if came else None, None
+        )
+        for (sent_ns, command, text, explanation), came in zip(sent, replies, strict=True)
+    ]
+
+
+def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
+    """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came, without those that did not."""
+    lost = {(entry.time_ns, data) for entry, data in _bytes_of(recorded, "/host/lost")}
+    found = []
+    for entry, data in _bytes_of(recorded, "/host/sent", "/host/received"):
+        byte_ns = int(entry.content.get("byte_ns", 0))
+        by_host = entry.channel == "/host/sent"
+        if by_host or not lost:
+            found.append((entry.time_ns, data, by_host, byte_ns))
+        elif byte_ns:
+            times = range(entry.time_ns - (len(data) - 1) * byte_ns, entry.time_ns + 1, byte_ns)
+            bytewise = [(time_ns, bytes([byte])) for time_ns, byte in zip(times, data, strict=True)]
+            found += [(time_ns, byte, False, 0) for time_ns, byte in bytewise if (time_ns, byte) not in lost]
+        elif (entry.time_ns, data) not in lost:
+            found.append((entry.time_ns, data, False, 0))
+    return sorted(found, key=lambda piece: piece[0])
+
+
+def _bytes_of(recorded: Recorded, *channels: str) -> Iterator[tuple[Entry, bytes]]:
+    for entry in recorded.of(*channels):
+        try:
+            yield entry, bytes.fromhex(entry.content["hex"])
+        except (KeyError, TypeError, ValueError):
+            raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
+
+
+class Counters:
+    """The controller's counters at any time of a twin's recording: what was set, and the ticks made since."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        """Raises RecordingError for runs that are none."""
+        self._motions = recorded.steps().motions
+        self._starts = np.array([motion.start_ns for motion in self._motions], dtype=np.int64)
+        made = [motion.displacement(motion.end_ns) for motion in self._motions]
+        self._before = np.zeros((len(made) + 1, recorded.axes), dtype=np.int64)
+        if made:
+            self._before[1:] = np.cumsum(np.array(made, dtype=np.int64), axis=0)
+        self._offsets: list[tuple[int, tuple[int, ...]]] = [(-1, (0,) * recorded.axes)]
+        for entry in recorded.of("/counters"):
+            try:
+                axis, value = int(entry.content["axis"]), int(entry.content["value"])
+                offset = list(self._offsets[-1][1])
+                offset[axis] = value - self._total(entry.time_ns)[axis]
+            except (KeyError, TypeError, ValueError, IndexError):
+                raise RecordingError(f"{recorded.path}: /counters at {entry.time_ns} ns says nothing") from None
+            self._offsets.append((entry.time_ns, tuple(offset)))
+        self._offset_times = np.array([time_ns for time_ns, _ in self._offsets], dtype=np.int64)
+
+    def at(self, time_ns: int) -> tuple[int, ...]:
+        """The counters at time_ns, one an axis."""
+        index = int(self._offset_times.searchsorted(time_ns, side="right")) - 1
+        return tuple(n + o for n, o in zip(self._total(time_ns), self._offsets[index][1], strict=True))
+
+    def _total(self, time_ns: int) -> list[int]:
+        """All ticks made by then."""
+        index = int(self._starts.searchsorted(time_ns, side="right"))
+        total = [int(n) for n in self._before[max(index - 1, 0)]]
+        if index:
+            total = [n + d for n, d in zip(total, self._motions[index - 1].displacement(time_ns), strict=True)]
+        return total

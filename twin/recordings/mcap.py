@@ -1,0 +1,265 @@
+"""Recordings are MCAP files: what went over the line and what the machine did, with the time of each, in one file.
+
+MCAP (https://mcap.dev) is a container of messages on named channels, in chunks that are compressed one by one. Foxglove
+and PlotJuggler open it. `log_time` is virtual time in ns since power-on (of a real controller: since the recording
+began). The channels are in CHANNELS; each but `/samples` carries JSON with its schema.
+
+    head: metadata, attachments | chunk | chunk | chunk | ... | index, end
+                                                 ^ killed here: everything up to the last whole chunk can be read
+
+Written as it goes: messages gather in a chunk, and `flush` hands the chunk to the operating system. A file of that name
+is replaced only when the head of the new one is on the disk, so that a call that fails before leaves the old recording
+as it was; from then on the file is the new one. One recording at a time has the file. When there is no room any more,
+the recording ends with one line in the log, keeps what it has, and whoever is recorded goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final
+
+from isel_twin.base.files import Claim
+from isel_twin.language import readable
+from isel_twin.recordings.container import Container
+from isel_twin.recordings.samples import HEADER
+from isel_twin.version import VERSION
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from isel_twin.language import Language
+
+__all__ = ["CHANNELS", "METADATA", "SAMPLES", "RecordingWriter"]
+
+METADATA: Final = "isel-twin"
+"""Name of the metadata record: plain text by key."""
+
+CHUNK_BYTES = 256 * 1024
+"""Size before compression at which a chunk is written by itself."""
+
+log = logging.getLogger("isel_twin")
+
+_TEXT: Final = {"type": "string"}
+_NUMBER: Final = {"type": "integer"}
+_TRAFFIC: Final = {"hex": _TEXT, "text": _TEXT, "explanation": _TEXT, "byte_ns": _NUMBER}
+CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
+    "/host/sent": ("bytes the host has sent, at once", _TRAFFIC),
+    "/host/received": ("bytes that reach the host: the last of them now, each byte_ns after the one before", _TRAFFIC),
+    "/host/lost": ("of the bytes received: those that would have come now, had the line not been cut", {"hex": _TEXT}),
+    "/operator": ("what somebody has done, in the keys of a scenario event; or how the line is", {}),
+    "/scenario": ("an event of the scenario", {}),
+    "/runs": (
+        "the motion the controller makes from now on (isel_twin.recordings.runs), null: none; continues: the same with "
+        "another future",
+        {"run": {"type": ["object", "null"]}, "continues": {"type": "boolean"}},
+    ),
+    "/counters": ("a counter set without a motion: axis 0 X, 1 Y ...", {"axis": _NUMBER, "value": _NUMBER}),
+    "/flash": ("the flash memory has been written", {"bytes": _NUMBER, "sha256": _TEXT}),
+    "/remarks": ("why something has failed", {"text": _TEXT}),
+    "/levels": ("electrical levels of the terminals that have changed, 1: high", {}),
+    "/inputs": ("switches, elements and faults that have changed, in words", {}),
+    "/outputs": ("outputs of the controller and relays that have changed", {}),
+    "/faults": ("all that is wrong on purpose from now on", {"faults": {"type": "object"}}),
+    "/time": ("how virtual time passes: speed, pause, end of the recording", {"what": _TEXT}),
+    "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
+}
+"""What each channel carries, and the properties of its messages; none: whatever names there are."""
+
+_JSON: Final = json.JSONEncoder(separators=(",", ":"))
+
+SAMPLES: Final = "/samples"
+"""The channel of the samples, see samples.py."""
+
+
+class RecordingWriter:
+    """One recording, from its head to `close`. `sent` and `received` never raise; see the module."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        metadata: Mapping[str, str],
+        attachments: Mapping[str, bytes] | None = None,
+        language: Language | None = None,
+    ) -> None:
+        """Begin the file. Raises OSError, which names `path`, and leaves what was there.
+
+        metadata: plain text by key, such as `kind` and `controller`; the version is added.
+        attachments: files by name.
+        language: explains the bytes, an instance of its own (`isel_twin.language.create_language`); None: nobody does.
+        """
+        self.path = Path(path)
+        self.ended = False
+        """Nothing more is recorded: closed, or no room."""
+        self.broken = False
+        """There was no room for some of it."""
+        self.unwritten = False
+        """Something has been recorded since the last `flush`."""
+        self._language = language
+        self._file = _File(self.path)
+        self._channels: dict[str, int] = {}
+        try:
+            self._container = Container(self._file, f"isel-twin {VERSION}")
+            self._container.metadata(METADATA, {"isel_twin": VERSION, **metadata})
+            for name, data in (attachments or {}).items():
+                self._container.attachment(name, data)
+            self._file.put_in_place()
+        except BaseException as error:
+            self._file.give_up()
+            if isinstance(error, OSError):
+                raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+            raise
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def sent(self, time_ns: int, data: bytes) -> None:
+        """The host sends bytes at time_ns."""
+        self._carry("/host/sent", time_ns, data, 0, True)
+
+    def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None:
+        """Bytes reach the host: the last one at time_ns, each byte_ns after the one before."""
+        self._carry("/host/received", time_ns, data, byte_ns, False)
+
+    def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
+        """Write one message, a table that JSON can hold, on one of CHANNELS."""
+        if self.ended:
+            return
+        number = self._channels.get(channel) or self._register(channel)
+        self._container.message(number, time_ns, _JSON.encode(content).encode())
+        self._grown()
+
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:
+        """Write samples, their fields in the words of `schema`, which is the same each time; see samples.py."""
+        if self.ended:
+            return
+        if (number := self._channels.get(SAMPLES)) is None:
+            number = self._container.channel(SAMPLES, "cdr", ("isel_twin/Sample", "ros2msg", schema.encode()))
+            self._channels[SAMPLES] = number
+        self._container.messages(number, time_ns, rows, HEADER)
+        self._grown()
+
+    def _grown(self) -> None:
+        """Something has been added to the chunk in progress."""
+        self.unwritten = True
+        if self._container.waiting >= CHUNK_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand everything recorded so far to the operating system, where it outlives this process."""
+        if self.ended or not self.unwritten:
+            return
+        self.unwritten = False
+        try:
+            self._container.flush()
+        except OSError as error:
+            self._end(error)
+
+    def close(self) -> None:
+        """Write the index, so that viewers need not read the whole file. May be called again."""
+        if self.ended:
+            return
+        try:
+            self._container.finish()
+            self._file.close()
+            self.ended = True
+        except OSError as error:
+            self._end(error)
+
+    def _carry(self, channel: str, time_ns: int, data: bytes, byte_ns: int, sent: bool) -> None:
+        if self.ended:
+            return
+        messages = [] if self._language is None else self._language.messages(data, sent)
+        meaning = "; ".join(f"{message.text}: {message.explanation}" for message in messages)
+        content = {"hex": data.hex(), "text": readable(data), "explanation": meaning, "byte_ns": byte_ns}
+        self.message(channel, time_ns, content)
+
+    def _register(self, channel: str) -> int:
+        what, properties = CHANNELS[channel]
+        schema = {"title": channel, "description": what, "type": "object", "properties": properties}
+        name = "isel_twin" + channel.replace("/", ".")
+        number = self._container.channel(channel, "json", (name, "jsonschema", json.dumps(schema).encode()))
+        self._channels[channel] = number
+        return number
+
+    def _end(self, error: OSError) -> None:
+        """There is no room: keep what there is."""
+        self.ended = self.broken = True
+        self._file.give_up()
+        log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
+
+
+class _File:
+    """The file of a recording: its head under a temporary name, the rest in its place.
+
+    Closed and opened again in between, because Windows renames no open file. What is no regular file (/dev/stdout) is
+    written to as it stands. Raises OSError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._target = Path(os.path.realpath(path))
+        self._claim: Claim | None = None
+        self._temporary: Path | None = None
+        self._written = 0
+        if path.exists() and not path.is_file():
+            self._file: IO[bytes] = open(path, "wb")  # noqa: SIM115  (closed by close())
+            return
+        self._claim = Claim(self._target, name=path)
+        temporary = self._target.with_name(f".{self._target.name}.{os.getpid()}.tmp")
+        try:
+            self._file = open(temporary, "wb")  # noqa: SIM115
+        except BaseException:
+            self._claim.release()
+            raise
+        self._temporary = temporary
+
+    def put_in_place(self) -> None:
+        """The head is written: let it replace what was there."""
+        self._file.flush()
+        if self._temporary is not None:
+            os.fsync(self._file.fileno())
+            self._file.close()
+            if self._target.exists():
+                self._temporary.chmod(self._target.stat().st_mode)
+            self._temporary.replace(self._target)
+            self._temporary = None
+            self._file = open(self._target, "ab")  # noqa: SIM115
+
+    def write(self, data: bytes) -> int:
+        self._written += len(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        """Bytes written; a pipe has no place of its own."""
+        return self._written
+
+    def flush(self) -> None:
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.flush()
+        if self._claim is not None:
+            os.fsync(self._file.fileno())
+        self._file.close()
+        self._let_go()
+
+    def give_up(self) -> None:
+        """Something has gone wrong: what is on the disk stays there."""
+        with suppress(OSError):
+            self._file.close()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self._temporary is not None:
+            with suppress(OSError):
+                self._temporary.unlink()
+        if self._claim is not None:
+            self._claim.release()

@@ -1,0 +1,227 @@
+"""Recordings read back: whole ones, cut-off ones, and those of a real controller.
+
+    read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
+
+A file that ends in the middle is read as far as its chunks are whole: that is what a process that was killed, or a full
+disk, leaves. Anything that does not begin as a recording of ours does is refused in one line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion import Steps
+from isel_twin.recordings import samples as cdr
+from isel_twin.recordings.mcap import METADATA, SAMPLES
+from isel_twin.recordings.recorder import Change, sample_dtype
+from isel_twin.recordings.recording import GROUPS
+from isel_twin.recordings.runs import add_run
+
+__all__ = ["Entry", "Recorded", "RecordingError", "read"]
+
+MOST_AXES = 8
+
+
+class RecordingError(ValueError):
+    """A file is no recording, or not one for this; the message is one line that begins with its name."""
+
+
+class Entry(NamedTuple):
+    """One message of any channel but `/samples`."""
+
+    channel: str
+    time_ns: int
+    content: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording as it was read."""
+
+    path: Path
+    metadata: Mapping[str, str]
+    attachments: Mapping[str, bytes]
+    entries: tuple[Entry, ...]
+    """In the order in which they were written."""
+    sample_times_ns: NDArray[np.int64]
+    """int64 [n], of the samples, never decreasing."""
+    sample_bytes: bytes
+    """The samples one after the other, without the header of each."""
+    whole: bool
+    """It has its end; else the process was killed, or there was no room any more."""
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller; "" if nobody has said."""
+        return self.metadata.get("controller", "")
+
+    @property
+    def of_twin(self) -> bool:
+        """Of a twin; else of a real controller, and then there is nothing but bytes."""
+        return self.metadata.get("kind") == "twin"
+
+    @cached_property
+    def end_ns(self) -> int:
+        """Time by which everything recorded had happened. What was still on its way to the host arrives later."""
+        times = [entry.time_ns for entry in self.entries if entry.channel != "/host/received" or not self.of_twin]
+        return max([0, *times, *self.sample_times_ns[-1:].tolist()])
+
+    @property
+    def axes(self) -> int:
+        """Number of axes of the controller."""
+        return self._number("axes", 1, MOST_AXES)
+
+    @property
+    def interval_ns(self) -> int:
+        """From sample to sample."""
+        return self._number("interval_ns", 1, 1 << 62)
+
+    @cached_property
+    def samples(self) -> NDArray[np.void]:
+        """The samples, with the fields of samples.py. Raises RecordingError if they are none."""
+        dtype = cdr.sample_dtype(self.axes, self._number("motors", 0, MOST_AXES))
+        if len(self.sample_bytes) != dtype.itemsize * len(self.sample_times_ns):
+            raise RecordingError(f"{self.path}: the samples have not the fields that its metadata say")
+        return np.frombuffer(self.sample_bytes, dtype=dtype)
+
+    def _number(self, key: str, low: int, high: int) -> int:
+        text = self.metadata.get(key, "")
+        if not text.isascii() or not text.isdigit() or not low <= int(text) <= high:
+            raise RecordingError(f"{self.path}: {key} of the recording is {text!r}; it must be from {low} to {high}")
+        return int(text)
+
+    def of(self, *channels: str) -> Iterator[Entry]:
+        """The messages of some channels."""
+        return (entry for entry in self.entries if entry.channel in channels)
+
+    def steps(self) -> Steps:
+        """The stream that was made, exactly, as far as the recording goes. Raises RecordingError."""
+        steps = Steps(self.axes)
+        for entry in self.of("/runs"):
+            try:
+                add_run(steps, entry.time_ns, entry.content)
+            except ValueError as error:
+                raise RecordingError(f"{self.path}: /runs at {entry.time_ns} ns: {error}") from None
+        return steps.until(self.end_ns)
+
+
+class Played:
+    """A recording as the writers of traces want a `Recorder`: samples and changes, read instead of taken."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        """Raises RecordingError for samples that are none."""
+        self.axes = recorded.axes
+        self.dtype = sample_dtype(self.axes)
+        self.changes: list[Change] = []
+        self._names: dict[str, dict[str, None]] = {group: {} for group in GROUPS}
+        groups = {channel: group for group, channel in GROUPS.items()}
+        for channel, time_ns, content in recorded.of(*groups):
+            self._names[groups[channel]] |= dict.fromkeys(content)
+            self.changes += [Change(time_ns, groups[channel], name, value) for name, value in content.items()]
+        times_ns, every = recorded.sample_times_ns, recorded.samples
+        last = np.append(np.diff(times_ns) > 0, True)[: len(times_ns)]  # of several looks at one instant
+        self._times_ns, self._rows = times_ns[last], np.flatnonzero(last)
+        if recorded.metadata.get("held") == "true":
+            self._hold(recorded.interval_ns, recorded.end_ns)
+        self._every = every
+
+    def _hold(self, interval_ns: int, end_ns: int) -> None:
+        """What was not sampled, because nothing moved, is as it was before."""
+        if not len(self._times_ns):
+            return
+        grid_ns = np.arange(-(-self._times_ns[0] // interval_ns) * interval_ns, end_ns + 1, interval_ns)
+        times_ns = np.union1d(self._times_ns, grid_ns)
+        self._rows = self._rows[np.searchsorted(self._times_ns, times_ns, side="right") - 1]
+        self._times_ns = times_ns
+
+    def __len__(self) -> int:
+        return len(self._times_ns)
+
+    def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
+        """As Recorder.samples."""
+        for first in range(0, len(self), size):
+            part = slice(first, min(first + size, len(self)))
+            samples = np.empty(part.stop - first, dtype=self.dtype)
+            samples["time_ns"] = self._times_ns[part]
+            for name in ("counts", "position_mm", "lost_steps"):
+                samples[name] = self._every[name][self._rows[part]]
+            yield samples
+
+    def names(self) -> list[tuple[str, str]]:
+        """As Recorder.names."""
+        return [(group, name) for group, names in self._names.items() for name in names]
+
+
+def read(path: str | os.PathLike[str]) -> Recorded:
+    """Read a recording. Raises RecordingError for a file that is none, OSError for one that cannot be read."""
+    from mcap.records import Attachment, Channel, Footer, Message, Metadata
+    from mcap.stream_reader import StreamReader
+
+    path = Path(path)
+    metadata: dict[str, str] | None = None
+    attachments: dict[str, bytes] = {}
+    channels: dict[int, str] = {}
+    entries: list[Entry] = []
+    times_ns, sample_bytes = array("q"), bytearray()
+    whole = False
+    with path.open("rb") as file:
+        records = StreamReader(file, validate_crcs=True).records
+        while (record := _next(records)) is not None:
+            if isinstance(record, Message):
+                channel = channels.get(record.channel_id, "")
+                if channel == SAMPLES:
+                    times_ns.append(record.log_time)
+                    sample_bytes += record.data[len(cdr.HEADER) :]
+                elif channel:
+                    entries.append(Entry(channel, record.log_time, _content(path, channel, record)))
+            elif isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Metadata) and record.name == METADATA:
+                metadata = dict(record.metadata)
+            elif isinstance(record, Attachment):
+                attachments[record.name] = record.data
+            elif isinstance(record, Footer):
+                whole = True
+    if metadata is None:
+        raise RecordingError(f"{path}: is no recording of isel-twin; allowed: a file that --record NAME.mcap has made")
+    return Recorded(
+        path, metadata, attachments, tuple(entries), np.array(times_ns, dtype=np.int64), bytes(sample_bytes), whole
+    )
+
+
+def _next(records: Iterator[Any]) -> Any:
+    """The next record, None at the end of what is whole."""
+    from mcap.exceptions import McapError
+
+    cut_off = [McapError, struct.error, ValueError, MemoryError, KeyError]
+    try:
+        import zstandard
+
+        cut_off.append(zstandard.ZstdError)
+    except ImportError:
+        pass
+    try:
+        return next(records, None)
+    except tuple(cut_off):
+        return None
+
+
+def _content(path: Path, channel: str, message: Any) -> dict[str, Any]:
+    try:
+        content = json.loads(message.data)
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise RecordingError(f"{path}: a message of {channel} at {message.log_time} ns is no table")
+    return content

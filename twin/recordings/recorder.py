@@ -1,0 +1,176 @@
+"""Look at the twin now and then, and remember.
+
+A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
+that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When there is no
+room for the file any more, the recording ends and the machine goes on.
+
+    time    0      1 ms    2 ms         3 ms
+    sample  |       |       |    |       |
+                                 limit_x2 struck
+"""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.core.snapshot import snapshot
+from isel_twin.core.told import StateError
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+__all__ = ["Change", "Recorder", "Samples", "sample_dtype"]
+
+BUFFER = 4096
+"""Samples kept before they go to the file."""
+
+log = logging.getLogger("isel_twin")
+
+
+@dataclass(frozen=True)
+class Change:
+    """From time_ns on, `name` of `group` (`level`, `input` or `output`) has this value."""
+
+    time_ns: int
+    group: str
+    name: str
+    value: int | str
+
+
+def sample_dtype(axes: int) -> np.dtype[np.void]:
+    """One sample of a controller with that many axes: time_ns, counts [axes], position_mm [3], lost_steps [axes]."""
+    return np.dtype(
+        [
+            ("time_ns", np.int64),
+            ("counts", np.int64, (axes,)),
+            ("position_mm", np.float64, (len(CARRIAGES),)),
+            ("lost_steps", np.float64, (axes,)),
+        ]
+    )
+
+
+class Samples(Protocol):
+    """What the writers of traces want: samples and changes, taken now by a `Recorder`, or read back (reading.py)."""
+
+    axes: int
+    dtype: np.dtype[np.void]
+    changes: list[Change]
+
+    def __len__(self) -> int: ...
+    def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]: ...
+    def names(self) -> list[tuple[str, str]]: ...
+
+
+class Recorder:
+    """Samples of one twin every interval_ns of virtual time, from now on. Use it as a context manager."""
+
+    def __init__(self, twin: Twin, interval_ns: int) -> None:
+        self.changes: list[Change] = []
+        self.axes = len(twin.counts)
+        self.dtype = sample_dtype(self.axes)
+        self.ended = False
+        """Nothing more is recorded: what there is was all there was room for."""
+        self.counters_set_ns: list[int] = []
+        """When counters were set anew, so that positions before and after are no motion."""
+        self.events: list[tuple[int, str, str]] = []
+        """(time in ns, kind, in words) of what a scenario or somebody did, bytes lost and remarks."""
+        self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
+        self._buffer = np.empty(BUFFER, dtype=self.dtype)
+        self._buffered = 0
+        self._stored = 0
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
+        twin.listen(self._hear)
+        twin.observe(self._look, interval_ns)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Forget the samples."""
+        self._file.close()
+
+    def __len__(self) -> int:
+        """Number of samples taken."""
+        return self._stored + self._buffered
+
+    def _hear(self, time_ns: int, kind: str, what: Any) -> None:
+        if kind == "counter":
+            if not self.counters_set_ns or self.counters_set_ns[-1] != time_ns:
+                self.counters_set_ns.append(time_ns)
+        elif kind == "restored" and not self._file.closed:
+            raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
+        elif kind in ("scenario", "operated", "remark") and what != {"watch_margin": True}:  # a job does that itself
+            self.events.append((time_ns, kind, _in_words(what)))
+
+    def _look(self, twin: Twin) -> None:
+        seen = snapshot(twin)
+        time_ns = seen.time_ns
+        again = self._buffered > 0 and self._buffer["time_ns"][self._buffered - 1] == time_ns
+        if self.ended or (self._buffered == BUFFER and not again and not self._store()):
+            return
+        if not again:  # of several looks at one instant, the last one counts
+            self._buffered += 1
+        self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
+        self._compare(time_ns, "level", seen.levels)
+        self._compare(time_ns, "input", seen.inputs)
+        self._compare(time_ns, "output", seen.outputs)
+
+    def _store(self) -> bool:
+        """Move the buffer to the file. False if there is no room for it, which ends the recording."""
+        try:
+            self._buffer.tofile(self._file)
+        except OSError:  # numpy does not say why
+            self.ended = True
+            log.error(
+                "the recording ends at %.3f s: no room for it in %s",
+                self._buffer["time_ns"][-1] / 1e9,
+                tempfile.gettempdir(),
+            )
+            return False
+        self._stored += BUFFER
+        self._buffered = 0
+        return True
+
+    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
+        last = self._last[group]
+        if values == last:
+            return
+        for name, value in values.items():
+            value = value if isinstance(value, str) else int(value)
+            if last.get(name) != value:
+                last[name] = value
+                self.changes.append(Change(time_ns, group, name, value))
+
+    def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
+        """All samples so far in pieces of at most `size`, dtype `sample_dtype(axes)`, in the order of time."""
+        self._file.seek(0)
+        remaining = self._stored
+        while remaining:
+            piece = np.fromfile(self._file, dtype=self.dtype, count=min(size, remaining))
+            remaining -= len(piece)
+            yield piece
+        self._file.seek(0, 2)
+        for first in range(0, self._buffered, size):
+            yield self._buffer[first : min(first + size, self._buffered)].copy()
+
+    def names(self) -> list[tuple[str, str]]:
+        """(group, name) of everything that was seen to have a value, group by group."""
+        return [(group, name) for group, values in self._last.items() for name in values]
+
+
+def _in_words(what: Any) -> str:
+    """An event, which is a table, or a remark."""
+    if isinstance(what, Mapping):
+        return ", ".join(f"{key} {_in_words(value)}" for key, value in what.items())
+    return str(what)

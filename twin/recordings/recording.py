@@ -1,0 +1,306 @@
+"""A twin recorded: everything that happens to it, as messages, and all it takes to build it again.
+
+    Twin --- listen, observe ---> Recording --- message(channel, time, content) ---> a Sink: the file, or a replay's eye
+
+Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however its
+time is cut. What each channel carries is said in `CHANNELS` (mcap.py). `/samples` come on a grid of virtual
+time and at every change of a level, input or output, like those of a `Recorder` (recorder.py), which sees the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.core.journal import Received
+from isel_twin.core.position import position_error_mm
+from isel_twin.core.told import StateError
+from isel_twin.language import create_language
+from isel_twin.recordings.mcap import RecordingWriter
+from isel_twin.recordings.runs import described
+from isel_twin.recordings.samples import sample_dtype, samples_schema
+
+if TYPE_CHECKING:
+    from isel_twin.core.journal import Origin
+    from isel_twin.core.sampling import TwinSamples
+    from isel_twin.core.twin import Twin
+    from isel_twin.motion import Motion
+
+__all__ = [
+    "FIXTURE",
+    "FLASH",
+    "GROUPS",
+    "MACHINE",
+    "MODEL",
+    "SCENARIO",
+    "FileRecording",
+    "Recording",
+    "Sink",
+    "attachments",
+    "metadata",
+    "packages",
+]
+
+FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
+"""Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
+MODEL, FIXTURE = "model", "fixture"
+"""Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
+ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
+"""Files beside a model that it may need."""
+MOST_ASSET_BYTES = 1 << 24
+
+GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
+"""Channel of each group of a `recorder.Change`."""
+
+MOST_LOOKS = 100
+"""Samples of changes that wait."""
+
+PACKAGES: Final = ("mujoco", "numpy", "numba")
+
+
+class Sink(Protocol):
+    """Where messages go."""
+
+    def sent(self, time_ns: int, data: bytes) -> None: ...
+    def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None: ...
+    def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None: ...
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None: ...
+
+
+class Recording:
+    """Tells a sink of everything that happens to a twin, from now on."""
+
+    def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
+        """interval_ns: from sample to sample, virtual time."""
+        self._sink = sink
+        self._twin = twin
+        self._axes = len(twin.counts)
+        self._motors = len(twin.current_fraction)
+        self._step_mm = twin.step_mm
+        self._dtype = sample_dtype(self._axes, self._motors)
+        self._schema = samples_schema(self._dtype)
+        self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
+        self._faults: Mapping[str, str | float] = {}
+        self._motion: Motion | None = None
+        self._looks: list[tuple[int, NDArray[np.void]]] = []
+        """Samples of changes, which wait for those of the plant that come before them."""
+        self._ended = False
+        twin.listen(self._note)
+        self._sampler = twin.sample(self._take, interval_ns)
+        twin.observe(self._look, interval_ns if self._sampler is None else None)
+
+    @property
+    def waiting(self) -> bool:
+        """Something has been recorded that the sink has not been told of."""
+        return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
+
+    def hand_on(self) -> None:
+        """Tell the sink of everything so far."""
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        if self._looks:
+            self._tell_samples(np.empty(0, dtype=np.int64), np.empty(0, dtype=self._dtype))
+
+    def end(self) -> None:
+        """That was all: the last message, with the time it is."""
+        self.hand_on()
+        self._ended = True
+        self._sink.message("/time", self._twin.time_ns, {"what": "end"})
+
+    def _take(self, samples: TwinSamples) -> None:
+        """Samples of the plant."""
+        rows = np.empty(len(samples.time_ns), dtype=self._dtype)
+        for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
+            rows[name] = getattr(samples, name)
+        rows["position_error_mm"] = position_error_mm(samples.position_mm, samples.counts, self._step_mm)
+        if self._motors:
+            rows["current"] = samples.current_fraction
+        self._tell_samples(samples.time_ns, rows)
+
+    def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
+        """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
+        if self._looks:
+            looks, self._looks = self._looks, []
+            look_ns = np.array([time_ns for time_ns, _ in looks], dtype=np.int64)
+            at = np.searchsorted(times_ns, look_ns, side="right")
+            times_ns = np.insert(times_ns, at, look_ns)
+            whole = np.dtype((np.void, self._dtype.itemsize))  # moved as one piece each, not field by field
+            seen = np.concatenate([row.view(whole) for _, row in looks])
+            rows = np.insert(rows.view(whole), at, seen).view(self._dtype)
+        self._sink.samples(times_ns, rows, self._schema)
+
+    def _note(self, time_ns: int, kind: str, what: Any) -> None:
+        sink = self._sink
+        if kind == "sent":
+            sink.sent(time_ns, what)
+        elif kind == "received":
+            self._received(what)
+        elif kind == "lost":
+            sink.message("/host/lost", what.arrival_ns, {"hex": what.data.hex()})
+        elif kind == "motion":
+            self._follow(time_ns, what)
+        elif kind == "counter":
+            sink.message("/counters", time_ns, {"axis": what.axis, "value": what.value})
+        elif kind == "flash":
+            sink.message("/flash", time_ns, {"bytes": len(what), "sha256": hashlib.sha256(what).hexdigest()})
+        elif kind == "remark":
+            sink.message("/remarks", time_ns, {"text": what})
+        elif kind == "restored":
+            if not self._ended:
+                raise StateError("a twin that is being recorded cannot go to another time; close its recording before")
+        else:
+            sink.message({"operated": "/operator", "scenario": "/scenario"}[kind], time_ns, what)
+
+    def _received(self, reply: Received) -> None:
+        self._sink.received(reply.arrival_ns, reply.data, reply.byte_ns)
+
+    def _follow(self, time_ns: int, motion: Motion | None) -> None:
+        before, self._motion = self._motion, motion
+        if motion is None:
+            self._sink.message("/runs", time_ns, {"run": None})
+            return
+        continues = before is not None and motion.continues(before)
+        known = before if continues else None
+        self._sink.message("/runs", time_ns, {"run": described(motion, known, time_ns), "continues": continues})
+
+    def _look(self, twin: Twin) -> None:
+        time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm
+        row = np.empty(1, dtype=self._dtype)
+        row["counts"] = counts
+        row["position_mm"] = position_mm
+        row["position_error_mm"] = position_error_mm(position_mm, counts, self._step_mm)
+        row["velocity_mm_s"] = twin.velocity_mm_s
+        row["lost_steps"] = twin.lost_steps
+        row["margin"] = twin.margin
+        row["supply_v"] = twin.supply_v
+        if self._motors:
+            row["current"] = twin.current_fraction
+        self._looks.append((time_ns, row))
+        if self._sampler is None or len(self._looks) >= MOST_LOOKS:
+            self.hand_on()
+        self._compare(time_ns, "level", twin.levels)
+        self._compare(time_ns, "input", twin.inputs)
+        self._compare(time_ns, "output", twin.outputs)
+        if (faults := twin.faults) != self._faults:
+            self._faults = dict(faults)
+            self._sink.message("/faults", time_ns, {"faults": self._faults})
+
+    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
+        last = self._last[group]
+        if values == last:
+            return
+        plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
+        changed = {name: value for name, value in plain.items() if last.get(name) != value}
+        last |= changed
+        self._sink.message(GROUPS[group], time_ns, changed)
+
+
+class FileRecording:
+    """A recording of a twin in a file, from now until `close`. Raises OSError if it cannot begin."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], twin: Twin, interval_ns: int, said: Mapping[str, str] | None = None
+    ) -> None:
+        """said: what else its metadata say. See `Recording`."""
+        self.path = Path(path)
+        self._twin = twin
+        self.writer = RecordingWriter(
+            path,
+            metadata(twin, interval_ns) | dict(said or {}),
+            attachments(twin.origin),
+            None if twin.language is None else create_language(twin.controller_name),
+        )
+        self._recording = Recording(twin, self.writer, interval_ns)
+
+    def flush(self) -> None:
+        """Hand what has been recorded to the operating system."""
+        self._recording.hand_on()
+        self.writer.flush()
+
+    @property
+    def unwritten(self) -> bool:
+        """Something has been recorded since the last `flush`."""
+        return self.writer.unwritten or self._recording.waiting
+
+    def tell_time(self, what: str) -> None:
+        """Write down how virtual time passes from now on."""
+        self.writer.message("/time", self._twin.time_ns, {"what": what})
+
+    def close(self) -> bool:
+        """That was all; False if there was no room for some of it, which has been logged. May be called again."""
+        if not self.writer.ended:
+            self._recording.end()
+            self.writer.close()
+        return not self.writer.broken
+
+
+def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
+    """What a recording of this twin says of it, plain text by key."""
+    origin = twin.origin
+    said = {
+        "kind": "twin",
+        "machine": origin.machine.name,
+        "controller": origin.controller,
+        "plant": origin.plant,
+        "seed": str(origin.seed),
+        "line_speed": json.dumps(origin.line_speed),
+        "overrides": json.dumps(dict(origin.overrides), default=_plain),
+        "start_mm": json.dumps(origin.start_mm, default=_plain),
+        "axes": str(len(twin.counts)),
+        "motors": str(len(twin.current_fraction)),
+        "carriages": " ".join(CARRIAGES),
+        "step_mm": json.dumps(twin.step_mm.tolist()),
+        "interval_ns": str(interval_ns),
+        "held": json.dumps(twin.can_sample(interval_ns)),
+        "begins_ns": str(twin.time_ns),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    return said | packages()
+
+
+def packages() -> dict[str, str]:
+    """Versions of what decides the last bit, by package."""
+    return {name: _version(name) for name in PACKAGES}
+
+
+def attachments(origin: Origin) -> dict[str, bytes]:
+    """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
+    machine = origin.machine
+    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
+    for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
+        if model is not None:
+            for path in sorted(model.resolve().parent.iterdir()):
+                if path.suffix.lower() in ASSETS and path.is_file() and path.stat().st_size <= MOST_ASSET_BYTES:
+                    files[f"{folder}/{path.name}"] = path.read_bytes()
+    if origin.scenario is not None:
+        files[SCENARIO] = origin.scenario.read_bytes()
+    if origin.flash is not None:
+        files[FLASH] = origin.flash
+    return files
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes() if path.is_file() else b""
+
+
+def _plain(value: Any) -> Any:
+    """What JSON cannot hold: numpy's numbers and arrays, paths."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,325 @@
+"""A recording played again: the same causes at the same instants, given to a twin built from the recording.
+
+    metadata, attachments --- rebuilt ---> Twin <--- bytes of the host, what people did --- at their virtual times
+                                             |
+                                             '---> what happens now  ==  what was recorded?   first Difference, or none
+
+With the versions it was recorded with there is no difference, to the bit, at whatever speed it was recorded or is
+played.
+
+A recording of a real controller (kind `tap`) is bytes with times. It is played to a twin that the caller builds, as a
+host would: what was sent after a reply is sent after that reply, as much later as it was then; the replies are compared
+as bytes, not their times (`isel_twin.recordings.compare` does that).
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.parameters import Place
+from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.capture.player import NAME as PLAYER
+from isel_twin.capture.player import Player
+from isel_twin.core.journal import SETTINGS
+from isel_twin.core.twin import Twin
+from isel_twin.language import readable
+from isel_twin.machine import machine_from_tree
+from isel_twin.recordings.mcap import SAMPLES
+from isel_twin.recordings.reading import Entry, Recorded, RecordingError
+from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENARIO, Recording, packages
+from isel_twin.version import VERSION
+from isel_twin.wiring import ScenarioError, event_now
+
+__all__ = ["Difference", "Pace", "play_host", "rebuilt", "replay", "versions"]
+
+SLICE_NS = 10 * MILLISECOND_NS
+"""Virtual time after which a paced replay looks at the clock."""
+
+PATIENCE_S = 3600.0
+"""Virtual seconds a host waits for a reply that the real controller gave."""
+
+CAUSES = ("/host/sent", "/operator")
+_TRAFFIC = ("/host/sent", "/host/received")
+_NOT_COMPARED = ("/time",)
+"""How time passed is no matter."""
+
+Pace = Callable[[int], None]
+"""pace(time_ns): wait until virtual time time_ns is due."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first thing that is not as it was."""
+
+    time_ns: int
+    channel: str
+    recorded: str
+    """What the recording has there; "nothing" if it has nothing."""
+    replayed: str
+
+    def __str__(self) -> str:
+        where = f"{self.time_ns / SECOND_NS:.9f} s, {self.channel}"
+        return f"{where}: recorded {self.recorded}, now {self.replayed}"
+
+
+def versions(recorded: Recorded) -> list[str]:
+    """What was of another version when it was recorded, one line each: differences may come from that."""
+    here = {"isel_twin": VERSION, "python": platform.python_version(), "platform": platform.platform(), **packages()}
+    then = recorded.metadata
+    return [
+        f"recorded with {name} {then[name]}, here is {now}" for name, now in here.items() if then.get(name, now) != now
+    ]
+
+
+def rebuilt(recorded: Recorded, folder: Path) -> Twin:
+    """The twin of a recording, as it was at power-on; files it needs go to `folder`, which must outlive this call only.
+
+    Raises RecordingError for a recording that does not say enough, and ValueError as `Twin` does.
+    """
+    said = recorded.metadata
+    if not recorded.of_twin:
+        raise RecordingError(f"{recorded.path}: is of a real controller and does not say what machine there was")
+    if said.get("begins_ns") != "0":
+        raise RecordingError(f"{recorded.path}: does not begin at power-on, so nobody knows how the machine was then")
+    files = recorded.attachments
+    for name, data in files.items():
+        kind, slash, rest = name.partition("/")
+        if name == SCENARIO or (slash and kind in (MODEL, FIXTURE)):
+            path = folder / (kind if slash else "") / Path(rest or name).name  # nothing leads out of the folder
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(data)
+    try:
+        tree = json.loads(files[MACHINE])
+        tree["model"] = f"{MODEL}/{Path(tree['model']).name}"
+        if tree.get("fixture"):
+            tree["fixture"] = f"{FIXTURE}/{Path(tree['fixture']).name}"
+        overrides, start_mm = json.loads(said["overrides"]), json.loads(said["start_mm"])
+        seed, line_speed = int(said["seed"]), bool(json.loads(said["line_speed"]))
+        controller, plant = said["controller"], said["plant"]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RecordingError(f"{recorded.path}: does not say what was recorded: {error!r}") from None
+    return Twin(
+        machine_from_tree(tree, folder / "machine.toml"),
+        Player.restored(files.get(FLASH, b"")) if controller == PLAYER else controller,
+        plant,
+        seed,
+        flash=files.get(FLASH),
+        scenario=folder / SCENARIO if SCENARIO in files else None,
+        line_speed=line_speed,
+        overrides=overrides,
+        start_mm=start_mm,
+        keep_motions=1,
+    )
+
+
+def replay(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
+    """Play a recording to its twin, fresh from `rebuilt`; the first difference, None if there is none.
+
+    Raises RecordingError for causes that are none.
+    """
+    eye = _Eye(recorded, twin)
+    recording = Recording(twin, eye, recorded.interval_ns)
+    for entry in recorded.of(*CAUSES):
+        _run_until(twin, entry.time_ns, pace, eye.seen)
+        if eye.seen():
+            return eye.difference
+        _cause(recorded, entry, twin)
+    _run_until(twin, recorded.end_ns, pace, eye.seen)
+    recording.hand_on()
+    return eye.difference or eye.missing()
+
+
+def _run_until(twin: Twin, time_ns: int, pace: Pace | None, stop: Callable[[], bool]) -> None:
+    if pace is None:
+        twin.run_until(time_ns, stop)
+        return
+    while twin.time_ns < time_ns and not stop():
+        twin.run_until(min(time_ns, twin.time_ns + SLICE_NS), stop)
+        pace(twin.time_ns)
+
+
+def _cause(recorded: Recorded, entry: Entry, twin: Twin) -> None:
+    content = entry.content
+    place = Place(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns", ScenarioError)
+    if entry.channel == "/host/sent":
+        twin.write(_bytes(recorded, entry))
+    elif not set(content) <= set(SETTINGS):
+        twin.carry_out(event_now(content, place, twin.settable, twin.keys))
+    elif "line_speed" in content:
+        twin.line_speed = bool(content["line_speed"])
+    else:
+        twin.watch_margin()
+
+
+def _bytes(recorded: Recorded, entry: Entry) -> bytes:
+    try:
+        return bytes.fromhex(entry.content["hex"])
+    except (KeyError, TypeError, ValueError):
+        raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
+
+
+class _Eye:
+    """Compares what happens with what was recorded, channel by channel; a `recording.Sink`."""
+
+    def __init__(self, recorded: Recorded, twin: Twin) -> None:
+        self.difference: Difference | None = None
+        self._twin = twin
+        self._end_ns = recorded.end_ns
+        self._whole = recorded.whole
+        self._expected: dict[str, deque[tuple[int, str]]] = {}
+        for entry in recorded.entries:
+            if entry.channel not in _NOT_COMPARED:
+                text = _traffic(entry.content) if entry.channel in _TRAFFIC else _table(entry.content)
+                self._expected.setdefault(entry.channel, deque()).append((entry.time_ns, text))
+        self._sample_times = recorded.sample_times_ns.tolist()
+        self._sample_bytes = recorded.sample_bytes
+        self._samples = recorded.samples
+        self._sample = 0
+
+    def seen(self) -> bool:
+        """A difference has been seen."""
+        return self.difference is not None
+
+    def missing(self) -> Difference | None:
+        """The first thing that was recorded and has not come."""
+        left = [(queue[0], channel) for channel, queue in self._expected.items() if queue]
+        if self._sample < len(self._sample_times):
+            left.append(((self._sample_times[self._sample], "a sample"), SAMPLES))
+        if not left:
+            return None
+        (time_ns, text), channel = min(left)
+        return Difference(time_ns, channel, text, "nothing")
+
+    # Sink
+
+    def sent(self, time_ns: int, data: bytes) -> None:
+        self._compare("/host/sent", time_ns, readable(data))
+
+    def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None:
+        self._compare("/host/received", time_ns, _bytes_text(data, byte_ns))
+
+    def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None:
+        if channel not in _NOT_COMPARED:
+            self._compare(channel, time_ns, _table(content))
+
+    def samples(self, time_ns: NDArray[np.int64], rows: NDArray[np.void], schema: str) -> None:
+        data, size = rows.tobytes(), rows.dtype.itemsize
+        for index, time in enumerate(time_ns.tolist()):
+            self._one_sample(time, data[index * size : (index + 1) * size])
+
+    def _one_sample(self, time_ns: int, now: bytes) -> None:
+        number, size = self._sample, len(now)
+        if number == len(self._sample_times):
+            self._extra(SAMPLES, time_ns, "a sample")
+            return
+        self._sample += 1
+        if self.seen():
+            return
+        then = self._sample_bytes[number * size : (number + 1) * size]
+        if self._sample_times[number] != time_ns:
+            at = f"a sample at {self._sample_times[number]} ns"
+            self._differ(SAMPLES, min(time_ns, self._sample_times[number]), at, f"one at {time_ns} ns")
+        elif then != now:
+            field, a, b = _first_field(self._samples[number], np.frombuffer(now, dtype=self._samples.dtype)[0])
+            self._differ(SAMPLES, time_ns, f"{field} {a}", f"{b}")
+
+    # Inside
+
+    def _compare(self, channel: str, time_ns: int, text: str) -> None:
+        queue = self._expected.get(channel)
+        if not queue:
+            self._extra(channel, time_ns, text)
+            return
+        then_ns, then = queue.popleft()
+        if (then_ns, then) != (time_ns, text):
+            at = "" if then_ns == time_ns else f" at {then_ns} ns"
+            now = "" if then_ns == time_ns else f" at {time_ns} ns"
+            self._differ(channel, min(then_ns, time_ns), then + at, text + now)
+
+    def _extra(self, channel: str, time_ns: int, text: str) -> None:
+        if self._whole or self._twin.time_ns < self._end_ns:  # else it was recorded, and lost with the end of the file
+            self._differ(channel, time_ns, "nothing", text)
+
+    def _differ(self, channel: str, time_ns: int, recorded: str, replayed: str) -> None:
+        if self.difference is None:
+            self.difference = Difference(time_ns, channel, recorded, replayed)
+
+
+def _traffic(content: Mapping[str, Any]) -> str:
+    try:
+        return _bytes_text(bytes.fromhex(content["hex"]), content.get("byte_ns", 0))
+    except (KeyError, TypeError, ValueError):
+        return repr(content)
+
+
+def _bytes_text(data: bytes, byte_ns: int) -> str:
+    return readable(data) + (f" ({byte_ns} ns a byte)" if byte_ns else "")
+
+
+def _table(content: Mapping[str, Any]) -> str:
+    return json.dumps(content, sort_keys=True)
+
+
+def _first_field(then: Any, now: Any) -> tuple[str, Any, Any]:
+    """The first field that is not the same, to the bit."""
+    for name in then.dtype.names:
+        if then[name].tobytes() != now[name].tobytes():
+            a, b = np.atleast_1d(then[name]), np.atleast_1d(now[name])
+            index = next(i for i in range(len(a)) if a[i].tobytes() != b[i].tobytes())
+            return (f"{name}[{index}]" if then[name].shape else name), a[index].item(), b[index].item()
+    return "nothing", None, None
+
+
+# ---- a real controller ---------------------------------------------------------------------------------------------
+
+
+def play_host(recorded: Recorded, twin: Twin, pace: Pace | None = None) -> Difference | None:
+    """Play the host of any recording to a twin; the first reply that is not the same bytes, None if there is none."""
+    then, now = bytearray(), bytearray()
+    heard_ns = 0
+
+    def never() -> bool:
+        return False
+
+    def answered() -> bool:
+        now.extend(twin.read())
+        return len(now) >= len(then)
+
+    for entry in recorded.of("/host/sent", "/host/received"):
+        data = _bytes(recorded, entry)
+        if entry.channel == "/host/received":
+            then += data
+            heard_ns = entry.time_ns
+            continue
+        _await(twin, answered, pace)
+        if len(now) < len(then) or now[: len(then)] != then:
+            return _reply_difference(twin, then, now)
+        _run_until(twin, twin.time_ns + max(0, entry.time_ns - heard_ns), pace, never)
+        heard_ns = entry.time_ns
+        twin.write(data)
+    _await(twin, lambda: answered() and False, pace)
+    answered()
+    return None if now == then else _reply_difference(twin, then, now)
+
+
+def _await(twin: Twin, answered: Callable[[], bool], pace: Pace | None) -> None:
+    """Let time pass until the twin has answered as much as the controller had by then, or will not."""
+    end_ns = twin.time_ns + round(PATIENCE_S * SECOND_NS)
+    while not answered() and twin.time_ns < end_ns and not twin.idle:
+        _run_until(twin, twin.time_ns + SLICE_NS, pace, lambda: twin.reply_waiting or twin.idle)
+
+
+def _reply_difference(twin: Twin, then: bytearray, now: bytearray) -> Difference:
+    """Where the replies part."""
+    index = next((i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b), min(len(then), len(now)))
+    shown = [readable(bytes(data[index : index + 24])) or "nothing" for data in (then, now)]
+    return Difference(twin.time_ns, f"/host/received, byte {index}", *shown)

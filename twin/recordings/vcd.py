@@ -1,0 +1,171 @@
+"""A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
+
+    scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
+    scope step       full_x ...               1: a pulse is two steps of the counter, where there are such pulses
+    scope step       command_x ...            sum of the changes so far, where there are set points
+    scope machine    position_x_mm, count_x, lost_x_steps ...     the samples of the recorder
+    scope level      p3_0 ...                 electrical level of the input terminals
+    scope input      hood, limit_x1 ...       state of switches and elements, as text
+    scope input      hood_changed ...         the same as one bit, for viewers without text: 1, not as at the first look
+    scope output     stages, spindle ...      outputs of the controller and relays: one bit, if they are but 0 and 1
+
+A pulse rises at the time of its tick, one for each axis that the tick changes (a full step of a half-step stage is one
+pulse too), and is over before the next tick. Direction is stable before and after it, as power stages want it:
+
+    dir_x    ----X================X----
+    step_x   ______|~~~|____________|~~~|___
+                   |<->| PULSE_NS, at most half the time to the next tick
+                 |<| SETUP_NS, at most half the time since the tick before
+
+Between ticks less than 2 ns apart there is no room for a falling edge: the pulses of an axis that makes both are one,
+which begins with the first of them, and if its direction turns, it turns with the second. No controller is that fast.
+
+Ticks of set points have no pulses. If there are any, `command_<axis>` follows every tick, also those of steps; the
+drive is led to the value shown in the time after it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+from collections.abc import Iterator
+
+from vcd import VCDWriter
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.files import replacing
+from isel_twin.motion import Steps
+from isel_twin.recordings.recorder import Change, Samples
+
+__all__ = ["write_vcd"]
+
+PULSE_NS = 5000
+"""Longest high time of a step pulse."""
+SETUP_NS = 1000
+"""Time by which a direction is set before its first pulse."""
+CHUNK = 1 << 16
+"""Ticks expanded at a time."""
+
+_Entry = tuple[int, str, int | float | str]
+"""(time in ns, name of the signal, new value)"""
+
+
+def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
+    """Write stream, samples and changes. Raises OSError."""
+    with (
+        replacing(path) as temporary,
+        open(temporary, "w", encoding="ascii", errors="replace") as file,
+        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
+    ):
+        signals = {}
+        led = any(motion.lead_ns for motion in steps.motions)
+        stepped = not led or any(not motion.lead_ns for motion in steps.motions)
+        doubled = stepped and _doubled(steps)
+        for axis in AXIS_NAMES[: steps.axes]:
+            if doubled:
+                signals[f"full_{axis}"] = writer.register_var("step", f"full_{axis}", "wire", size=1, init=0)
+            if stepped:
+                signals[f"step_{axis}"] = writer.register_var("step", f"step_{axis}", "wire", size=1, init=0)
+                signals[f"dir_{axis}"] = writer.register_var("step", f"dir_{axis}", "wire", size=1, init=0)
+            if led:
+                signals[f"command_{axis}"] = writer.register_var("step", f"command_{axis}", "integer", size=64, init=0)
+        for axis in AXIS_NAMES[: recorder.axes]:
+            signals[f"count_{axis}"] = writer.register_var("machine", f"count_{axis}", "integer", size=64, init=0)
+            name = f"lost_{axis}_steps"
+            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+        for axis in CARRIAGES:
+            name = f"position_{axis}_mm"
+            signals[name] = writer.register_var("machine", name, "real", init=0.0)
+        texts = {(change.group, change.name) for change in recorder.changes if isinstance(change.value, str)}
+        wide = {(change.group, change.name) for change in recorder.changes if change.value not in (0, 1)}
+        bits = set(recorder.names()) - wide
+        for group, name in recorder.names():
+            key = name.replace(".", "_")
+            if (group, name) in texts:
+                signal = writer.register_var(group, key, "string", init="")
+                signals[f"changed.{name}"] = writer.register_var(group, f"{key}_changed", "wire", size=1, init="x")
+            elif (group, name) in bits:
+                signal = writer.register_var(group, key, "wire", size=1, init="x")
+            else:
+                signal = writer.register_var(group, key, "integer", size=64, init="x")
+            signals[f"{group}.{name}"] = signal
+        streams = [_pulses(steps, doubled), _samples(recorder), _changes(recorder.changes, texts)]
+        if led:
+            streams.append(_commands(steps))
+        for time, name, value in heapq.merge(*streams, key=lambda entry: entry[0]):
+            writer.change(signals[name], time, value)
+
+
+def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
+    """Time and changes of each tick; those of set points only if `every`."""
+    for motion in steps.motions:
+        if every or not motion.lead_ns:
+            for k in range(motion.first, motion.last, CHUNK):
+                t_ns, delta = motion.window(k, min(k + CHUNK, motion.last))
+                yield from zip(t_ns.tolist(), delta.tolist(), strict=True)
+
+
+def _doubled(steps: Steps) -> bool:
+    """Whether any pulse is two steps of the counter."""
+    pieces = (Steps(steps.axes, [motion]).chunks(CHUNK) for motion in steps.motions if not motion.lead_ns)
+    return any(bool((abs(delta) > 1).any()) for chunks in pieces for _, delta in chunks)
+
+
+def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
+    """Rising and falling edges of step, and direction before them; `doubled`: and how many steps a pulse is."""
+    minus = [False] * steps.axes
+    full = [False] * steps.axes
+    high: list[int] = []
+    rose = 0
+    for time, changes in _ticks(steps, every=False):
+        new = [axis for axis, change in enumerate(changes) if change]
+        room = time - rose >= 2
+        middle = (rose + time) // 2 if room else time
+        kept = [] if room else [axis for axis in high if axis in new or time == rose]
+        for axis in high:
+            if axis not in kept:
+                yield min(rose + PULSE_NS, middle), f"step_{AXIS_NAMES[axis]}", 0
+        for axis in new:
+            if minus[axis] != (changes[axis] < 0):
+                minus[axis] = changes[axis] < 0
+                yield max(time - SETUP_NS, middle), f"dir_{AXIS_NAMES[axis]}", int(minus[axis])
+            if doubled and full[axis] != (abs(changes[axis]) > 1):
+                full[axis] = not full[axis]
+                yield max(time - SETUP_NS, middle), f"full_{AXIS_NAMES[axis]}", int(full[axis])
+        for axis in new:
+            if axis not in kept:
+                yield time, f"step_{AXIS_NAMES[axis]}", 1
+        high = new + [axis for axis in kept if axis not in new]
+        rose = time
+    for axis in high:
+        yield rose + PULSE_NS, f"step_{AXIS_NAMES[axis]}", 0
+
+
+def _commands(steps: Steps) -> Iterator[_Entry]:
+    """Sum of the changes after each tick."""
+    command = [0] * steps.axes
+    for time, changes in _ticks(steps, every=True):
+        for axis, change in enumerate(changes):
+            if change:
+                command[axis] += change
+                yield time, f"command_{AXIS_NAMES[axis]}", command[axis]
+
+
+def _samples(recorder: Samples) -> Iterator[_Entry]:
+    for piece in recorder.samples():
+        columns = (piece[name].tolist() for name in ("time_ns", "counts", "position_mm", "lost_steps"))
+        for time, counts, position_mm, lost_steps in zip(*columns, strict=True):
+            for axis, count, lost in zip(AXIS_NAMES, counts, lost_steps, strict=False):
+                yield time, f"count_{axis}", count
+                yield time, f"lost_{axis}_steps", lost
+            for axis, position in zip(CARRIAGES, position_mm, strict=True):
+                yield time, f"position_{axis}_mm", position
+
+
+def _changes(changes: list[Change], texts: set[tuple[str, str]]) -> Iterator[_Entry]:
+    first: dict[str, int | str] = {}
+    for change in changes:
+        yield change.time_ns, f"{change.group}.{change.name}", change.value
+        if (change.group, change.name) in texts:
+            at_first = first.setdefault(change.name, change.value)
+            yield change.time_ns, f"changed.{change.name}", int(change.value != at_first)

@@ -1,0 +1,387 @@
+"""A report about a job for people: one HTML page that needs nothing else, or a picture.
+
+    verdict and limits | findings with pictures | path | time plots | what differs from the golden run | commands
+
+The page is plain HTML with inline SVG, and a little script of its own for the zoom: without it, in print and for a
+screen reader everything is there too. A Content-Security-Policy forbids it to load anything. All text that comes from
+outside (names, commands, replies) is escaped. Its size does not grow with the length of the job: what a screen cannot
+show is left out (columns.py), and of commands beyond ROWS only those with a finding are listed.
+
+What the position error is, is in `isel_twin.core.snapshot`. Curves are of the carriages, counters of all axes that the
+controller has. A name that ends in .png makes a picture instead (picture.py, with matplotlib, the extra `report`).
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.files import atomic_write
+from isel_twin.base.units import SECOND_NS
+from isel_twin.jobs.checks.job import RULES
+from isel_twin.report.chart import (
+    COLOURS,
+    MM_FROM_UM,
+    Mark,
+    deviation_classes,
+    escape,
+    path_view,
+    picture,
+    swaths,
+    time_plots,
+)
+from isel_twin.report.columns import Columns, columns
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.checks.job import Bounds, Finding, Report
+    from isel_twin.jobs.job import Result
+    from isel_twin.jobs.result import Part
+    from isel_twin.recordings.recorder import Recorder
+
+__all__ = ["check_report", "part_of", "policy_hash", "write_report"]
+
+ROWS = 1000
+"""Most commands listed, beside those with a finding."""
+PICTURES = 60
+"""Most findings with a picture."""
+LONG = 400
+"""Most characters of a command or reply that are shown."""
+
+
+def check_report(path: str | os.PathLike[str]) -> None:
+    """Raise ValueError, of one line, if a report of that name needs what is not installed."""
+    if _is_picture(path) and find_spec("matplotlib") is None:
+        raise ValueError(f"{path}: a picture needs matplotlib: pip install 'isel-twin[report]'")
+
+
+def _is_picture(path: str | os.PathLike[str]) -> bool:
+    return os.fspath(path).lower().endswith(".png")
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    title: str,
+    twin: Twin,
+    recorder: Recorder,
+    results: Sequence[Result],
+    summary: Mapping[str, Any],
+    checked: Report | None = None,
+    bounds: Bounds | None = None,
+) -> None:
+    """Write the page, or a picture if the name ends in .png.
+
+    summary: of the verdict, with "ok". checked: what is wrong with the job; bounds: and what it was measured by.
+    Raises OSError.
+    """
+    seen = columns(recorder, twin.step_mm, twin.time_ns)
+    findings = () if checked is None else checked.findings
+    marks = [
+        Mark(number, f"finding {number}: {finding.rule}: {finding.message}", time_ns)
+        for number, finding in enumerate(findings, 1)
+        if (time_ns := _time(finding, results)) is not None
+    ]
+    limits = {}
+    if bounds is not None:
+        limits = {
+            key: value
+            for key, value in (("deviation_mm", bounds.deviation_mm), ("margin", bounds.margin))
+            if value is not None
+        }
+    if _is_picture(path):
+        from isel_twin.report.picture import draw
+
+        atomic_write(path, draw(title, seen, results, marks, limits))
+        return
+    plots = time_plots(seen, results, recorder, marks, limits)
+    style, script = part_of("report.css"), part_of("report.js")
+    policy = (
+        f"default-src 'none'; style-src '{policy_hash(style)}'; script-src '{policy_hash(script)}'; base-uri 'none'; "
+        f"form-action 'none'"
+    )
+    ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
+    body = [
+        f"<header><h1>{escape(title)}</h1>",
+        f"<p class='verdict {'good' if ok else 'bad'}'>{'OK' if ok else 'NOT OK'}</p>",
+        f"<p>{escape(_in_short(summary, findings))}</p>",
+        "<nav aria-label='Parts of the report'><ul><li><a href='#summary'>Summary</a></li>",
+        "<li><a href='#findings'>Findings</a></li>" if findings else "",
+        "<li><a href='#path'>Path</a></li><li><a href='#plots'>Time plots</a></li>",
+        "<li><a href='#commands'>Commands</a></li></ul></nav></header><main>",
+        "<section aria-labelledby='summary'><h2 id='summary'>Summary</h2><div class='columns tables'>",
+        "" if checked is None else _limits(checked, bounds),
+        _facts(summary),
+        "</div></section>",
+        _findings(findings, marks, seen, plots) if findings else "",
+        _golden(findings, checked),
+        _path(seen, marks, results),
+        "<section aria-labelledby='plots'><h2 id='plots'>Time plots</h2>",
+        _controls(),
+        f"<figure>{plots}<figcaption>Drag to look closer, double-click for all; Ctrl and wheel, or the keys + - 0 and "
+        "the arrows work too. Numbered lines are findings.</figcaption></figure></section>",
+        _commands(results, len(twin.counts), findings),
+        "</main>",
+    ]
+    page = [
+        "<!DOCTYPE html>",
+        "<html lang='en'><head><meta charset='utf-8'>",
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
+        *body,
+        f"<script>{script}</script></body></html>\n",
+    ]
+    atomic_write(path, "\n".join(part for part in page if part).encode())
+
+
+def part_of(name: str) -> str:
+    """A file beside this one, such as report.css."""
+    return files("isel_twin.recordings").joinpath(name).read_text(encoding="utf-8")
+
+
+def policy_hash(text: str) -> str:
+    """As a Content-Security-Policy names what stands in a page itself."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _time(finding: Finding, results: Sequence[Result]) -> int | None:
+    """When a finding is shown: at its time, or at the end of its line."""
+    if finding.time_ns is not None:
+        return finding.time_ns
+    return next((result.end_ns for result in results if result.number == finding.line), None)
+
+
+def _in_short(summary: Mapping[str, Any], findings: Sequence[Finding]) -> str:
+    commands, number = summary.get("commands", 0), len(findings)
+    text = f"{commands} command{'' if commands == 1 else 's'}, {summary.get('refused', 0)} refused"
+    if findings:
+        text += f", {number} finding{'' if number == 1 else 's'}"
+    return (
+        f"{text}; {summary.get('time_ns', 0) / SECOND_NS:.3f} s of virtual time on the machine {summary.get('machine')}"
+    )
+
+
+# Summary
+
+
+def _facts(summary: Mapping[str, Any]) -> str:
+    def shown(value: Any) -> str:
+        if isinstance(value, Mapping):
+            return ", ".join(f"{key} {shown(each)}" for key, each in value.items()) or "none"
+        if isinstance(value, list | tuple):
+            return ", ".join(shown(each) for each in value) or "none"
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        return "none" if value in (None, "") else str(value)
+
+    told = {key: value for key, value in summary.items() if key != "time_ns"}
+    told["virtual_time_s"] = f"{summary.get('time_ns', 0) / SECOND_NS:.6f}"
+    rows = [(escape(key.replace("_", " ")), escape(shown(value))) for key, value in told.items()]
+    body = "".join(
+        f"<tr><th scope='row' class='text'>{key}</th><td class='text'>{text}</td></tr>\n" for key, text in rows
+    )
+    return f"<table><caption>The run</caption><tbody>{body}</tbody></table>"
+
+
+def _limits(checked: Report, bounds: Bounds | None) -> str:
+    margin = "none" if checked.margin is None else f"{100.0 * checked.margin:.0f} %"
+    measured = {"margin": margin, "cycle": f"{checked.cycle_s:.3f} s"}
+    limits: dict[str, str] = {}
+    if bounds is not None:
+        if bounds.margin is not None:
+            limits["margin"] = f"at least {100.0 * bounds.margin:g} %"
+        if bounds.deviation_mm is not None:
+            limits["deviation"] = f"at most {bounds.deviation_mm:g} mm"
+        if bounds.cycle_s is not None:
+            limits["cycle"] = f"at most {bounds.cycle_s:g} s"
+        if bounds.may_strike:
+            limits["switch"] = f"may be struck: {', '.join(bounds.may_strike)}"
+        limits["unfinished"] = f"{bounds.timeout_s:g} s a command"
+        if bounds.robust:
+            limits["luck"] = f"{bounds.robust} repetitions"
+    rows = []
+    for rule, demand in RULES.items():
+        number = sum(finding.rule == rule for finding in checked.findings)
+        unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
+        told = f"{number} finding{'' if number == 1 else 's'}" if number else ("no limit" if unbound else "ok")
+        if rule == "golden" and not checked.run.call:
+            told = "not compared"
+        wrong = " class='wrong'" if number else ""
+        cells = "".join(
+            f"<td class='text'>{escape(text)}</td>"
+            for text in (demand, limits.get(rule, ""), measured.get(rule, ""), told)
+        )
+        rows.append(f"<tr{wrong}><th scope='row' class='text'>{rule}</th>{cells}</tr>\n")
+    head = _head([(name, True) for name in ("rule", "demand", "limit", "measured", "result")])
+    return f"<div class='wide'><table><caption>Limits</caption>{head}<tbody>{''.join(rows)}</tbody></table></div>"
+
+
+def _head(names: Iterable[tuple[str, bool]]) -> str:
+    cells = "".join(f"<th scope='col'{' class=text' if text else ''}>{escape(name)}</th>" for name, text in names)
+    return f"<thead><tr>{cells}</tr></thead>"
+
+
+# Findings
+
+
+def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns, plots: str) -> str:
+    by_number = {mark.number: mark for mark in marks}
+    items = []
+    for number, finding in enumerate(findings, 1):
+        mark = by_number.get(number)
+        place = "" if finding.line is None else f"<a href='#line-{finding.line}'>{finding.place}</a>"
+        at = "" if mark is None else f"at {mark.time_ns / SECOND_NS:.3f} s"
+        look = ""
+        if mark is not None:
+            middle = mark.time_ns / SECOND_NS
+            look = (
+                f" <button type='button' data-from='{middle - 0.5:.6f}' data-to='{middle + 0.5:.6f}' "
+                f"aria-label='Show finding {number} in the time plots'>show</button>"
+            )
+            if number <= PICTURES:
+                look += f"<figure>{picture(seen, mark, plots)}</figure>"
+        kind = "warning" if finding.warning else "error"
+        items.append(
+            f"<li class='finding {kind}' id='finding-{number}'><h3><span class='number'>{number}</span> "
+            f"{finding.rule} ({kind})</h3><p>{escape(finding.message[:LONG])}</p>"
+            f"<p>{', '.join(part for part in (place, at) if part) or 'the job as a whole'}{look}</p></li>\n"
+        )
+    return (
+        "<section aria-labelledby='findings'><h2 id='findings'>Findings</h2>"
+        "<p>Each with its place in the path and the error of position from a second before to a second after it.</p>"
+        f"<ol class='findings'>{''.join(items)}</ol></section>"
+    )
+
+
+def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
+    """What is otherwise than in the golden run; nothing if there is none."""
+    if checked is None or not checked.run.call:  # a run is told what it was called with to be compared
+        return ""
+    rows = "".join(
+        f"<tr><td>{'' if finding.line is None else finding.line}</td>"
+        f"<td class='text'>{escape(finding.message[:LONG])}</td></tr>\n"
+        for finding in findings
+        if finding.rule == "golden"
+    )
+    head = _head([("line", False), ("difference", True)])
+    told = (
+        f"<div class='wide'><table><caption>Before -> now, in the order of the job: the first one is where it begins"
+        f"</caption>{head}<tbody>{rows}</tbody></table></div>".replace("->", "&rarr;", 1)
+        if rows
+        else "<p>The job does what it did: replies, times, step stream, end.</p>"
+    )
+    return f"<section aria-labelledby='golden'><h2 id='golden'>Compared with the golden run</h2>{told}</section>"
+
+
+# Path and plots
+
+
+def _path(seen: Columns, marks: Sequence[Mark], results: Sequence[Result]) -> str:
+    most_um, _ = deviation_classes(seen)
+    unit, most = ("um", most_um) if most_um < MM_FROM_UM else ("mm", most_um / 1e3)
+    swatches = []
+    for k, colour in enumerate(COLOURS):
+        x = 110 + 85 * k
+        told = f"{most * (k + 1) / len(COLOURS):.3g}"
+        swatches.append(
+            f"<rect x='{x}' y='4' width='85' height='10' fill='{colour}'/><text x='{x + 85}' y='30' "
+            f"text-anchor='middle'>{told}</text>"
+        )
+    legend = (
+        f"<svg viewBox='0 0 720 36' width='720' height='36' role='img' aria-label='Colours from deviation 0 to "
+        f"{most:.3g} {unit}'><text x='0' y='14'>deviation / {unit}</text>"
+        f"<text x='110' y='30' text-anchor='middle'>0</text>"
+        f"{''.join(swatches)}</svg>"
+    )
+    cuts = swaths(results)
+    planes = {"xy": (0, 1), "xz": (0, 2)}
+    planes |= {"yz": (1, 2)} if any(cut.plane == (1, 2) for cut in cuts) else {}
+    views = "".join(path_view(seen, plane, name, marks, cuts) for name, plane in planes.items())
+    wide = " Grey, in the plane in which it cuts: as wide as the tool is." if cuts else ""
+    return (
+        "<section aria-labelledby='path'><h2 id='path'>Path</h2><p>From above and from the front, in the zero that "
+        "counts at the end. Where a counter is set anew, the path goes on."
+        f"{wide}</p>"
+        f"<figure><div class='columns'>{views}</div>"
+        f"{legend}</figure></section>"
+    )
+
+
+def _controls() -> str:
+    buttons = (
+        ("+", "Zoom in", "+"),
+        ("-", "Zoom out", "&minus;"),
+        ("ArrowLeft", "Earlier", "&larr;"),
+        ("ArrowRight", "Later", "&rarr;"),
+        ("0", "Whole job", "All"),
+    )
+    made = "".join(
+        f"<button type='button' data-act='{act}' aria-label='{name}'>{shown}</button>" for act, name, shown in buttons
+    )
+    return f"<div class='zoom'>{made}<span id='told' role='status'></span></div>"
+
+
+# Commands
+
+
+def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding]) -> str:
+    wrong: dict[int, list[int]] = {}
+    for number, finding in enumerate(findings, 1):
+        if finding.line is not None:
+            wrong.setdefault(finding.line, []).append(number)
+    shown = [result for k, result in enumerate(results) if k < ROWS or result.number in wrong or not result.ok][
+        : 2 * ROWS
+    ]
+    with_margin = any(margin is not None for result in results for margin in result.margin)
+    head = [("line", False), ("time / s", False), ("took / s", False), ("command", True), ("reply", True)]
+    head += [(f"count {axis.upper()}", False) for axis in AXIS_NAMES[:axes]]
+    head += [(f"{axis.upper()} / mm", False) for axis in CARRIAGES]
+    head += [("margin / %", False)] if with_margin else []
+    head += [("findings", True)] if wrong else []
+    named: set[int] = set()
+    rows = []
+    for result in shown:
+        key = "" if result.number in named else f" id='line-{result.number}'"
+        named.add(result.number)
+        numbers = [f"{result.time_ns / SECOND_NS:.6f}", f"{(result.end_ns - result.time_ns) / SECOND_NS:.6f}"]
+        cells = "".join(f"<td>{text}</td>" for text in numbers)
+        cells += f"<td class='code command'>{escape(result.command[:LONG])}</td>"
+        cells += f"<td class='code'>{escape(_reply(result)[:LONG])}</td>"
+        cells += "".join(f"<td>{count}</td>" for count in result.counts)
+        cells += "".join(f"<td>{position:.4f}</td>" for position in result.position_mm)
+        if with_margin:
+            least = min((margin for margin in result.margin if margin is not None), default=None)
+            cells += f"<td>{'' if least is None else f'{100.0 * least:.0f}'}</td>"
+        if wrong:
+            links = " ".join(f"<a href='#finding-{n}'>{n}</a>" for n in wrong.get(result.number, ()))
+            cells += f"<td class='text'>{links}</td>"
+        style = " class='wrong'" if not result.ok or result.number in wrong else ""
+        rows.append(f"<tr{key}{style}><th scope='row'>{result.number}</th>{cells}</tr>\n")
+        rows += [_part(part, axes, len(head)) for part in result.parts[:ROWS]]
+    rest = f"<p>and {len(results) - len(shown)} more</p>" if len(results) > len(shown) else ""
+    return (
+        "<section aria-labelledby='commands'><h2 id='commands'>Commands</h2><div class='wide'><table><caption>Lines of "
+        f"the job, when each was sent and how long it took; counters and true positions at its end</caption>"
+        f"{_head(head)}"
+        f"<tbody>{''.join(rows)}</tbody></table></div>{rest}</section>"
+    )
+
+
+def _part(part: Part, axes: int, columns: int) -> str:
+    """A row of a step of a program, or of what the controller has said."""
+    places = "".join(f"<td>{position:.4f}</td>" for position in part.position_mm)
+    style = "" if places else " class='wrong'"
+    begin = f"<td>{part.time_ns / SECOND_NS:.6f}</td><td></td><td class='code command'>{escape(part.text[:LONG])}</td>"
+    rest = columns - 4 - (1 + axes + len(part.position_mm) if places else 0)
+    cells = f"<td></td>{'<td></td>' * axes}{places}" if places else ""
+    return f"<tr{style}><th scope='row'></th>{begin}{cells}{'<td></td>' * rest}</tr>\n"
+
+
+def _reply(result: Result) -> str:
+    return result.shown_reply if result.ok or not result.condition else f"{result.shown_reply} ({result.why})"

@@ -1,0 +1,64 @@
+"""One picture of what a machine did: path from above and from the front, error and lost steps over time.
+
+A path has one zero, so it begins where a counter was last set: by a reference run, mostly.
+
+For a quick look at a test that failed; `report` has the whole.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.files import replacing
+from isel_twin.base.units import SECOND_NS
+from isel_twin.core.position import position_error_mm
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+    from isel_twin.recordings.recorder import Recorder
+
+__all__ = ["write_sketch"]
+
+POINTS = 4000
+"""About as many samples are drawn."""
+
+
+def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, zero_ns: int = 0) -> None:
+    """Write a PNG of what the recorder saw. zero_ns: when a counter was last set. Raises OSError."""
+    samples = np.concatenate(list(recorder.samples()))
+    samples = np.concatenate([samples[:: max(1, len(samples) // POINTS)], samples[-1:]])
+    time_s = samples["time_ns"] / SECOND_NS
+    x, y, z = samples["position_mm"][samples["time_ns"] >= zero_ns].T
+    figure = Figure(figsize=(11, 8))  # with room between the curves; to have it found out would draw all twice
+    FigureCanvasAgg(figure)
+    figure.subplots_adjust(0.09, 0.07, 0.98, 0.95, wspace=0.2, hspace=0.3)
+    (plan, front), (error, lost) = figure.subplots(2, 2)
+    plan.plot(x, y, linewidth=1)
+    plan.plot(x[-1:], y[-1:], "o")
+    plan.set(xlabel="X / mm", ylabel="Y / mm", title="path from above, since a counter was set")
+    front.plot(x, z, linewidth=1)
+    front.plot(x[-1:], z[-1:], "o")
+    front.set(xlabel="X / mm", ylabel="Z / mm", title="and from the front")
+    for curve in (plan, front):  # rounding errors are not worth a magnified look, here and below
+        for limits, limit in ((curve.get_xlim(), curve.set_xlim), (curve.get_ylim(), curve.set_ylim)):
+            middle = sum(limits) / 2.0
+            limit(min(limits[0], middle - 0.5), max(limits[1], middle + 0.5))
+    error_um = position_error_mm(samples["position_mm"], samples["counts"], twin.step_mm) * 1e3
+    for i, axis in enumerate(CARRIAGES):
+        error.plot(time_s, error_um[:, i], label=axis, linewidth=1)
+    for i, axis in enumerate(AXIS_NAMES[: samples["lost_steps"].shape[1]]):
+        lost.plot(time_s, samples["lost_steps"][:, i], label=axis, linewidth=1)
+    error.set(xlabel="virtual time / s", ylabel="position error / um", title="true position minus counter")
+    lost.set(xlabel="virtual time / s", ylabel="lost steps", title="counter minus rotor")
+    for curve in (error, lost):
+        low, high = curve.get_ylim()
+        curve.set_ylim(min(low, -1.0), max(high, 1.0))
+        curve.legend(loc="upper left")
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=100)
