@@ -32,8 +32,6 @@ from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
 from isel_twin.machine import Machine, load_machine, with_overrides
 
-__all__ = ["JOB", "Job", "Move", "Settings", "Setup", "make_move", "referenced_twin", "spoken"]
-
 Job = Sequence[tuple[float, float, float]]
 """Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
 

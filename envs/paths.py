@@ -13,8 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["NAMES", "lay_path", "sampled"]
-
 SPACING_MM = 0.1
 """Longest piece of a sampled path."""
 MOST_POINTS = 200_000

@@ -28,8 +28,6 @@ import numpy as np
 from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, spoken
 from isel_twin.many.studies.run import Lost, finished, here
 
-__all__ = ["Fastest", "Row", "fastest", "grid", "run_job", "sweep"]
-
 
 @dataclass(frozen=True)
 class Row:

@@ -32,8 +32,6 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-__all__ = ["VARIATIONS", "TrackPath"]
-
 VARIATIONS: dict[str, tuple[float, float]] = {
     "payload_kg": (0.0, 20.0),
     "friction": (0.1, 10.0),

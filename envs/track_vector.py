@@ -34,8 +34,6 @@ from isel_twin.envs.wrappers import Randomised
 from isel_twin.plant import kernel
 from isel_twin.plant.memory import AXES, MEMORY, at_address
 
-__all__ = ["TrackVector"]
-
 PLACE = np.dtype(
     [(name, "i8") for name in ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")]
     + [(name, "i8") for name in ("joints", "points", "pulses")],

@@ -39,8 +39,6 @@ from isel_twin.machine import Machine
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
 
-__all__ = ["Episode", "JobTuning", "to_action", "to_settings"]
-
 _SIZE = 15
 _MOST_KEPT = 16
 """Seeds whose machines are kept."""

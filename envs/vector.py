@@ -37,8 +37,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import CloudpickleWrapper, batch_space, concatenate, create_empty_array, iterate
 from numpy.typing import NDArray
 
-__all__ = ["Mode", "TwinVector", "tuning_vector"]
-
 Mode = Literal["serial", "threads", "processes"]
 
 _PATIENCE_S = 5.0

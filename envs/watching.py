@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from isel_twin.core.sampling import TwinSamples
 from isel_twin.core.twin import Twin
 
-__all__ = ["Watch", "error_mm"]
-
 
 def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if somebody has it."""

@@ -20,8 +20,6 @@ from isel_twin.envs.track import VARIATIONS, TrackPath
 from isel_twin.envs.tuning import JobTuning
 from isel_twin.machine import Machine, load_machine, with_overrides
 
-__all__ = ["AlongPath", "Randomised", "Scaled"]
-
 _DRAWS = 0x5242
 """Sets the numbers of `Randomised` apart from those that the environment draws of the same seed."""
 

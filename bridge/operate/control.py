@@ -38,8 +38,6 @@ from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
 from isel_twin.wiring import ACTS, EVENT_KEYS, ScenarioEvent, event_now
 
-__all__ = ["ControlError", "Operator", "Pending"]
-
 Answer = dict[str, Any]
 
 LOOK_NS = 1 * MILLISECOND_NS

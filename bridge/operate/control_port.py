@@ -31,8 +31,6 @@ from isel_twin.bridge.serve.server import Outbox, Server, Watch
 from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
 from isel_twin.core.twin import Twin
 
-__all__ = ["LINE_BYTES", "ControlPort", "parse_request"]
-
 log = logging.getLogger("isel_twin")
 
 LINE_BYTES = 65_536

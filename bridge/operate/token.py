@@ -9,8 +9,6 @@ from typing import Any
 
 from isel_twin.bridge.serve.tcp import parse_address
 
-__all__ = ["is_loopback", "is_token", "token_for"]
-
 
 def is_loopback(address: str) -> bool:
     """Whether only this computer reaches an address HOST:PORT, the host being a number."""

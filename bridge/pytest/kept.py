@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from isel_twin.core.twin import Twin
 
-__all__ = ["KeptTwins", "ServedTwin"]
-
 INTERVAL_NS = 10 * MILLISECOND_NS
 """From sample to sample of a recording."""
 MOST_SAMPLES = 20_000

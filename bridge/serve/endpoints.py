@@ -12,8 +12,6 @@ from isel_twin.base.errors import CallError, call_errors
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.server import Endpoint
 
-__all__ = ["addresses", "open_endpoints", "ports"]
-
 
 def open_endpoints(
     ptys: Sequence[str] | None, tcps: Sequence[str] | None, rfc2217s: Sequence[str] | None, stack: ExitStack

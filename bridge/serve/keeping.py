@@ -15,8 +15,6 @@ from pathlib import Path
 
 from isel_twin.bridge.serve.server import Server
 
-__all__ = ["keep", "serve_and_keep"]
-
 log = logging.getLogger("isel_twin")
 
 

@@ -26,8 +26,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
-__all__ = ["PatientHandler", "log_to"]
-
 QUEUE_LINES = 1000
 """Lines kept for a reader that is slow."""
 

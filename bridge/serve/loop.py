@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
-__all__ = ["Wake", "Watch", "Watched", "woken_by_signals"]
-
 
 class Watch(NamedTuple):
     """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).

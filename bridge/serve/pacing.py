@@ -23,8 +23,6 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-__all__ = ["Clocked", "Onlooker", "Pacer", "parse_speed"]
-
 TICK_NS = 5_000_000
 """Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
 

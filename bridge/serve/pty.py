@@ -29,8 +29,6 @@ from typing import Any
 from isel_twin.base.files import Claim
 from isel_twin.bridge.serve.server import Line, Outbox, Watch
 
-__all__ = ["PtyEndpoint"]
-
 
 class PtyEndpoint:
     """A pseudo terminal; `link`: path of a symbolic link to it, made here and removed by `close`.

@@ -16,8 +16,6 @@ from contextlib import suppress
 from isel_twin.bridge.serve.server import Server, Watch
 from isel_twin.recordings.recording import FileRecording
 
-__all__ = ["FLUSH_S", "Freshness", "TimeTap"]
-
 FLUSH_S = 0.5
 """Wall time for which what has been recorded stays in memory."""
 

@@ -25,8 +25,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-__all__ = ["folder", "registered", "served"]
-
 log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()

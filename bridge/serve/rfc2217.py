@@ -19,8 +19,6 @@ from serial.rfc2217 import PortManager
 from isel_twin.bridge.serve.tcp import ProtocolError
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Rfc2217Codec"]
-
 SUBOPTION_BYTES = 256
 """Longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes."""
 

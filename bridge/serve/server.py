@@ -29,21 +29,6 @@ from isel_twin.bridge.serve.pacing import Clocked, Pacer
 from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat
 
-__all__ = [
-    "OUTBOX_BYTES",
-    "Endpoint",
-    "Guest",
-    "Line",
-    "Outbox",
-    "SerialTwin",
-    "Server",
-    "Watch",
-    "WireTap",
-    "claimed",
-    "host_format",
-    "on_signals",
-]
-
 log = logging.getLogger("isel_twin")
 
 OUTBOX_BYTES = 65_536

@@ -30,8 +30,6 @@ from typing import Any, Protocol
 from isel_twin.bridge.serve.server import Line, Outbox, Watch
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Codec", "ProtocolError", "RawCodec", "Spare", "TcpEndpoint", "lacks_files", "listen", "parse_address"]
-
 log = logging.getLogger("isel_twin")
 
 REFUSALS = 16

@@ -23,8 +23,6 @@ from dataclasses import dataclass
 
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Heard", "heard", "levels"]
-
 
 @dataclass(frozen=True)
 class Heard:

@@ -18,8 +18,6 @@ from typing import NamedTuple, Protocol
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.serve.server import WireTap
 
-__all__ = ["Meaning", "MeaningMessage", "Taps", "WireLine", "WireLog", "print_line"]
-
 log = logging.getLogger("isel_twin.wire")
 
 SILENCE_NS = 20 * MILLISECOND_NS

@@ -30,8 +30,6 @@ import serial
 
 from isel_twin.bridge.serve.tcp import parse_address
 
-__all__ = ["HELD_BYTES", "Arrived", "RealPort", "open_port"]
-
 log = logging.getLogger("isel_twin")
 
 HELD_BYTES = 65_536

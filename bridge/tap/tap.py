@@ -30,8 +30,6 @@ from isel_twin.bridge.serve.server import OUTBOX_BYTES, Endpoint, WireTap, claim
 from isel_twin.bridge.tap.real_port import HELD_BYTES, PIECE_BYTES, Arrived, RealPort
 from isel_twin.controller import SerialFormat
 
-__all__ = ["Book", "Scribe", "Tap", "port_settings"]
-
 log = logging.getLogger("isel_twin")
 
 ROOM_BYTES = 2 * PIECE_BYTES

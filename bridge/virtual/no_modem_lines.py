@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from serial.serialutil import PortNotOpenError, SerialBase
 
-__all__ = ["NoModemLines"]
-
 
 class NoModemLines(SerialBase):
     """A port whose other end is always there and ready."""

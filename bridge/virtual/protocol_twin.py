@@ -50,8 +50,6 @@ from isel_twin.core.spec import TwinCall
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["Serial", "parse_url"]
-
 POLL_NS = 10_000_000
 """Virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep."""
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from isel_twin.bridge.virtual.turns import here
 
-__all__ = ["StandIn"]
-
 
 class StandIn:
     """Calls `virtual(time, ...)` in a thread of the host, `real(...)` elsewhere.

@@ -33,8 +33,6 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.bridge.virtual.stand_in import StandIn
 from isel_twin.bridge.virtual.turns import EPOCH_NS, LIBRARIES, UPTIME_NS, HostEnded, Turns, here, host_line
 
-__all__ = ["replace_all"]
-
 SERVE = "use `isel-twin serve --pty`, in real time"
 
 _real_join = threading.Thread.join

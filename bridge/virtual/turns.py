@@ -41,8 +41,6 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["LIBRARIES", "Ending", "HostEnded", "Turns", "Wire", "here", "host_line"]
-
 LOOK_NS = 1_000
 """Virtual time of a look that does not wait: 1 us."""
 LONGEST_LOOK_NS = 10 * MILLISECOND_NS

@@ -39,13 +39,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.virtual.virtual_time import HostEnded, VirtualTime, Wire
+from isel_twin.bridge.virtual.turns import HostEnded
+from isel_twin.bridge.virtual.virtual_time import VirtualTime, Wire
 from isel_twin.jobs.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
-
-__all__ = ["HostRun", "Program", "VirtualTime", "parse_program", "run_host"]
 
 INTERRUPTED = 130
 """Exit code of a host that Ctrl-C has ended, as a shell tells it."""

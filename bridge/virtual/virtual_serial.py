@@ -26,8 +26,6 @@ from isel_twin.bridge.virtual.turns import Turns, here
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
 
-__all__ = ["DEFAULT_PORT", "Ports", "VirtualSerial"]
-
 DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"
 """What `list_ports` shows if the port has been given no name."""
 

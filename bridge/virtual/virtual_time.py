@@ -12,13 +12,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from isel_twin.bridge.virtual.stand_ins import replace_all
-from isel_twin.bridge.virtual.turns import EPOCH_NS, Ending, HostEnded, Turns, Wire, here
+from isel_twin.bridge.virtual.turns import Turns, Wire
 from isel_twin.bridge.virtual.virtual_serial import Ports, stand_ins
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
-
-__all__ = ["EPOCH_NS", "Ending", "HostEnded", "VirtualTime", "Wire", "here"]
 
 
 class VirtualTime(Turns):

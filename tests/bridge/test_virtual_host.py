@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from isel_twin.bridge.virtual.turns import LIBRARIES
+from isel_twin.bridge.virtual.turns import EPOCH_NS, LIBRARIES, here
 from isel_twin.bridge.virtual.virtual_host import run_host
-from isel_twin.bridge.virtual.virtual_time import EPOCH_NS, VirtualTime, here
+from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.core.twin import Twin
 
 OPEN = "import serial, time, threading, queue, sys\nport = serial.Serial('COM4', 19200, timeout=1)\n"

@@ -17,7 +17,8 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, Pieces, Stretch, chain, joined, piece, written
+from isel_twin.motion.joined import Joined, Pieces, Stretch, joined, written
+from isel_twin.motion.pieces import chain, piece
 
 PERIOD_NS = 4_000_000
 PERIOD_S = 0.004

@@ -9,7 +9,8 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.motion import SetPointRun, Steps
-from isel_twin.motion.joined import Joined, joined, piece
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import piece
 from isel_twin.recordings.reading import read
 from isel_twin.recordings.recording import FileRecording
 from isel_twin.recordings.runs import add_run, described, motion_from

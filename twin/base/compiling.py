@@ -17,8 +17,6 @@ from typing import Any
 import numba
 from numba.core.caching import FunctionCache
 
-__all__ = ["njit"]
-
 log = logging.getLogger("isel_twin")
 
 _said = False

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["CallError", "call_errors", "one_line"]
-
 
 class CallError(ValueError):
     """A call cannot be carried out; the message is one line that says why and what to do.

@@ -23,8 +23,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["Claim", "atomic_write", "replacing"]
-
 log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()

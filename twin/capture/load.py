@@ -19,8 +19,6 @@ from isel_twin.capture.ticks import Needs, Ticks, ticks_of
 from isel_twin.capture.vcd import Dump
 from isel_twin.capture.wave import LONGEST_NS, CaptureError, WrongCallError
 
-__all__ = ["KINDS", "load"]
-
 KINDS = (".vcd", ".csv", ".txt", ".tsv", ".npz")
 
 

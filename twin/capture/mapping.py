@@ -21,8 +21,6 @@ from dataclasses import dataclass
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.wave import CaptureError, WrongCallError
 
-__all__ = ["OUTPUTS", "Signal", "check_roles", "parse_map", "recognise"]
-
 OUTPUTS = ("stages", "brake", "current_lowering")
 """Outputs of a controller that drives take notice of, as this package's dumps tell them."""
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.motion import StepRun
 
-__all__ = ["Strikes", "lines_of", "play"]
-
 
 @dataclass(frozen=True)
 class Strike:

@@ -23,8 +23,6 @@ from isel_twin.capture.ticks import Ticks
 from isel_twin.controller import Event, Output, SerialFormat
 from isel_twin.motion import Displacement, StepRun
 
-__all__ = ["GAP_NS", "NAME", "Player"]
-
 NAME = "player"
 """What twins and recordings call it."""
 

@@ -27,8 +27,6 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.vcd import PIECE, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
-__all__ = ["UNITS", "Table"]
-
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}
 """Powers of ten from a unit of time to nanoseconds."""
 HEADER_LINES = 200

@@ -22,8 +22,6 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.capture.mapping import OUTPUTS, Signal
 from isel_twin.capture.wave import Capture, Wave
 
-__all__ = ["AxisTiming", "Needs", "Offence", "Ticks", "ticks_of"]
-
 
 @dataclass(frozen=True)
 class Needs:

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 
-__all__ = ["Dump", "waves_of"]
-
 PIECE = 1 << 20
 """Changes that one call of a scanner gives at most."""
 

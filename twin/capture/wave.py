@@ -14,8 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LONGEST_NS", "Capture", "CaptureError", "Wave", "WrongCallError"]
-
 LONGEST_NS = 10**18
 """Longest capture, 31 years: sums of some of them fit into 64 bits."""
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-__all__ = ["JOB_BYTES", "check_names", "job_name", "read_job"]
-
 JOB_BYTES = 1 << 24
 """Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
 

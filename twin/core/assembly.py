@@ -20,8 +20,6 @@ from isel_twin.machine import Machine, MachineError, with_overrides
 from isel_twin.plant import Plant, Threshold
 from isel_twin.wiring import ScenarioEvent, load_scenario, outputs, settable
 
-__all__ = ["PLANTS", "HasModel", "Plans", "build_plant", "draw_up", "power_on_mm"]
-
 PLANTS = ("mujoco", "kinematic")
 
 

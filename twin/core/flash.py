@@ -16,8 +16,6 @@ from isel_twin.base.files import Claim, atomic_write
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["FLASH_BYTES", "FlashFile", "flash_file"]
-
 log = logging.getLogger("isel_twin")
 
 FLASH_BYTES = 1 << 24

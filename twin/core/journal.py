@@ -31,8 +31,6 @@ from isel_twin.machine import Machine
 from isel_twin.plant import Cut
 from isel_twin.wiring import cut_table
 
-__all__ = ["SETTINGS", "Note", "Origin", "Received", "cut_content", "push_content"]
-
 Note = Callable[[int, str, Any], None]
 """note(time_ns, kind, what); see the module."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["Observers"]
-
 
 class _Seen(Protocol):
     """What is asked of the twin."""

@@ -28,8 +28,6 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import Controller
 from isel_twin.plant import Plant
 
-__all__ = ["Position", "position_error_mm"]
-
 
 def position_error_mm(
     position_mm: NDArray[np.float64], counts: NDArray[np.int64], step_mm: NDArray[np.float64]

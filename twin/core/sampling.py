@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from isel_twin.core.position import Position
 from isel_twin.plant import MOST_SAMPLES, Sampled
 
-__all__ = ["Sampler", "TwinSamples"]
-
 
 @dataclass(frozen=True, eq=False)
 class TwinSamples:

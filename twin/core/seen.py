@@ -16,8 +16,6 @@ from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
 from isel_twin.wiring import Wiring
 
-__all__ = ["Seen"]
-
 
 class Seen:
     """The part of a `Twin` that is read."""

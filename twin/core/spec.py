@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from isel_twin.controller import Controller
     from isel_twin.core.twin import Twin
 
-__all__ = ["TwinCall"]
-
 _IMAGE = b"isel-twin "
 """What flash images of the package's controllers begin with."""
 

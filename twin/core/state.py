@@ -29,8 +29,6 @@ from isel_twin.machine import Machine
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioEvent
 
-__all__ = ["BY_CHANCE", "Kind", "StateError", "TwinState", "pack", "unpack"]
-
 _OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
 """Attributes of the parts that lead out of the twin: to whoever is told of something."""
 

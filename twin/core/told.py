@@ -24,8 +24,6 @@ from typing import Any, cast
 
 from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDrives
 
-__all__ = ["Life", "StateError", "Told"]
-
 OFTEN = 1024
 """Calls after which it is tried to begin with a pickle, as soon as the controller is idle; that takes 50 us."""
 MOST = 1 << 17

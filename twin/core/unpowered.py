@@ -7,8 +7,6 @@ from typing import Any
 
 from isel_twin.controller import Controller, Event, SerialFormat
 
-__all__ = ["Unpowered"]
-
 
 class Unpowered:
     """Stands in for a controller while there is no mains. Implements `isel_twin.controller.Controller`."""

@@ -28,8 +28,6 @@ from isel_twin.machine import load_machine
 from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.plant import Plant, Threshold
 
-__all__ = ["told_of_compiling", "warm_up"]
-
 
 def _log(text: str) -> None:
     print(f"isel-twin: {text}", file=sys.stderr, flush=True)

@@ -31,8 +31,6 @@ from typing import Any
 
 from isel_twin.motion import Motion, Path, StepRun, TimeLaw
 
-__all__ = ["Activity", "Ended", "Listen", "Make", "Pause", "Request", "Travel", "Unfinished"]
-
 
 class Unfinished(Exception):
     """An activity has ended before its work was done. Firmwares derive their own, with what they need to tell."""

@@ -29,8 +29,6 @@ from dataclasses import dataclass, replace
 from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Request, Travel, Unfinished
 from isel_twin.motion import Displacement, Motion
 
-__all__ = ["Executor", "Parked"]
-
 EndedBy = Callable[[Unfinished | None], None]
 """Told how an activity has ended: None if it returned, else why it did not."""
 

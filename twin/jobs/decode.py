@@ -17,8 +17,6 @@ from itertools import count
 from isel_twin.jobs.job import JobError, parse_job
 from isel_twin.language import Language, encoded, readable
 
-__all__ = ["DecodeError", "Piece", "Row", "explain", "marked", "typed"]
-
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _BYTE = re.compile(r"<0*([0-9]{1,3})>")
 _SENT, _RECEIVED = ">", "<"

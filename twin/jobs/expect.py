@@ -50,8 +50,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.result import Result
 
-__all__ = ["Condition", "ExpectError", "Expected", "Seen", "excerpt", "lost_steps", "parse_condition", "parse_expected"]
-
 LONGEST_S = 1e9
 """Longest time that can be expected, as for pauses."""
 EXCERPT = 100

@@ -40,19 +40,6 @@ if TYPE_CHECKING:
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.motion import Steps
 
-__all__ = [
-    "Difference",
-    "Golden",
-    "GoldenError",
-    "Move",
-    "Scribe",
-    "called",
-    "differences",
-    "dumps",
-    "golden_file",
-    "load",
-]
-
 SUFFIX = ".golden"
 FORMAT = 1
 """Of the file."""

@@ -45,8 +45,6 @@ from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, n
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["JobError", "Line", "Result", "check_conditions", "check_controller", "decode_job", "parse_job", "play"]
-
 LONGEST_PAUSE_S = 1e9
 """Longest pause in virtual seconds, as for the times of a scenario."""
 

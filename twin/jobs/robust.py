@@ -34,22 +34,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-__all__ = [
-    "FRICTION",
-    "LOAD",
-    "SUPPLY",
-    "Trial",
-    "agree",
-    "called_machine",
-    "check",
-    "given_up",
-    "giving_up",
-    "perturbation",
-    "perturbed_twin",
-    "processes",
-    "trials",
-]
-
 SUPPLY = 0.05
 """Largest part by which the supply of the stages differs."""
 FRICTION = 0.2

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.result import Result
 
-__all__ = ["SETTLE_S", "Verdict", "halfway", "judge", "lost", "whole_slips"]
-
 HALFWAY = 0.375
 """Part of a slip from the nearest place that holds beyond which a rotor counts as resting halfway."""
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from isel_twin.motion.look_ahead import SPEED, T
 from isel_twin.motion.pieces import Curve, Pieces, table
 
-__all__ = ["Block", "Law", "State"]
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:

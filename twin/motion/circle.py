@@ -38,8 +38,6 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
-__all__ = ["Circle", "circle", "helix"]
-
 INTERVAL = 8192
 """Ticks between two checkpoints: some 30 us to walk, 24 bytes to keep."""
 

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from isel_twin.base.units import SECOND_NS
 from isel_twin.motion import Displacement, SetPoints
 
-__all__ = ["Braked", "Indexer", "Phase", "at_rest", "braked"]
-
 
 @dataclass(frozen=True)
 class Phase:

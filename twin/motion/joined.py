@@ -59,9 +59,7 @@ from isel_twin.motion.look_ahead import (
     speed_at,
 )
 from isel_twin.motion.path import Displacement, check_range
-from isel_twin.motion.pieces import Curve, Pieces, chain, piece
-
-__all__ = ["Curve", "Joined", "Pieces", "Stretch", "chain", "joined", "piece", "written"]
+from isel_twin.motion.pieces import Pieces
 
 BLOCK = 512
 """Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""

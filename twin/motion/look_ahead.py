@@ -18,28 +18,6 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
-__all__ = [
-    "ACCELERATION",
-    "DT",
-    "ENTRY",
-    "FAULTS",
-    "FRACTIONS",
-    "LENGTH",
-    "LIMIT",
-    "S0",
-    "S1",
-    "SPEED",
-    "V0",
-    "V1",
-    "T",
-    "brake",
-    "faults",
-    "lay",
-    "places",
-    "positions",
-    "speed_at",
-]
-
 LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)
 """Columns of a table of pieces."""
 

@@ -31,8 +31,6 @@ from numpy.typing import NDArray
 
 from isel_twin.motion.path import Displacement
 
-__all__ = ["Motion"]
-
 
 class Motion(Protocol):
     """A described stream of ticks; see the module."""

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.compiling import njit
 
-__all__ = ["Displacement", "Line", "Path", "even", "fill_even", "line"]
-
 Displacement = tuple[int, ...]
 """Whole numbers of steps or increments, one an axis."""
 

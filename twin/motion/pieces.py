@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.motion.look_ahead import FAULTS, faults
 
-__all__ = ["Curve", "Pieces", "chain", "piece", "table"]
-
 
 class Curve(Protocol):
     """A piece that is not straight."""

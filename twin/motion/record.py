@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
 
-__all__ = ["Steps"]
-
 
 class Steps:
     """The stream of all motions so far that are kept, in the order of time.

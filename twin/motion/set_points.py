@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.path import Displacement
 
-__all__ = ["SetPointRun", "SetPoints"]
-
 
 class SetPoints(Protocol):
     """What a `SetPointRun` asks of a plan. Immutable; it is the controller that brings it.

@@ -11,8 +11,6 @@ from isel_twin.motion.motion import Motion
 from isel_twin.motion.path import Displacement, Path
 from isel_twin.motion.time_law import TimeLaw
 
-__all__ = ["StepRun"]
-
 
 @dataclass(frozen=True, slots=True)
 class StepRun:

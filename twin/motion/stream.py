@@ -19,8 +19,6 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
 
-__all__ = ["Stream"]
-
 CHUNK = 1 << 15
 """Ticks of a motion expanded at once; bounds the memory of long moves."""
 

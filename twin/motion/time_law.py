@@ -34,8 +34,6 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
 
-__all__ = ["Rational", "TimeLaw", "Trapezoid", "constant", "law_from_numbers", "law_numbers", "trapezoid"]
-
 Rational = int | Fraction
 """Frequencies and accelerations may be any exact number; floats would not say what is meant."""
 

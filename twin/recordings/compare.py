@@ -22,8 +22,6 @@ import numpy as np
 from isel_twin.language import Language, readable
 from isel_twin.recordings.reading import Entry, Recorded, RecordingError
 
-__all__ = ["Comparison", "Counters", "Exchange", "Pair", "compare", "exchanges", "paired", "traffic"]
-
 MOST_UNLIKE = 4000
 """Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
 with the one at its place."""

@@ -18,8 +18,6 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Container", "Output"]
-
 MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
 (
     _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX,

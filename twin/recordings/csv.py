@@ -14,8 +14,6 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.files import replacing
 from isel_twin.recordings.recorder import Samples
 
-__all__ = ["write_csv"]
-
 
 def write_csv(path: str | os.PathLike[str], recorder: Samples) -> None:
     """Write all samples so far. Raises OSError."""

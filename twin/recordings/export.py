@@ -11,8 +11,6 @@ from pathlib import Path
 from isel_twin.recordings.reading import Played, RecordingError, read
 from isel_twin.recordings.write import trace_kind, write_steps_and_samples
 
-__all__ = ["export"]
-
 
 def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
     """Write a recording as a file of a kind of `write.KINDS`; without `kind`, the one that its name ends in.

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
     from isel_twin.language import Language
 
-__all__ = ["CHANNELS", "METADATA", "SAMPLES", "RecordingWriter"]
-
 METADATA: Final = "isel-twin"
 """Name of the metadata record: plain text by key."""
 

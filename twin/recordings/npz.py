@@ -21,8 +21,6 @@ from isel_twin.base.files import replacing
 if TYPE_CHECKING:
     from isel_twin.motion import Steps
 
-__all__ = ["write_npz"]
-
 CHUNK = 1 << 18
 """Ticks expanded at a time."""
 

@@ -24,8 +24,6 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.files import replacing
 from isel_twin.recordings.recorder import Change, Samples
 
-__all__ = ["write_parquet"]
-
 _COLUMNS = {
     "time": ("ns", "virtual time since power-on"),
     "count": ("steps", "counter of axis {} in the controller"),

@@ -28,8 +28,6 @@ from isel_twin.recordings.recorder import Change, sample_dtype
 from isel_twin.recordings.recording import GROUPS
 from isel_twin.recordings.runs import add_run
 
-__all__ = ["Entry", "Recorded", "RecordingError", "read"]
-
 MOST_AXES = 8
 
 

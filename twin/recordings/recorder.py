@@ -27,8 +27,6 @@ from isel_twin.core.told import StateError
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["Change", "Recorder", "Samples", "sample_dtype"]
-
 BUFFER = 4096
 """Samples kept before they go to the file."""
 

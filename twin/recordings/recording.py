@@ -36,21 +36,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.motion import Motion
 
-__all__ = [
-    "FIXTURE",
-    "FLASH",
-    "GROUPS",
-    "MACHINE",
-    "MODEL",
-    "SCENARIO",
-    "FileRecording",
-    "Recording",
-    "Sink",
-    "attachments",
-    "metadata",
-    "packages",
-]
-
 FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
 """Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
 MODEL, FIXTURE = "model", "fixture"

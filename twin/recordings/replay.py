@@ -39,8 +39,6 @@ from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENA
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
-__all__ = ["Difference", "Pace", "play_host", "rebuilt", "replay", "versions"]
-
 SLICE_NS = 10 * MILLISECOND_NS
 """Virtual time after which a paced replay looks at the clock."""
 

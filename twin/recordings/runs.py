@@ -30,8 +30,6 @@ from isel_twin.motion.joined import Joined, Stretch, written
 from isel_twin.motion.path import Line, Path
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
-__all__ = ["Listed", "add_run", "described", "motion_from"]
-
 MOST_TICKS = 1 << 31
 """Ticks of a listed motion that are read; more are no recording of ours."""
 

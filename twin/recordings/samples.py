@@ -23,8 +23,6 @@ import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
 
-__all__ = ["HEADER", "sample_dtype", "samples_schema"]
-
 HEADER: Final = b"\0\1\0\0"
 """CDR, little endian."""
 

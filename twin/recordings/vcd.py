@@ -37,8 +37,6 @@ from isel_twin.base.files import replacing
 from isel_twin.motion import Steps
 from isel_twin.recordings.recorder import Change, Samples
 
-__all__ = ["write_vcd"]
-
 PULSE_NS = 5000
 """Longest high time of a step pulse."""
 SETUP_NS = 1000

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from isel_twin.motion import Steps
     from isel_twin.recordings.recorder import Samples
 
-__all__ = ["KINDS", "check_kind", "trace_kind", "write_steps_and_samples", "write_trace"]
-
 
 def trace_kind(path: Path) -> str:
     """The kind of trace that a file name ends in, one of KINDS. Raises ValueError, also if it needs an extra."""

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
     from isel_twin.recordings.recorder import Change, Recorder
 
-__all__ = ["COLOURS", "Mark", "deviation_classes", "escape", "lanes", "path_view", "picture", "swaths", "time_plots"]
-
 COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
 """Of deviations, from none to the largest."""
 LEAST_UM = 1.0

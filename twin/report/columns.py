@@ -23,8 +23,6 @@ from isel_twin.core.position import position_error_mm
 if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
 
-__all__ = ["Columns", "Way", "columns"]
-
 COLUMNS = 3000
 """Columns of a curve: what a screen of 1500 pixels shows at twice its width."""
 MOST_WAY = 16_000

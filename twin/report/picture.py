@@ -19,8 +19,6 @@ from isel_twin.report.columns import Columns
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
 
-__all__ = ["draw"]
-
 
 def draw(
     title: str, seen: Columns, results: Sequence[Result], marks: Sequence[Mark], limits: Mapping[str, float]

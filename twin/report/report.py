@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Part
     from isel_twin.recordings.recorder import Recorder
 
-__all__ = ["check_report", "part_of", "policy_hash", "write_report"]
-
 ROWS = 1000
 """Most commands listed, beside those with a finding."""
 PICTURES = 60

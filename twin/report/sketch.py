@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
 
-__all__ = ["write_sketch"]
-
 POINTS = 4000
 """About as many samples are drawn."""
 

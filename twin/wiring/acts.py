@@ -23,8 +23,6 @@ from isel_twin.controller import Key
 from isel_twin.plant import PLACES
 from isel_twin.wiring.contacts import FAULTS
 
-__all__ = ["ACTS", "BESIDE", "NO_KEYS", "Act", "check_input", "ended", "read_act"]
-
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
 """What a value may be: a number within limits, one of some words, true and false, a state of an input as
 `Wiring.settable` lists them, the name of a contact, the table of a cut (isel_twin.plant.Cut), or what

@@ -32,8 +32,6 @@ from isel_twin.wiring.when import Condition
 if TYPE_CHECKING:
     from isel_twin.wiring.scenario import ScenarioEvent
 
-__all__ = ["REARM_NS", "Decoder", "Schedule"]
-
 REARM_NS = 1 * MILLISECOND_NS
 """An event that has just been brought about is not again before this time is over."""
 

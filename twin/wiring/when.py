@@ -21,8 +21,6 @@ from typing import Literal
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, hint, plain
 
-__all__ = ["EXAMPLES", "SWITCH_STATES", "condition"]
-
 EXAMPLES = (
     "sent TEXT",
     "replied TEXT",

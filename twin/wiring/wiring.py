@@ -34,8 +34,6 @@ from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent
 from isel_twin.wiring.schedule import Decoder, Schedule
 from isel_twin.wiring.when import Condition
 
-__all__ = ["Wiring", "outputs", "settable", "thresholds"]
-
 PASSED_MM = 0.05
 """A carriage has left a position that an event waits for when it is back by this much."""
 

@@ -31,7 +31,7 @@ from isel_twin.base.parameters import Place, known
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
-from isel_twin.bridge.operate.panel.menu import BESIDE, key_menu, menu
+from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
 from isel_twin.bridge.operate.token import token_for
 from isel_twin.bridge.serve.server import Line, Server, Watch
@@ -42,8 +42,7 @@ from isel_twin.language import LanguageError, needed
 from isel_twin.machine import Machine
 from isel_twin.version import VERSION
 from isel_twin.wiring import FAULTS
-
-__all__ = ["COME", "FRAMES_PER_S", "Asked", "Panel", "Site"]
+from isel_twin.wiring.acts import BESIDE
 
 log = logging.getLogger("isel_twin")
 

@@ -16,9 +16,7 @@ from typing import Any
 from isel_twin.base.parameters import Limits
 from isel_twin.controller import Key, Setting
 from isel_twin.plant import Cut
-from isel_twin.wiring.acts import ACTS, BESIDE, Act
-
-__all__ = ["BESIDE", "key_menu", "menu"]
+from isel_twin.wiring.acts import ACTS, Act
 
 _FIRST = {"diameter": 6.0, "flutes": 2, "depth": 0.5, "width": 6.0, "spindle": 18_000.0, "kc": 800.0}
 """What stands in the fields of a cut at first: a small cutter in aluminium."""

@@ -14,8 +14,6 @@ from typing import Any
 from isel_twin.bridge.serve.wire_log import WireLine, WireLog
 from isel_twin.language import create_language
 
-__all__ = ["Monitor"]
-
 PIECES = 2000
 """Pieces of bytes kept for somebody who looks later."""
 

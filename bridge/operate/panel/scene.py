@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.plant import PLACES
 
-__all__ = ["BodyMesh", "Pose", "Poses", "Trail", "body_meshes", "deviation_colour"]
-
 SEGMENTS = 20
 """Sides of a cylinder."""
 

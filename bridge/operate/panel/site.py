@@ -51,8 +51,6 @@ from isel_twin.bridge.serve.tcp import parse_address
 from isel_twin.machine import Machine
 from isel_twin.plant.model import load_model
 
-__all__ = ["BROWSERS", "Gate", "WebSite"]
-
 log = logging.getLogger("isel_twin")
 _quiet = logging.getLogger("isel_twin.panel.web")
 _quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down

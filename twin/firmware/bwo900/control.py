@@ -53,8 +53,6 @@ from isel_twin.firmware.bwo900.status import at_power_on, cell, in_force, shown
 from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.motion import SetPointRun
 
-__all__ = ["Control"]
-
 OVERWRITTEN: Final = 1106
 """Message of a file that is taken, and replaces one."""
 

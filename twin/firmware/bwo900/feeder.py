@@ -16,8 +16,6 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.stored import Store
 
-__all__ = ["Feeder"]
-
 FED, START_FLAGS, HANDSHAKE = 8_811, 8_807, 11_176
 AT_START: Final = 0x10
 """Of P8807, byte 1: it is loaded from Start on, not from the change of mode."""

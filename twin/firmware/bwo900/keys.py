@@ -26,8 +26,6 @@ from isel_twin.controller import Key, KeyValue
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.firmware.bwo900.realtime.overrides import AXIS_OVERRIDE, is_override
 
-__all__ = ["KEYS", "MODES", "OUTPUT", "Wish", "values", "wish", "writes"]
-
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
 AXES: Final = ("z", "y", "x")

@@ -31,8 +31,6 @@ from isel_twin.language import (
     readable,
 )
 
-__all__ = ["Bwo900Language", "create"]
-
 END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")

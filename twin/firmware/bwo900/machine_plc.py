@@ -18,8 +18,6 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.plc import Memory, Plc, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
-__all__ = ["DEFAULT", "MachinePlc"]
-
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
 MOST_WAITING: Final = 32
 """M functions that wait for their turn; a program with more waits."""

@@ -21,8 +21,6 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
 from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
 
-__all__ = ["Memory", "filters", "read"]
-
 MAGIC: Final = b"BWO2"
 FIRST: Final = 8
 """Bytes before the programs."""

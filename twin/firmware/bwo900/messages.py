@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
-__all__ = ["MESSAGES", "Effect", "Message", "ProgramError", "message"]
-
 
 class Effect(Enum):
     """What a message does."""

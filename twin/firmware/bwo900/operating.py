@@ -32,8 +32,6 @@ from isel_twin.firmware.bwo900.realtime.watch import Watch
 from isel_twin.firmware.bwo900.status import NUMBERS
 from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
 
-__all__ = ["Mode", "Operating"]
-
 POSITIONED: Final = "P0"
 """The program whose first block a positioning block is."""
 

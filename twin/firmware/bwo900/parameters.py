@@ -17,19 +17,6 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = [
-    "AXIS_SIZE",
-    "FACTORY",
-    "LARGEST_Q",
-    "LOADED",
-    "MACHINE_AXES",
-    "REAL_TIME",
-    "SYNCHRONISING",
-    "Parameters",
-    "byte",
-    "descriptor",
-]
-
 LOADED: Final = 0x01
 REAL_TIME: Final = 0x04
 SYNCHRONISING: Final = 0x08

@@ -9,8 +9,6 @@ from isel_twin.controller import SerialFormat
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 
-__all__ = ["TERMINALS", "serial_format"]
-
 TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
     "estop": ("estop_1", "estop_2", "overtemperature"),
     "power": ("power_ok",),

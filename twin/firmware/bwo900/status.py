@@ -22,8 +22,6 @@ from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 
-__all__ = ["NUMBERS", "cell", "in_force", "shown"]
-
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     40: lambda m: m.motion,
     45: lambda m: m.polar,

@@ -21,8 +21,6 @@ from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE
 from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_name
 
-__all__ = ["EOT", "Receiver", "end_of_file", "parameter_file"]
-
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
 OPTIONS: Final = 11_178

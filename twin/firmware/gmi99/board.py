@@ -25,8 +25,6 @@ from isel_twin.firmware.gmi99.store import Store
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 
-__all__ = ["Bank", "Board", "Interpolator", "Order"]
-
 SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
 """Outputs of slot 0 that the fixture uses (G19)."""
 

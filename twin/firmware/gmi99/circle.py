@@ -20,9 +20,6 @@ import numpy as np
 from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, Move, Rules, straight
 from isel_twin.motion.look_ahead import FRACTIONS
 
-__all__ = ["chords", "circle", "fastest_hz"]
-
-
 ROUNDING = 1e-9
 """Chords by which a quotient may miss a whole number."""
 

@@ -21,8 +21,6 @@ from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction
 from isel_twin.firmware.gmi99.waiting import Wait
 
-__all__ = ["COMMANDS", "Command", "Kind", "command_of", "parse"]
-
 Handler = Callable[[Board, Instruction], Generator[Wait, None, None] | None]
 
 PLC_DATA_BYTES = 128

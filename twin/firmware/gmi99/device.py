@@ -12,8 +12,6 @@ from isel_twin.firmware.gmi99.logic import CardPlc
 from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.queue import Queue
 
-__all__ = ["OUTPUT_NAMES", "Card"]
-
 OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in range(8))
 """Outputs of the drives, two bytes a slot."""
 

@@ -21,8 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-__all__ = ["Images"]
-
 GROUP = 24
 DIGITAL = 12
 STATIC_BYTES = 160

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["MOVE_BIT", "Instruction", "OutOfRangeError", "signed"]
-
 MOVE_BIT = 0x80
 """Of a command character: the general motion command, its lower bits are the mask of axes."""
 

@@ -23,8 +23,6 @@ from typing import Literal
 
 from isel_twin.base.units import MILLISECOND_NS
 
-__all__ = ["ACKNOWLEDGED", "GAP_NS", "SHORT_COMMANDS", "Dil", "Frame", "Receiver", "Variant", "information_extension"]
-
 Variant = Literal["E", "S"]
 
 ACKNOWLEDGED = b"\xe5"

@@ -23,8 +23,6 @@ from isel_twin.firmware.gmi99.settings import FINE, SLOTS
 from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
-__all__ = ["CardPlc", "safety_program"]
-
 SAFETY = "safety.awl"
 """Text of the program that a card may have from the beginning, beside this file."""
 LONGEST_IMAGE = 0xFFFF

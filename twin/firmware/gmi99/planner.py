@@ -37,23 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
-from isel_twin.motion.joined import Joined, Pieces, chain, joined
-
-__all__ = [
-    "AXES",
-    "PERIOD_NS",
-    "Heading",
-    "Move",
-    "Rules",
-    "corner_hz",
-    "factor",
-    "line",
-    "more",
-    "scale",
-    "start",
-    "straight",
-    "useful_hz",
-]
+from isel_twin.motion.joined import Joined, Pieces, joined
+from isel_twin.motion.pieces import chain
 
 AXES = 6
 """Slots 0 to 5; a displacement has one number for each."""

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["Plc"]
-
 
 class Plc(Protocol):
     """What the card asks of its PLC."""

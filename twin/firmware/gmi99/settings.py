@@ -15,8 +15,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-__all__ = ["SLOTS", "Settings", "Stored", "decode", "encode"]
-
 SLOTS = 6
 ZERO_POINTS = 16
 FINE = 16

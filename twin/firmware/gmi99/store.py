@@ -14,8 +14,6 @@ from collections.abc import Callable, Mapping
 from isel_twin.firmware.gmi99.instruction import Instruction
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 
-__all__ = ["Store"]
-
 CAPACITY = 65_536
 DEPTH = 8
 """Subprograms open beside the main program."""

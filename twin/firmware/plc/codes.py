@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["BLOCK_TYPES", "CALLS", "ENDS", "FORMS", "JUMPS", "WORD_BYTES", "Form", "Instruction", "decode", "encode"]
-
 WORD_BYTES: Final = 2
 
 Operand = Literal["", "bit", "number", "constant", "jump", "block"]

@@ -17,8 +17,6 @@ from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
 
-__all__ = ["MOST", "Counter", "Timer", "bcd", "from_bcd"]
-
 BASES_NS: Final = tuple(MILLISECOND_NS * unit for unit in (10, 100, 1000, 10_000))
 """Units of a time constant: KT n.0 to n.3."""
 MOST: Final = 999

@@ -16,8 +16,6 @@ from typing import Final
 from isel_twin.firmware.plc.codes import BLOCK_TYPES, ENDS, FORMS, encode
 from isel_twin.firmware.plc.codes import Instruction as _Instruction
 
-__all__ = ["LARGEST", "Block", "ImageError", "Program"]
-
 MAGIC: Final = b"\x53\x35\x01"
 LARGEST: Final = 0xFFFF
 """Bytes of an image: offsets have 16 bits."""

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-__all__ = ["DATA_BYTES", "FLAG_BYTES", "IMAGE_BYTES", "Memory", "Rights"]
-
 IMAGE_BYTES: Final = 48
 FLAG_BYTES: Final = 256
 DATA_BYTES: Final = 256

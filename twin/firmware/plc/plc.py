@@ -23,8 +23,6 @@ from isel_twin.firmware.plc.image import ImageError, Program
 from isel_twin.firmware.plc.memory import Memory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
 
-__all__ = ["INSTRUCTION_NS", "Plc"]
-
 INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
 """Time of an instruction: 1000 of them take about 45 ms (manual of the card, section 9)."""
 

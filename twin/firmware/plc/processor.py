@@ -25,8 +25,6 @@ from isel_twin.firmware.plc.elements import Counter, Timer
 from isel_twin.firmware.plc.image import Block, Program
 from isel_twin.firmware.plc.memory import Memory
 
-__all__ = ["DEEPEST_BRACKETS", "DEEPEST_CALLS", "MOST_INSTRUCTIONS", "Elements", "Function", "Halt", "Processor"]
-
 DEEPEST_CALLS: Final = 16
 """Blocks that may be open at once (manual of the card: a stack of 16 levels)."""
 DEEPEST_BRACKETS: Final = 8

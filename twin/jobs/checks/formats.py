@@ -20,8 +20,6 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.job import RULES, Finding, Report
 from isel_twin.version import VERSION
 
-__all__ = ["as_annotations", "as_json", "junit", "sarif", "where"]
-
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML does not have; a reply may hold any."""
 

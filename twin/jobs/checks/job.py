@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from isel_twin.core.spec import TwinCall
     from isel_twin.core.twin import Twin
 
-__all__ = ["RULES", "Bounds", "Finding", "Inspection", "Report", "check_job"]
-
 LOOK_NS = 5 * MILLISECOND_NS
 """Between two looks at the deviation."""
 

@@ -35,8 +35,6 @@ from isel_twin.base.parameters import FileError, Limits, Place, known, plain, re
 from isel_twin.core.spec import TwinCall
 from isel_twin.jobs.checks.job import Bounds
 
-__all__ = ["FILE", "SettingsError", "Task", "find", "load", "task"]
-
 FILE = "isel-twin.toml"
 
 _NUMBERS: Mapping[str, Limits] = {

@@ -32,8 +32,6 @@ from isel_twin.language import create_language, readable
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-__all__ = ["Command", "JobRun", "Watched"]
-
 LOOK_S = 0.005
 """Virtual time between two looks, unless told otherwise."""
 

@@ -27,8 +27,6 @@ from isel_twin.many.identification.session import session_of
 from isel_twin.many.identification.stand_in import carry_out
 from isel_twin.many.identification.unknowns import Unknown
 
-__all__ = ["Choice", "choose"]
-
 
 @dataclass(frozen=True)
 class Choice:

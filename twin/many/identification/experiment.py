@@ -30,8 +30,6 @@ from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
 from isel_twin.many.identification.session import referenced, stall_speed_hz
 from isel_twin.many.identification.unknowns import Unknown
 
-__all__ = ["Block", "Experiment", "Step", "assemble", "blocks", "job_text"]
-
 PUSH_N = 150.0
 """A spring scale or a 15 kg weight over a pulley."""
 STALL_HZ_PER_MS = (400, 1000)

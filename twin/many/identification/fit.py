@@ -36,8 +36,6 @@ from isel_twin.machine import Machine
 from isel_twin.many.identification.session import MISSED, Datum, Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate
 
-__all__ = ["Estimate", "Fit", "Model", "Prospect", "fit", "prospect"]
-
 STEP = 0.8
 """Of the differences, in standard deviations of the prior."""
 CLIFF = 5.0

@@ -54,8 +54,6 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, table, text
 from isel_twin.wiring.scenario import EVENT_KEYS
 
-__all__ = ["Act", "Measured", "MeasuredError", "Reading", "Repeats", "Stall", "read_measured", "written"]
-
 GAUGE_SIGMA_MM = 0.005
 TIME_SIGMA_S = 0.005
 """USB adapters keep bytes back for 1 to 16 ms, and hosts do other things too."""

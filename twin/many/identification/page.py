@@ -14,8 +14,6 @@ from isel_twin.many.identification.fit import Estimate, Fit
 from isel_twin.report.chart import escape
 from isel_twin.report.report import part_of, policy_hash
 
-__all__ = ["page"]
-
 ROWS = 400
 """Most data listed; the worst ones first."""
 WIDTH, ROW = 460, 22

@@ -24,8 +24,6 @@ from isel_twin.many.identification.fit import WEAK, Fit
 from isel_twin.many.identification.unknowns import candidate, changes
 from isel_twin.models import machine_names
 
-__all__ = ["as_json", "based_on", "patch"]
-
 
 def based_on(name: str, machine: Machine, folder: Path) -> str:
     """What a machine.toml in that folder says to begin with `name`, which is that machine."""

@@ -43,8 +43,6 @@ from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import ScenarioError, event_now
 
-__all__ = ["Datum", "Player", "Session", "predict", "session_of", "stall_speed_hz", "stand_alone"]
-
 LEAST_S = 0.05
 """A shorter duration says something of the controller and its line, nothing of the machine."""
 SETTLE_S = 0.3

@@ -28,8 +28,6 @@ from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Entry, Recorded
 from isel_twin.wiring import ScenarioError, event_now
 
-__all__ = ["carry_out", "write_recording"]
-
 THINK_S = 0.05
 """From a reply to the next command."""
 PLACE = 2.0

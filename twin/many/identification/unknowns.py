@@ -34,8 +34,6 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import hint, rows
 from isel_twin.machine import Machine, machine_from_tree
 
-__all__ = ["GRADE_FACTOR", "Unknown", "candidate", "default_names", "parse_prior", "unknown"]
-
 GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
 """By grade: the prior range reaches from the value divided by this to the value times it."""
 SWITCH_MM = 2.0

@@ -63,8 +63,6 @@ from isel_twin.many.studies.row import OUTCOMES, Work, machine_digest
 from isel_twin.version import VERSION
 from isel_twin.wiring.scenario import EVENT_KEYS, TIME_KEYS
 
-__all__ = ["SECTIONS", "TIMES", "Parameter", "Plan", "PlanError", "load_plan"]
-
 SECTIONS = ("machine", "settings", "job", "scenario")
 """Of a plan, beside [sweep]: whose parameters vary."""
 TIMES = "times"

@@ -30,8 +30,6 @@ from isel_twin.base.errors import CallError
 from isel_twin.many.studies.plan import Plan, between
 from isel_twin.many.studies.row import Point
 
-__all__ = ["all_points", "points", "unit_samples"]
-
 
 def unit_samples(plan: Plan) -> NDArray[np.float64]:
     """float64 [n, d]: the samples in [0, 1), one column for each sampled parameter; [1, 0] if there are none.

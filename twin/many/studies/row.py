@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
     from isel_twin.machine import Machine
 
-__all__ = ["OUTCOMES", "MismatchError", "Point", "Work", "compute", "machine_digest"]
-
 OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "ok": ("bool", "", "the job did what it has to, no step lost, every bound kept; null: it could not begin"),
     "error": ("string", "", "why it could not begin; null: it did"),

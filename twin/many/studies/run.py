@@ -23,8 +23,6 @@ from typing import Any, TypeVar
 from isel_twin.base.errors import CallError
 from isel_twin.jobs.robust import giving_up, processes
 
-__all__ = ["Crew", "Lost", "cluster", "finished", "here", "local"]
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

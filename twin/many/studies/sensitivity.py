@@ -30,8 +30,6 @@ from isel_twin.base.errors import CallError
 from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.points import all_points
 
-__all__ = ["Index", "check_picture", "draw", "indices"]
-
 OUTCOME_TITLES: Mapping[str, str] = {"margin_moves": "least torque margin", "cycle_s": "duration", "ok": "failure"}
 """Outcomes that are looked at, and what they are called."""
 LEAST_ROWS = 64

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from isel_twin.many.studies.plan import Plan
 
-__all__ = ["Table", "journal_of", "read_rows"]
-
 MOST_WAITING = 10_000
 """Rows that wait in the journal at most."""
 PART_WAITING = 16

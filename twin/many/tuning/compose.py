@@ -32,8 +32,6 @@ from isel_twin.many.tuning.space import Group, Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["best_of_each", "composed", "distributions", "sampler"]
-
 NEW = 3
 """Most moves of a trial that try something new: with more, one of them nearly always loses steps."""
 STEP = {"speed_hz": 0.2, "acceleration_hz_per_ms": 0.6, "start_stop_hz": 0.6}

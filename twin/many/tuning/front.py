@@ -17,8 +17,6 @@ from pathlib import Path
 from isel_twin.many.tuning.judge import Judgement
 from isel_twin.many.tuning.result import Tried, front, gain
 
-__all__ = ["check_picture", "draw", "rows"]
-
 
 def rows(tried: Sequence[Tried], before: Judgement, tuned: int | None = None) -> list[tuple[str, str, str, str, str]]:
     """Trial, time, time saved, margin and settings of each of the front, the fastest first; `tuned` is marked."""

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from isel_twin.core.spec import TwinCall
     from isel_twin.core.twin import Twin
 
-__all__ = ["Judgement", "Repetition", "Weather", "judged", "make", "waited_for"]
-
 Stop = Callable[[], bool]
 Made = TypeVar("Made")
 

@@ -17,8 +17,6 @@ from isel_twin.language import MoveSettings
 from isel_twin.many.tuning.judge import Judgement, Repetition, Weather, repetitions
 from isel_twin.many.tuning.space import Candidate, Problem
 
-__all__ = ["Held", "Tried", "Tuned", "confirm", "front", "tuned"]
-
 ALONE = 5
 """Per cent of the repetitions that may have kept less than the margin that nearly all keep."""
 

@@ -23,8 +23,6 @@ from isel_twin.core.spec import TwinCall
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
 
-__all__ = ["SETTINGS", "Candidate", "Group", "Parameter", "Problem"]
-
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
 """Names of `MoveSettings`; speeds count by their differences, ramps by their ratios."""
 SLOWEST = 2

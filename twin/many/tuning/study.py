@@ -35,8 +35,6 @@ from isel_twin.many.tuning.space import Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["BATCH", "Study", "StudyError", "need_optuna"]
-
 BATCH = 8
 """Trials that are chosen together."""
 RANDOM = 12

@@ -18,8 +18,6 @@ from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
 from isel_twin.firmware.bwo900.geometry.groups import START, Modal
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["Coordinates"]
-
 ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
 ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
 

@@ -27,8 +27,6 @@ from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-__all__ = ["Cycle", "call_of", "chosen", "comes_first", "step"]
-
 CYCLE_PARAMETERS: Final = (*range(10, 40), *range(100, 160))
 """P that a cycle is told, as they are when it begins."""
 MOTION: Final[Mapping[Kind, int]] = {

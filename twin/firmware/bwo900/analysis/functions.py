@@ -14,8 +14,6 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["CONTROLLING", "DELETE", "DELETED", "FACTORY_FUNCTIONS", "Definition", "Functions"]
-
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
 CONTROLLING: Final = frozenset((0, 1, 2, 16, 23, 24, 25, 26, 28, 29, 30))

@@ -16,8 +16,6 @@ from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-__all__ = ["clear", "handed"]
-
 WHOLE, LIST = 8_640, 8_642
 AXES, G, M, SPEEDS, OWN, LAST = 9_700, 9_740, 9_750, 9_780, 9_790, 9_799
 OTHERS: Final[Mapping[str, int]] = {"I": 9_732, "J": 9_733, "K": 9_734, "R": 9_735, "T": 9_736, "f": 9_738, "F": 9_739}

@@ -48,8 +48,6 @@ from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-__all__ = ["Interpreter", "Waiting"]
-
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
 START_FLAGS: Final = 8_807

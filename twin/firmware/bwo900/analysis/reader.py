@@ -26,8 +26,6 @@ from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.syntax import Block, MWord, Word
 
-__all__ = ["CENTRES", "Reader"]
-
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((81, 82, 83, 84, 85))

@@ -20,8 +20,6 @@ from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Line, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["MOST_BLOCKS", "find"]
-
 RESTARTS, STATE, APPROACHES = 8_804, 8_686, 2.0
 MOST_BLOCKS: Final = 1_000_000
 """A program that does not come by its block within so many is a loop."""

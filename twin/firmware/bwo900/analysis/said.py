@@ -20,8 +20,6 @@ from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-__all__ = ["Called", "Said", "correction", "path_block"]
-
 Called: TypeAlias = tuple[str, int | None, int | None]
 """A program, and its first and last block if they are named."""
 

@@ -17,8 +17,6 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-__all__ = ["DEEPEST_CALLS", "DEEPEST_LOOPS", "Goal", "Level", "Stack"]
-
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""
 DEEPEST_LOOPS: Final = 32

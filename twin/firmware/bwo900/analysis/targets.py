@@ -23,8 +23,6 @@ from isel_twin.firmware.bwo900.geometry.groups import GROUPS
 from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-__all__ = ["Targets"]
-
 NEAR_MM: Final = 1e-9
 """Paths shorter than this are none."""
 

@@ -15,8 +15,6 @@ from typing import Final
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-__all__ = ["ASKED", "INFO", "LOCK", "PATH", "REQUESTED", "SPINDLE", "Tools", "told"]
-
 REQUESTED: Final = 8_050
 """First parameter of the record for the PLC: the tool that T has asked for."""
 SPINDLE: Final = 8_100

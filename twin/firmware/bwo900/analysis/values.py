@@ -16,8 +16,6 @@ from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Param
 from isel_twin.firmware.bwo900.programs.expressions import Expression, Number, Parameter, Symbol, evaluate, whole
 from isel_twin.firmware.bwo900.programs.syntax import Assign, Block
 
-__all__ = ["Later", "Values"]
-
 Later: TypeAlias = list[tuple[int, float | None]]
 """Parameters P that are written when a block is executed: number, value."""
 

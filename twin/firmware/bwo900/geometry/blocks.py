@@ -15,8 +15,6 @@ from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane,
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.programs.syntax import Text
 
-__all__ = ["BlockEnd", "Correction", "Machine", "PathBlock", "Stop"]
-
 
 class BlockEnd(Enum):
     """How a block's path ends."""

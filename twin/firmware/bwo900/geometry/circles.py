@@ -8,8 +8,6 @@ from typing import Final
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Plane, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["arc_by_centre", "arc_by_radius"]
-
 NEAR_MM: Final = 1e-9
 
 

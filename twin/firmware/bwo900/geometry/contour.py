@@ -30,8 +30,6 @@ from isel_twin.firmware.bwo900.geometry.plane import (
 )
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["STRAIGHT", "Contour", "chamfered", "rounded", "through"]
-
 STRAIGHT: Final = 0.02
 """G123: up to this height over the chord it is two lines (between the manual's examples, 0.009 and 0.13)."""
 NEAR: Final = 1e-9

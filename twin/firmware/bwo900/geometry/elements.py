@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeAlias
 
-__all__ = ["XY", "YZ", "ZX", "Arc", "Element", "Line", "Plane", "Point"]
-
 Point: TypeAlias = tuple[float, ...]
 
 

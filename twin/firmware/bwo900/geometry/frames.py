@@ -27,8 +27,6 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, Plane, Point
 
-__all__ = ["Frame", "Rotation", "polar"]
-
 
 @dataclass(frozen=True, slots=True)
 class Rotation:

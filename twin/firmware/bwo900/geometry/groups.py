@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-__all__ = ["BLOCKWISE", "GROUPS", "START", "ZERO_POINTS", "Modal"]
-
 MOTION, POLAR, TANGENT, TRANSFORMED, PLANE, EXACT, RADIUS, CORRECTION = range(8)
 ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED, INCH = range(8, 18)
 

@@ -15,8 +15,6 @@ from isel_twin.firmware.bwo900.geometry.elements import XY
 from isel_twin.firmware.bwo900.geometry.frames import Frame
 from isel_twin.firmware.bwo900.geometry.groups import START, Modal
 
-__all__ = ["AT_REST", "InForce"]
-
 NO_FRAME: Final = Frame(3, XY, (0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), zero=(0.0, 0.0, 0.0))
 
 

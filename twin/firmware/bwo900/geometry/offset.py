@@ -36,8 +36,6 @@ from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plan
 from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["Offset", "corner_arc"]
-
 MOST_EMPTY: Final = 12
 """Blocks without a path in a row (M1157)."""
 STRAIGHT_RAD: Final = 1e-6

@@ -13,8 +13,6 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
 
-__all__ = ["UV", "cut", "flat_length", "heading", "left_of", "meetings", "offset", "share_of", "turn"]
-
 UV: TypeAlias = tuple[float, float]
 NEAR: Final = 1e-9
 

@@ -16,20 +16,6 @@ from typing import Final, Protocol, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = [
-    "DEEPEST",
-    "Binary",
-    "Environment",
-    "Expression",
-    "Function",
-    "Number",
-    "Parameter",
-    "Symbol",
-    "depends_on",
-    "evaluate",
-    "whole",
-]
-
 DEEPEST: Final = 10
 """Brackets inside each other (M1209)."""
 

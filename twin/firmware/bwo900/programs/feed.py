@@ -17,8 +17,6 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
 
-__all__ = ["HIGH", "LOW", "ROOM", "Feed"]
-
 ROOM: Final = 65_536
 """Bytes of lines that can wait; the manual names no number."""
 HIGH: Final = ROOM // 2

@@ -7,8 +7,6 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["END", "MOST_LINE", "Lines", "without_number"]
-
 END: Final = "#"
 """What stands behind the last block of a file."""
 MOST_LINE: Final = 400

@@ -21,8 +21,6 @@ from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
 
-__all__ = ["Blocks", "Builder", "Program", "Store", "program_name"]
-
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 
 

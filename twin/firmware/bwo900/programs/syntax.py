@@ -27,20 +27,6 @@ from isel_twin.firmware.bwo900.programs.expressions import (
     depends_on,
 )
 
-__all__ = [
-    "LONGEST",
-    "Assign",
-    "Block",
-    "GWord",
-    "Jump",
-    "MWord",
-    "Text",
-    "Wait",
-    "Word",
-    "parse_block",
-    "parse_expression",
-]
-
 LONGEST: Final = 200
 """Characters of a block."""
 MOST: Final[Mapping[str, int]] = {

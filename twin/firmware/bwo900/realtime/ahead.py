@@ -22,8 +22,6 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.services import Services
 
-__all__ = ["BLOCK_NS", "REFILL", "Ahead", "Filter"]
-
 BLOCK_NS: Final = 1_500_000
 """Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
 AHEAD: Final = 400

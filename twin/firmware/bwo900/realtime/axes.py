@@ -20,8 +20,6 @@ from isel_twin.firmware.bwo900.realtime.path import Limits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
 
-__all__ = ["AXES", "Axes"]
-
 AXES: Final = 3
 INCREMENTS_PER_MM: Final = 1_000.0
 """P12012 over P12013 where nobody has set them."""

@@ -29,8 +29,6 @@ from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS, Stretch, breaks_after, joining
 from isel_twin.motion import SetPointRun
 
-__all__ = ["Channel", "Phase"]
-
 EVERY_BLOCK, START_FLAGS = 8_814, 8_806
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""

@@ -15,8 +15,6 @@ from isel_twin.firmware.bwo900.realtime.jog import Jog
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 
-__all__ = ["Hand"]
-
 
 class Hand:
     """The move that is made, if there is one, and those that are asked for."""

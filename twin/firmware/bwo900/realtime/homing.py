@@ -18,8 +18,6 @@ from typing import Final
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
-__all__ = ["Homing"]
-
 FAST, SLOW = 10_000.0, 2_000.0
 """Increments a second."""
 ACCELERATION: Final = 100_000.0

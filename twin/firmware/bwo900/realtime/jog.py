@@ -17,8 +17,6 @@ from isel_twin.firmware.bwo900.realtime.path import Limits
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
-__all__ = ["Jog", "step_on"]
-
 CONTINUOUS, STEP = 1, 2
 FURTHEST_MM: Final = 10_000.0
 """A continuous move without software limits ends here."""

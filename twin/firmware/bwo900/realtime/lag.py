@@ -18,8 +18,6 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.parameters import MACHINE_AXES, Parameters
 from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
 
-__all__ = ["LagWatch", "window_mm"]
-
 LOOK_NS: Final = 25 * MILLISECOND_NS
 MORE_PERCENT: Final = 50.0
 LONGEST_MS: Final = 50.0

@@ -14,8 +14,6 @@ from isel_twin.controller import Event, Output, Remark
 from isel_twin.firmware.bwo900.messages import Effect, Message
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, Parameters
 
-__all__ = ["Outgoing"]
-
 CELLS: Final[Mapping[Effect, int]] = {
     Effect.SYSTEM_ABORT: 8_500,
     Effect.CHANNEL_ABORT: 8_501,

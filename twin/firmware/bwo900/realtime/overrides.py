@@ -17,8 +17,6 @@ from typing import Final
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-__all__ = ["AXIS_OVERRIDE", "FACTORY_OVERRIDES", "HIGHEST", "factor", "is_override", "written"]
-
 FIRST: Final = 11_310
 COUNT: Final = 8
 SIZE: Final = 5

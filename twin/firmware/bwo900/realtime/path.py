@@ -31,8 +31,6 @@ from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.joined import Pieces
 
-__all__ = ["Limits", "Path", "circumradius", "corner_factor", "feed_factor", "positive"]
-
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0
 """P12004 where nobody has set it."""

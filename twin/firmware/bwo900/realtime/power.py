@@ -14,8 +14,6 @@ from typing import Final
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
-__all__ = ["Power"]
-
 POWER_NS: Final = 500 * MILLISECOND_NS
 
 

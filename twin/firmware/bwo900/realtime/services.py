@@ -16,8 +16,6 @@ from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.realtime.path import Limits
 from isel_twin.firmware.bwo900.realtime.watch import Watch
 
-__all__ = ["Services"]
-
 WITHOUT_FUNCTIONS: Final = 8_813
 
 

@@ -24,8 +24,6 @@ from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, Pieces, joined
 
-__all__ = ["PERIOD_NS", "Stretch", "breaks_after", "joining"]
-
 PERIOD_NS: Final = 2 * MILLISECOND_NS
 """From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
 MOST_PIECES: Final = 8192

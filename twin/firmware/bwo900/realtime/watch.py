@@ -20,8 +20,6 @@ from isel_twin.firmware.bwo900.analysis.functions import DELETE, DELETED
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters, byte
 
-__all__ = ["PROBE", "Watch"]
-
 PROBE: Final = "e0.6"
 """Terminal of the probe."""
 KEEP, KEPT = 8_716, 8_696

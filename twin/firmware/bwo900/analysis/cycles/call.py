@@ -9,8 +9,6 @@ from enum import Enum
 from isel_twin.firmware.bwo900.geometry.elements import Plane, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["Call", "Kind", "Move"]
-
 
 class Kind(Enum):
     """How a move goes to its target."""

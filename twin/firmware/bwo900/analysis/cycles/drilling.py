@@ -22,8 +22,6 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["boring", "deep_hole", "drilling", "strokes", "tapping"]
-
 SAFETY_MM: Final = 1.0
 """P38 where it is not programmed."""
 MOST: Final = 10_000

@@ -30,8 +30,6 @@ from typing import Final, TypeAlias
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["circle", "circle_finished", "layers", "rectangle", "rectangle_finished", "rectangle_zigzag", "rows"]
-
 RETRACT_MM: Final = 2.0
 """Above the floor, between rows and layers (manual)."""
 HALF_CIRCLE_MM: Final = 2.5

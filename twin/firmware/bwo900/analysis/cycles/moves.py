@@ -8,8 +8,6 @@ from itertools import islice
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Move
 
-__all__ = ["Moves"]
-
 
 class Moves(Iterator[Move]):
     """Moves of a cycle. Cycles are pure functions: a copy begins anew and leaves out what has been."""

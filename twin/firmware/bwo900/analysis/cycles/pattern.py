@@ -22,8 +22,6 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
 from isel_twin.firmware.bwo900.geometry.frames import Rotation
 from isel_twin.firmware.bwo900.messages import ProgramError
 
-__all__ = ["circle", "grid", "perimeter", "ray"]
-
 AGREE_MM: Final = 1e-3
 """What is said twice may differ by so much."""
 

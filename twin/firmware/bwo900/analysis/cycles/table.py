@@ -8,8 +8,6 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.cycles import drilling, milling, pattern
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Move
 
-__all__ = ["CYCLES"]
-
 CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {
     71: milling.rectangle,
     72: milling.rectangle_zigzag,
