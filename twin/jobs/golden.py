@@ -35,7 +35,7 @@ from isel_twin.base.parameters import FileError, Place, known, read_toml, table
 from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.jobs.job import Result
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.motion import Steps
@@ -174,12 +174,12 @@ def golden_file(job: Path) -> Path:
     return job.with_suffix(SUFFIX)
 
 
-def called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
+def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
     """The run with what it was called with; files as seen from the golden file."""
-    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
+    head: dict[str, Any] = {"job": job.name, "machine": call.machine_name, "controller": call.controller}
     head |= {"plant": call.plant, "seed": call.seed}
-    if Path(call.machine).is_dir():
-        head["machine"] = _seen_from(file, Path(call.machine))
+    if Path(call.machine_name).is_dir():
+        head["machine"] = _seen_from(file, Path(call.machine_name))
     if call.scenario is not None:
         head["scenario"] = _seen_from(file, call.scenario)
     return replace(run, call=head)
