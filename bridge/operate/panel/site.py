@@ -6,14 +6,7 @@
     WebSocket /operate               requests of browsers, frames for them       JSON, one object a message
     WebSocket, any other path        the scene, in viser's own protocol
 
-viser brings web server and thread. What it has no hook for is put round the function it serves with (`_Serving`): the
-listening socket, which is bound before anything else starts, the page, and the gate. What it can do that nobody here
-wants, to share a scene through a server of its makers, is taken out.
-
-The gate: whoever does not name this server as his host, comes from a page of another origin, or lacks the token where
-one is needed, gets 403 and a line that says why. On the loopback interface the host must be this computer by name or
-number, or a page somewhere could have its own name point here. A browser is given the token by the link that `serve`
-prints and keeps it in a cookie. A policy in the page keeps browsers from asking anybody else for anything.
+viser brings web server and thread; how it is kept behind the gate is in guarded.py.
 """
 
 from __future__ import annotations
@@ -21,39 +14,28 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import http
-import importlib.resources
 import io
-import ipaddress
 import json
-import logging
 import socket
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
-import numpy as np
 import viser
-import viser.infra._infra as viser_infra
-import websockets
+import websockets.exceptions
 from websockets.asyncio.server import ServerConnection
-from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from isel_twin.bridge.operate.control import ControlError
 from isel_twin.bridge.operate.control_port import parse_request
+from isel_twin.bridge.operate.panel import guarded
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
-from isel_twin.bridge.operate.panel.scene import Poses, Trail, body_meshes
-from isel_twin.bridge.operate.token import is_loopback, is_token
-from isel_twin.bridge.serve.tcp import parse_address
+from isel_twin.bridge.operate.panel.gate import Gate
+from isel_twin.bridge.operate.panel.pages import POLICY, SCENE_POLICY, file_response, pages, response
+from isel_twin.bridge.operate.panel.stage import Stage
 from isel_twin.machine import Machine
-from isel_twin.plant.model import load_model
-
-log = logging.getLogger("isel_twin")
-_quiet = logging.getLogger("isel_twin.panel.web")
-_quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down
 
 BROWSERS = 16
 """Pages open at once."""
@@ -104,37 +86,29 @@ class WebSite:
         self._about: dict[str, Any] = {}
         self._plots: deque[list[Any]] = deque(maxlen=HISTORY)
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
-        self._stage: _Stage | None = None
-        self._files = _pages()
+        self._stage: Stage | None = None
+        self._files = pages()
         self._recording: Path | None = None
 
     # Called by the server
 
     @property
     def watched(self) -> bool:
-        """See Site."""
         return bool(self._browsers)
 
     def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None = None) -> None:
-        """See Site."""
         self._recording = recording
         self._about = dict(about)
-        with contextlib.redirect_stdout(io.StringIO()), _Serving(self):  # viser greets on the standard output
-            self._viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        self._viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
-        self._loop = self._viser._event_loop
-        self._stage = _Stage(self._viser, machine)
+        self._viser, self._loop = guarded.start(self._listener, self.respond, self.serve)
+        self._stage = Stage(self._viser, machine)
 
     def show(self, frame: Frame) -> None:
-        """See Site."""
         self._call(self._show, frame)
 
     def answer(self, client: int, answer: Mapping[str, Any]) -> None:
-        """See Site."""
         self._call(self._answer, client, answer)
 
     def close(self) -> None:
-        """See Site."""
         site, self._viser = self._viser, None
         if site is not None:
             with contextlib.redirect_stdout(io.StringIO()):
@@ -226,20 +200,20 @@ class WebSite:
     def respond(self, connection: ServerConnection, request: Request) -> Response | None:
         """What is asked for by GET; None: a WebSocket begins."""
         if (why := self._gate.refusal(request.path, request.headers)) is not None:
-            return _response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
+            return response(http.HTTPStatus.FORBIDDEN, f"{why}\n".encode())
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return None
         path = urlsplit(request.path).path
         if path == "/recording" and self._recording is not None:
-            return _file(self._recording)
+            return file_response(self._recording)
         found = self._files.get(path)
         if found is None:
-            return _response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
+            return response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
         kind, data = found
-        response = _response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if found is self._files["/scene"] else POLICY)
+        answer = response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if found is self._files["/scene"] else POLICY)
         if (cookie := self._gate.keep(request.path)) is not None:
-            response.headers["Set-Cookie"] = cookie
-        return response
+            answer.headers["Set-Cookie"] = cookie
+        return answer
 
 
 def _json(message: Mapping[str, Any]) -> str:
