@@ -30,7 +30,8 @@ from isel_twin.core.spec import MACHINE, TwinSpec
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
     from isel_twin.bridge.operate.panel.guest import Panel
-    from isel_twin.bridge.serve.server import Guest, WireTap
+    from isel_twin.bridge.serve.borders import WireTap
+    from isel_twin.bridge.serve.server import Guest
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
@@ -81,10 +82,11 @@ def serve(
 
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.pacing import Pacer, parse_speed
     from isel_twin.bridge.serve.recording import Freshness, TimeTap
     from isel_twin.bridge.serve.registry import registered
-    from isel_twin.bridge.serve.server import Server, on_signals
+    from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
     from isel_twin.cli.recording import begin, keep
     from isel_twin.core.warm import warm_up

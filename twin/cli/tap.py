@@ -47,8 +47,8 @@ def tap(
     import json
 
     from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.registry import registered
-    from isel_twin.bridge.serve.server import on_signals
     from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.bridge.tap.tap import Tap
     from isel_twin.cli.serve import file_number
