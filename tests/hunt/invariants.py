@@ -217,8 +217,8 @@ class Sight:
             levels=twin.levels,
             place_mm=_on_guides_mm(twin).tolist(),
             elements=dict(twin._wiring._cabinet.states),
-            bouncing=twin._wiring._contacts.next_ns is not None,
-            swapped=dict(twin._wiring._contacts._swapped),
+            bouncing=twin._wiring.contacts.next_ns is not None,
+            swapped=dict(twin._wiring.contacts._swapped),
             powered=bool(twin._plant.powered.any()),
         )
 
