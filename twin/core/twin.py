@@ -415,15 +415,14 @@ class Twin(Seen):
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        self._note("operated", push_content(CARRIAGES[axis], force_n, place))
-        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
-        self._settle()
+        acts = {"force_n": {CARRIAGES[axis]: force_n}}
+        content = push_content(CARRIAGES[axis], force_n, place)
+        self.carry_out(ScenarioEvent(self.time_ns, acts, place, content=content))
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        self._note("operated", cut_content(cut))
-        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
-        self._settle()
+        acts = {"cut": "off" if cut is None else cut}
+        self.carry_out(ScenarioEvent(self.time_ns, acts, content=cut_content(cut)))
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int | None) -> None:
         """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""

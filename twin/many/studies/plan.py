@@ -40,19 +40,8 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import (
-    FileError,
-    Limits,
-    Place,
-    hint,
-    known,
-    parse_toml,
-    plain,
-    read_text,
-    rows,
-    table,
-    text,
-)
+from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, read_toml, rows, table, text
+from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.job import Bounds
@@ -61,7 +50,8 @@ from isel_twin.language import SETTINGS_RANGES, create_language
 from isel_twin.machine import LEVELS, Machine, load_machine
 from isel_twin.many.studies.row import OUTCOMES, Work, machine_digest
 from isel_twin.version import VERSION
-from isel_twin.wiring.scenario import EVENT_KEYS, TIME_KEYS
+from isel_twin.wiring import EVENT_KEYS
+from isel_twin.wiring.scenario import TIME_KEYS
 
 SECTIONS = ("machine", "settings", "job", "scenario")
 """Of a plan, beside [sweep]: whose parameters vary."""
@@ -154,56 +144,6 @@ class Plan:
     seeds: tuple[int, ...] = (0,)
 
 
-@dataclass(frozen=True)
-class _PlanPlace(Place):
-    """A place in a plan, which knows its line."""
-
-    lines: tuple[str, ...] = ()
-    path: tuple[str, ...] = ()
-
-    def at(self, key: str) -> Place:
-        """See Place."""
-        return replace(self, key=f"{self.key}.{key}" if self.key else key, path=(*self.path, key))
-
-    def __str__(self) -> str:
-        line = _line(self.lines, self.path)
-        return f"{self.file}:{line}: {self.key}" if line else super().__str__()
-
-
-def _line(lines: Sequence[str], path: Sequence[str]) -> int:
-    """Number of the line in which a key stands, or as near to it as is to be seen; 0: nowhere.
-
-    path: section, key (with dots as it is told), key of the parameter.
-    """
-    if not path:
-        return 0
-    headers = {
-        n: words[1].replace('"', "").replace(" ", "").split(".")
-        for n, line in enumerate(lines, 1)
-        if (words := re.match(r"\s*\[+([^\]]+)\]", line))
-    }
-    begin = next((n for n, keys in headers.items() if keys[0] == path[0]), 0)
-    if not begin:
-        bare = (n for n, line in enumerate(lines, 1) if re.match(rf'\s*"?{re.escape(path[0])}"?\s*[.=]', line))
-        return next(bare, 0)
-    wanted = ".".join(path[1:2])
-    at, prefix = begin, ""
-    for n, line in enumerate(lines, 1):
-        if n in headers:
-            inside = headers[n][0] == path[0]
-            prefix = ".".join(headers[n][1:]) if inside else "-"
-            told = prefix
-        elif prefix != "-" and n > begin and (words := re.match(r'\s*([\w."\- ]+?)\s*=', line)):
-            told = ".".join(part for part in (prefix, words[1].replace('"', "").replace(" .", ".")) if part)
-        else:
-            continue
-        if n >= begin and wanted and (told == wanted or told.startswith(f"{wanted}.")):
-            return n
-        if n >= begin and wanted.startswith(f"{told}.") and told:
-            at = n
-    return at
-
-
 def load_plan(path: str | Path) -> Plan:
     """Read a plan and what it names: job, machine and scenario, as seen from the folder of the plan.
 
@@ -211,9 +151,7 @@ def load_plan(path: str | Path) -> Plan:
     cannot be read.
     """
     file = Path(path)
-    words = read_text(Place(file, PlanError))
-    document = parse_toml(words, Place(file, PlanError))
-    place: Place = _PlanPlace(file, PlanError, lines=tuple(words.splitlines()))
+    document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
     same = table(document.get("sweep", {}), place.at("sweep"))
     call, work = _same(same, place.at("sweep"), file.parent)
@@ -248,7 +186,7 @@ def load_plan(path: str | Path) -> Plan:
         raise place.at("sweep").wrong(f"{number} points; allowed: up to {MOST_POINTS}")
     return Plan(
         file=file,
-        text=words,
+        text=place.text,
         call=call,
         work=replace(work, parameters=tuple((p.section, p.key, p.unit) for p in parameters)),
         parameters=parameters,
@@ -328,7 +266,7 @@ def _job(file: Path, controller: str) -> str:
 def _events(file: Path) -> list[dict[str, Any]]:
     """The tables of a scenario as they stand in its file; they are checked when a twin reads them."""
     place = Place(file, PlanError)
-    tables = parse_toml(read_text(place), place).get("event", [])
+    tables = read_toml(place).get("event", [])
     return [dict(entry) for entry in tables if isinstance(entry, dict)] if isinstance(tables, list) else []
 
 
