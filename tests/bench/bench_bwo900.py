@@ -17,9 +17,10 @@ from firmware.bwo900.run import programs
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
-from isel_twin.firmware.bwo900.memory import Memory, filters
+from isel_twin.firmware.bwo900.memory import Memory
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.realtime.ahead import filters
 from isel_twin.firmware.bwo900.realtime.path import Limits, Path
 from isel_twin.motion.joined import joined
 from isel_twin.testing import Desk

@@ -14,10 +14,10 @@ from collections import Counter
 from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
-from isel_twin.firmware.bwo900.memory import filters
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
+from isel_twin.firmware.bwo900.realtime.ahead import filters
 from isel_twin.firmware.bwo900.realtime.path import Limits, Path
 
 TEXT = """

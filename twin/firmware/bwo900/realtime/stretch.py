@@ -12,7 +12,7 @@ knows nothing of what has been made (`MOST_PIECES`): the same set points in boun
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -20,7 +20,6 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.realtime.path import Limits, Path
-from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, Pieces, joined
 
@@ -228,37 +227,3 @@ class Stretch:
         self._plan = plan.forgetting(max(tick - 1, run.first))
         start_ns = run.start_ns + (tick - run.first) * PERIOD_NS
         self.run = SetPointRun(self._plan, PERIOD_NS, start_ns, first=tick)
-
-
-def breaks_after(block: PathBlock, halts: bool) -> bool:
-    """Whether the axes stand at its end, and something is waited for. halts: single block stops there."""
-    return block.stands or any(function.halt for function in block.post) or halts
-
-
-def joins(block: PathBlock, following: PathBlock, halts: bool, next_halts: bool) -> bool:
-    """Whether a block belongs to the stretch of the one before it. halts, next_halts: single block stops after them."""
-    return (
-        not breaks_after(block, halts)
-        and not any(function.halt for function in following.pre)
-        and following.override == block.override
-        and not (not following.elements and breaks_after(following, next_halts))
-    )
-
-
-def joining(
-    waiting: deque[PathBlock], last: PathBlock | None, halts: Callable[[PathBlock], bool], services: Services
-) -> list[PathBlock]:
-    """Take the waiting blocks that belong to the stretch behind its last block; None: the first of them begins it.
-
-    halts: whether single block stops after a block.
-    """
-    chosen: list[PathBlock] = []
-    while waiting:
-        block = waiting[0]
-        if last is not None and not joins(last, block, halts(last), halts(block)):
-            break
-        if last is not None and (services.allowed(block) or not services.room()):
-            break
-        chosen.append(waiting.popleft())
-        last = block
-    return chosen
