@@ -83,7 +83,7 @@ class Commands:
             case Wish.LOCK:
                 operating.lock()
             case Wish.FEED:
-                self._execution.channel.set_feed(given)
+                self._execution.channel.path.set_feed(given)
             case Wish.MAP:
                 p.write(8_554, self._mapped(int(given)))
             case Wish.REFERENCE:

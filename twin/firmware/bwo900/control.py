@@ -111,7 +111,7 @@ class Control:
 
     @property
     def key_values(self) -> Mapping[str, KeyValue]:
-        return keys.values(self._parameters, self.mode, self._channel.override)
+        return keys.values(self._parameters, self.mode, self._channel.path.override)
 
     @property
     def _power_due_ns(self) -> int | None:

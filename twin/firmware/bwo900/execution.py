@@ -104,8 +104,8 @@ class Execution:
         """Why the last program has not come to its end; empty: it has."""
         if self.channel.held:
             program, number = self.executed.place
-            wanted = "Start" if self.channel.override > 0.0 else "an override above 0 %"
-            if self.channel.locked:
+            wanted = "Start" if self.channel.path.override > 0.0 else "an override above 0 %"
+            if self.channel.path.locked:
                 wanted = "its release (P8701, P8702)"
             return f"{program} N{number} waits for {wanted}"
         return self._broken
@@ -113,7 +113,7 @@ class Execution:
     @property
     def hand_is_free(self) -> bool:
         """Axes may be moved without a program."""
-        return self.mode is Mode.HAND and not self.channel.active and not self.channel.locked
+        return self.mode is Mode.HAND and not self.channel.active and not self.channel.path.locked
 
     def begin(self) -> None:
         """The program of P8800 begins, or the positioning block."""

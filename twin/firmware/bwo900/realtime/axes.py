@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
 from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
-from isel_twin.firmware.bwo900.realtime.path import Limits, positive
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
 
@@ -47,7 +47,7 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
-        self._known: tuple[int, Limits] | None = None
+        self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters that they are of."""
 
     # Where they are
@@ -133,11 +133,11 @@ class Axes:
 
     # How far and how well
 
-    def limits(self) -> Limits:
+    def limits(self) -> MotionLimits:
         """What axes and path can, as the parameters are now."""
         revision = self._parameters.revision
         if self._known is None or self._known[0] != revision:
-            self._known = revision, Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+            self._known = revision, MotionLimits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
         return self._known[1]
 
     def _resolution(self, axis: int) -> float:

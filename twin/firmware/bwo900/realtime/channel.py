@@ -66,7 +66,7 @@ class Channel:
         self._axes, self._plc, self._deletion = around.axes, around.plc, around.deletion
         self.executed = around.executed
         self._ahead = Ahead(interpreter, around)
-        self._path = PathRun(interpreter, self._ahead, around)
+        self.path = PathRun(interpreter, self._ahead, around)
         self.state = State.IDLE
         self._current: PathBlock | None = None
         """Block whose path has ended, and whose end is being carried out."""
@@ -95,24 +95,14 @@ class Channel:
         return self.state is State.ABORTING
 
     @property
-    def override(self) -> float:
-        """0 to 1.2."""
-        return self._path.override
-
-    @property
-    def locked(self) -> bool:
-        """P8701, P8702: the axes may not move."""
-        return self._path.locked
-
-    @property
     def run(self) -> SetPointRun | None:
         """Set points, while there are any."""
-        return self._path.stretch.run
+        return self.path.stretch.run
 
     @property
     def next_ns(self) -> int | None:
         """When `advance` is due."""
-        return self._path.next_ns if self.state in MOVING else self._due_ns
+        return self.path.next_ns if self.state in MOVING else self._due_ns
 
     @property
     def halted(self) -> bool:
@@ -122,7 +112,7 @@ class Channel:
     @property
     def speed_mm_s(self) -> float:
         """Along the path, now."""
-        return self._path.stretch.speed_mm_s(self._axes.now_ns)
+        return self.path.stretch.speed_mm_s(self._axes.now_ns)
 
     @property
     def dwell_left_s(self) -> float:
@@ -136,18 +126,18 @@ class Channel:
     def start(self) -> None:
         """A program has been begun in the interpreter; carry it out."""
         self._ahead.start()
-        self._path.stretch.clear()
-        self._path.stand()
+        self.path.stretch.clear()
+        self.path.stand()
         self.executed.start()
-        self._current, self._holds, self._path.cut = None, False, Cut.NONE
+        self._current, self._holds, self.path.cut = None, False, Cut.NONE
         self._enter(State.READY, self._axes.now_ns)
         self.advance()
 
     def go_on(self) -> None:
         """Start, after Stop or M00."""
         self._holds = False
-        if self.state is State.PATH and self._path.stretch.brakes:
-            self._path.hold(False)
+        if self.state is State.PATH and self.path.stretch.brakes:
+            self.path.hold(False)
         elif self.held:
             self._resume()
         self.advance()
@@ -156,44 +146,40 @@ class Channel:
         """Stop: brake along the path, and wait for Start."""
         self._holds = True
         if self.state in MOVING:
-            self._path.hold(True)
+            self.path.hold(True)
         elif self.state in (State.READY, State.EMPTY):
             self._enter(State.HELD)
 
     def abort(self) -> None:
         """Brake along the path and forget the rest."""
-        if self.state in MOVING and self._path.stretch.runs and not self._path.over:
+        if self.state in MOVING and self.path.stretch.runs and not self.path.over:
             self.state = State.ABORTING
-            self._path.hold(True)
+            self.path.hold(True)
         elif self.state is not State.IDLE:
             self._end(aborted=True)
 
     def cut(self) -> None:
         """Everything ends at once: emergency stop."""
-        self._path.stretch.run = None
+        self.path.stretch.run = None
         if self.state is not State.IDLE:
             self._end(aborted=True)
 
     def set_override(self, factor: float) -> None:
         """Another override, 0 to 1.2."""
-        self._path.override = factor
+        self.path.override = factor
         self._rescale()
 
     def lock(self, locked: bool) -> None:
         """P8701, P8702: the axes brake along the path, and wait until they may move again."""
-        self._path.locked = locked
+        self.path.locked = locked
         self._rescale()
 
     def _rescale(self) -> None:
         """Another speed for the path under way; one that was held by nothing but the override goes on."""
         if self.state in MOVING:
-            self._path.rescale()
-        elif self.state is State.HELD_ON_PATH and not self._holds and self._path.scale > 0.0:
+            self.path.rescale()
+        elif self.state is State.HELD_ON_PATH and not self._holds and self.path.scale > 0.0:
             self._resume()
-
-    def set_feed(self, mm_min: float) -> None:
-        """P8817: another feed for what is left of the block in execution; 0 and less: none."""
-        self._path.set_feed(mm_min)
 
     # ---- going on ---------------------------------------------------------------------------------------------------
 
@@ -207,7 +193,7 @@ class Channel:
 
     def _progress(self) -> tuple[object, ...]:
         """Changes whenever a step has done something."""
-        return self.state, len(self._path.stretch), len(self._ahead.blocks), self.run, self._due_ns
+        return self.state, len(self.path.stretch), len(self._ahead.blocks), self.run, self._due_ns
 
     def _step(self) -> None:
         now_ns = self._axes.now_ns
@@ -227,12 +213,12 @@ class Channel:
                 elif due:
                     self._post()
             case State.PRE_FUNCTIONS if self._plc.idle:
-                self._path.cut &= ~Cut.JUMP
+                self.path.cut &= ~Cut.JUMP
                 self._begin_path()
             case State.POST_FUNCTIONS:
                 if self._plc.idle:
                     jumps = self._current is not None and has_jump(self._current) and not mute(self._around)
-                    self._path.cut = self._path.cut & ~Cut.JUMP | (Cut.JUMP if jumps else Cut.NONE)
+                    self.path.cut = self.path.cut & ~Cut.JUMP | (Cut.JUMP if jumps else Cut.NONE)
                     self._block_over()
                 elif due:
                     self._block_over()
@@ -308,11 +294,11 @@ class Channel:
         block = self._ahead.blocks[0]
         if block.watched and self._deletion.deletes(block):
             self._current = replace(self._ahead.blocks.popleft(), elements=())  # it takes its time all the same
-            self._path.delete()
+            self.path.delete()
             self._settle()
             return
         try:
-            self._path.begin()
+            self.path.begin()
         except ProgramError as error:
             self._break_off(error)
             return
@@ -320,12 +306,12 @@ class Channel:
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
-        path = self._path
+        path = self.path
         if not path.stretch.runs or path.give_up():
             return
         path.pass_on()
         if path.over:
-            self._path_ended()
+            self.path_ended()
             return
         try:
             if path.extend(holds=self._holds):
@@ -338,7 +324,7 @@ class Channel:
         if self.state is State.ABORTING:
             self._end(aborted=True)
             return
-        self._current = self._path.finish()
+        self._current = self.path.finish()
         if self._current is None:
             self._enter(State.HELD_ON_PATH)
         elif self._current.stands:
@@ -354,7 +340,7 @@ class Channel:
             case State.HELD_AT_PATH:
                 self._begin_path()
             case State.HELD_ON_PATH:
-                self._path.resume()
+                self.path.resume()
                 self.state = State.PATH
 
     # The end of a block
@@ -396,7 +382,7 @@ class Channel:
         """A block has been carried out whole."""
         block, self._current = self._current, None
         assert block is not None
-        path = self._path
+        path = self.path
         if path.cut & Cut.SIGNAL:
             path.cut &= ~Cut.SIGNAL
             path.begin_anew()
@@ -427,7 +413,7 @@ class Channel:
     def _end(self, *, aborted: bool) -> None:
         """No program any more."""
         self._ahead.end()
-        self._path.stretch.clear()
+        self.path.stretch.clear()
         self._current, self._holds = None, False
         self.executed.end()
         self._enter(State.IDLE)

@@ -36,6 +36,7 @@ class PathRun:
         self.stretch = Stretch()
         self.cut = Cut.NONE
         self.override = 1.0
+        """0 to 1.2."""
         self.locked = False
         """P8701, P8702: the axes may not move."""
 
@@ -124,7 +125,7 @@ class PathRun:
         self.stretch.resume(self.scale, self._axes.now_ns)
 
     def set_feed(self, mm_min: float) -> None:
-        """Another feed for what is left of the block in execution; 0 and less: none. Rapid has no feed."""
+        """P8817: another feed for what is left of the block in execution; 0 and less: none. Rapid has no feed."""
         block = self.stretch.first
         if mm_min > 0.0 and block is not None and not block.rapid:
             self.stretch.hasten(mm_min / 60.0, self._axes.now_ns)
