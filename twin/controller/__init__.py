@@ -44,6 +44,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from isel_twin.base.parameters import Limits
+from isel_twin.base.plugins import installed
 from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the compiler behind a motion much longer
@@ -399,7 +400,7 @@ _GROUP = "isel_twin.controllers"
 
 def controller_names() -> list[str]:
     """Names of all installed controllers, sorted."""
-    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
+    return sorted(entry.name for entry in installed(_GROUP))
 
 
 def create_controller(
@@ -415,8 +416,8 @@ def create_controller(
 
 def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
     """What builds the controller called `name` from a flash image and settings, again and again; it raises, and this
-    does, as `create_controller` does. Looking for it takes ten milliseconds, building one much less."""
-    for entry in importlib.metadata.entry_points(group=_GROUP):
+    does, as `create_controller` does."""
+    for entry in installed(_GROUP):
         if entry.name == name:
             with plugin_errors("controller", entry):
                 factory: ControllerFactory = entry.load()
@@ -437,7 +438,7 @@ def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
     A controller that does not work takes none.
     """
     if not set(wanted) <= _settings.keys():
-        for entry in importlib.metadata.entry_points(group=_GROUP):
+        for entry in installed(_GROUP):
             with suppress(PluginError), plugin_errors("controller", entry):
                 _settings.update(getattr(entry.load(), "settings", {}))
             if set(wanted) <= _settings.keys():

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, runtime_checkable
 
+from isel_twin.base.plugins import installed
 from isel_twin.controller import PluginError, UnknownNameError, controller_names, plugin_errors
 
 Ranges = Mapping[str, tuple[int, int]]
@@ -181,7 +182,7 @@ _GROUP = "isel_twin.languages"
 
 def language_names() -> list[str]:
     """Names of all controllers whose language is installed, sorted."""
-    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
+    return sorted(entry.name for entry in installed(_GROUP))
 
 
 def create_language(controller: str) -> Language | None:
@@ -194,8 +195,8 @@ def create_language(controller: str) -> Language | None:
 
 def language_factory(controller: str) -> Callable[[], Language | None]:
     """What makes a fresh language of the controller with this name, or None if it has none, again and again; it raises,
-    and this does, as `create_language` does. Looking for it takes ten milliseconds."""
-    for entry in importlib.metadata.entry_points(group=_GROUP):
+    and this does, as `create_language` does."""
+    for entry in installed(_GROUP):
         if entry.name == controller:
             with plugin_errors("language", entry):
                 factory: LanguageFactory = entry.load()
