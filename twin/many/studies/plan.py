@@ -42,7 +42,7 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, read_toml, rows, table, text
 from isel_twin.base.toml_lines import read_lines
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.job import Bounds
 from isel_twin.jobs.job import JobError, check_controller, decode_job
@@ -133,7 +133,7 @@ class Plan:
 
     file: Path
     text: str
-    call: TwinCall
+    call: TwinSpec
     """The twin of all rows, but for what varies; its scenario is the file itself."""
     work: Work
     parameters: tuple[Parameter, ...] = ()
@@ -155,7 +155,7 @@ def load_plan(path: str | Path) -> Plan:
     known(document, ("sweep", *SECTIONS), place)
     same = table(document.get("sweep", {}), place.at("sweep"))
     call, work = _same(same, place.at("sweep"), file.parent)
-    machine = load_machine(call.machine)
+    machine = call.as_built
     parameters = tuple(
         _parameter(section, key, form, place.at(section).at(key), work, machine)
         for section in SECTIONS
@@ -197,7 +197,7 @@ def load_plan(path: str | Path) -> Plan:
     )
 
 
-def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinCall, Work]:
+def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work]:
     """What stays the same."""
     known(content, KEYS, place)
     for key in _WORDS:
@@ -224,9 +224,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     machine = load_machine(called)
     start_mm = _triple(content["start_mm"], place.at("start_mm")) if "start_mm" in content else None
     scenario = folder / content["scenario"] if "scenario" in content else None
-    call = TwinCall(
+    call = TwinSpec(
         machine=called,
-        controller=content.get("controller", TwinCall.controller),
+        controller=content.get("controller", TwinSpec.controller),
         plant=content.get("plant", "mujoco"),
         scenario=scenario,
         start_mm=start_mm,
@@ -242,7 +242,7 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
         job_name=content.get("job", "moves"),
         job=_job(folder / content["job"], call.controller) if "job" in content else "",
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
-        machine=call.machine,
+        machine=called,
         machine_digest=machine_digest(machine),
         controller=call.controller,
         plant=call.plant,
