@@ -49,7 +49,7 @@ class Block:
         return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
 
     def split(self, row: int) -> tuple[Block, Block]:
-        """The phases before this one, the others."""
+        """Two blocks: the phases before `row`, and the others."""
         last, first = int(self.piece[row - 1]) + 1, int(self.piece[row])
         before = Block(
             self.first,
@@ -74,7 +74,7 @@ class Block:
         return before, after
 
     def with_pieces(self, pieces: Pieces) -> Block:
-        """With these behind it, without phases."""
+        """With more pieces at the end, which have no phases yet."""
         if not len(pieces):
             return self
         n = len(self.table)
@@ -92,7 +92,7 @@ class Block:
         return replace(self, table=changed)
 
     def shortened(self, count: int) -> Block:
-        """With its first so many pieces; what led along others was standing."""
+        """The first `count` pieces; phases on dropped pieces must be at standstill."""
         if count >= len(self.table):
             return self
         row = int(self.piece.searchsorted(count))
@@ -107,12 +107,12 @@ class Block:
         )
 
     def standing(self, piece: int, s: float, t_s: float) -> Block:
-        """With nothing but a phase that stands, from a time on, at place s of a piece."""
+        """With a single phase: standing from t_s on, at place s of a piece."""
         phases = np.array([[t_s, 0.0, s, s, 0.0, 0.0]])
         return replace(self, phases=phases, piece=np.array([piece], np.int32), back=np.zeros(1, np.int8))
 
     def with_phases(self, row: int, piece: int, law: Law) -> Block:
-        """With the first `row` phases, then those of a law that begins on this piece."""
+        """The first `row` phases, then those of a law that begins on this piece."""
         return replace(
             self,
             phases=np.vstack((self.phases[:row], law.phases)),
@@ -124,7 +124,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Law:
-    """What `lay` or `brake` made, piece numbers from the first piece on."""
+    """Phases that `lay` or `brake` made; numbers of pieces count from the first piece they were given."""
 
     phases: NDArray[np.float64]
     piece: NDArray[np.int32]
@@ -149,7 +149,7 @@ class State:
 
 
 def long_enough(rows: int) -> bool:
-    """So many phases may be a block of their own."""
+    """True if so many phases may be a block of their own."""
     return rows >= BLOCK
 
 
@@ -159,7 +159,7 @@ def block_at(blocks: Sequence[Block], t_s: float) -> int:
 
 
 def _own_pieces(blocks: Sequence[Block]) -> list[tuple[Block, int]]:
-    """Blocks, and how many of its pieces each has for itself: without those that the next one has, too."""
+    """Blocks, and how many of the pieces of each are not in the next one, too."""
     own = [(block, after.first - block.first) for block, after in pairwise(blocks)]
     return [*own, (blocks[-1], len(blocks[-1].table))]
 
@@ -175,7 +175,7 @@ def merged_table(blocks: Sequence[Block]) -> NDArray[np.float64]:
 
 
 def opened(blocks: tuple[Block, ...], number: int, state: State) -> tuple[tuple[Block, ...], Block, State]:
-    """What is over and done with, and the rest as one block, with the present in it."""
+    """The blocks that are over, all others merged into one, and the present as a place in that one."""
     before, tail = blocks[:number], blocks[number]
     later = blocks[number:]
     if len(later) > 1:
@@ -222,7 +222,7 @@ def block_positions(blocks: tuple[Block, ...], period_s: float, sine: bool, firs
 
 
 def _bend(block: Block, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
-    """Put what lies on curves where it is."""
+    """Correct the positions on curved pieces, which `positions` takes for straight ones."""
     place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
     places(k, period_s, block.phases, block.piece, sine, place, at)
     for j, curve in block.curves:

@@ -90,18 +90,18 @@ class Joined:
     ceiling: float
     identity: object
     hold: bool
-    """It was told to hold."""
+    """It has been told to hold."""
     dropped: bool
-    """It was stopped: what was left is forgotten, and nothing can be appended."""
+    """It has been stopped: pieces that were left are forgotten, and none can be appended."""
     ticks: int
     """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
     blocks: tuple[Block, ...]
     forgotten: int = 0
-    """Ticks at the beginning of which nothing is known any more; see `forgetting`."""
+    """Ticks at the beginning whose set points are no longer known; see `forgetting`."""
 
     @property
     def held(self) -> bool:
-        """It brakes, or stands, though pieces may be left: it was told to, or the scale is 0."""
+        """It brakes or stands though pieces may be left: it has been told to, or the scale is 0."""
         return self.hold or self.scale <= 0
 
     @property
@@ -168,8 +168,8 @@ class Joined:
         return self.pieces - self.blocks[0].first
 
     def forgetting(self, k: int) -> Joined:
-        """The same from tick k on, and nothing of what was before: so that a motion without an end needs no more room
-        than its last pieces do. Numbers of ticks and pieces, and displacements, stay what they were.
+        """The same without what was before tick k, so that the memory of an endless motion stays bounded. Numbers of
+        ticks and pieces, and displacements, do not change.
 
         Raises IndexError for a tick that is forgotten already.
         """

@@ -14,7 +14,7 @@ from isel_twin.motion.look_ahead import DT, LENGTH, LIMIT, S0, S1, SPEED, V0, V1
 
 
 class Ramps(NamedTuple):
-    """The form of the ramps, and what the wanted speeds are made of."""
+    """The form of the ramps, and what changes the wanted speeds."""
 
     sine: bool
     scale: float
@@ -26,7 +26,7 @@ class Ramps(NamedTuple):
         return 2.0 / math.pi if self.sine else 1.0
 
     def lay(self, block: Block, piece: int, t_s: float, s: float, v: float) -> Law:
-        """From place s of a piece on to the end of the chain."""
+        """A law from place s of a piece to the end of the chain."""
         table = block.table[piece:]
         wanted = np.minimum(np.minimum(table[:, SPEED] * self.scale, table[:, LIMIT]), self.ceiling)
         phases, at = np.empty((3 * len(table), 6)), np.empty(3 * len(table), dtype=np.int32)
@@ -35,7 +35,7 @@ class Ramps(NamedTuple):
         return Law(phases[:count], at[:count], back[:count], settled, kept or not count)
 
     def laid(self, block: Block, state: State) -> tuple[int, int, Law]:
-        """How it goes on: number of phases that stay, piece on which the law of the others begins, that law."""
+        """How it goes on: number of phases that stay, number of the piece on which the new law begins, the law."""
         if not state.ended:
             row = state.row - int(block.back[state.row])
             at, piece = block.phases[row], int(block.piece[row])
@@ -59,7 +59,7 @@ class Ramps(NamedTuple):
         return block, replace(state, row=min(state.row, len(block.phases) - 1))
 
     def braked(self, block: Block, state: State, sharpness: float) -> tuple[int, int, Law]:
-        """How it comes to a stop: like `_laid`."""
+        """How it comes to a stop; returns what `laid` does."""
         row, piece, s = now(block, state)
         law = self._brake(block, piece, state.t_s, s, state.v, sharpness)
         if law.kept or not self._falling(block, state):
@@ -68,7 +68,7 @@ class Ramps(NamedTuple):
         return state.row + 1, piece, self._brake(block, piece, t_s, s, v, sharpness)
 
     def _brake(self, block: Block, piece: int, t_s: float, s: float, v: float, sharpness: float) -> Law:
-        """From place s of a piece on to standstill."""
+        """A law from place s of a piece to standstill."""
         table = block.table[piece:]
         phases, at = np.empty((len(table), 6)), np.empty(len(table), dtype=np.int32)
         back = np.empty(len(table), dtype=np.int8)
@@ -80,7 +80,7 @@ class Ramps(NamedTuple):
 
 
 def now(block: Block, state: State) -> tuple[int, int, float]:
-    """Number of phases that have begun before the present, and where a new one begins."""
+    """Where a new phase begins at the present: number of phases before it, piece, place on the piece."""
     row = int(block.phases[:, T].searchsorted(state.t_s))
     if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
         return row, state.piece + 1, 0.0
@@ -95,7 +95,7 @@ def _fallen(block: Block, state: State) -> tuple[int, float, float, float]:
 
 
 def _agree(phases: NDArray[np.float64], law: Law, t_s: float) -> bool:
-    """Whether the law begins with these phases; the last of them, under way at t_s, may be longer if it is no ramp."""
+    """True if the law begins with these phases; the last, under way at t_s, may differ in length if it is no ramp."""
     n = len(phases)
     if len(law.phases) < n or law.piece[n - 1] != 0 or not np.array_equal(phases[:-1], law.phases[: n - 1]):
         return False

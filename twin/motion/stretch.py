@@ -16,7 +16,7 @@ from isel_twin.motion.look_ahead import LENGTH, T
 
 
 class Stretch(NamedTuple):
-    """Phases of a plan one after the other, and the straight pieces they lead along; see `Joined.since`, `written`."""
+    """Phases of a plan one after the other, and the straight pieces they lead along."""
 
     first: int
     """Number of the first piece."""
@@ -33,9 +33,9 @@ class Stretch(NamedTuple):
 
 
 def since(plan: Joined, k: int) -> Stretch | None:
-    """What it says of the ticks from k on, from the phase under way at tick k; all of it for k = 0.
+    """The plan from the phase under way at tick k on; all of it for k = 0.
 
-    None if curves lead along: they are functions and cannot be written down.
+    None if a piece of it is curved: curves are functions and cannot be written down.
     """
     later = plan.blocks[block_at(plan.blocks, k * plan.period_s) :]
     if any(block.curves for block in later):
@@ -58,9 +58,9 @@ def since(plan: Joined, k: int) -> Stretch | None:
 
 
 def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | None = None) -> Joined:
-    """The plan that a stretch says, to be looked at only; before: the one whose ticks come first, if there is one.
+    """The plan of a stretch, for looking only: it cannot be planned anew. before: the plan whose ticks come first.
 
-    Raises ValueError for a stretch that is none, or does not belong behind that plan.
+    Raises ValueError for arrays that are no stretch, and for one that does not follow that plan.
     """
     first, ticks, phases, piece, corner, length = stretch
     sound = (
