@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.motion.blocks import Block, block_at, long_enough, merged_corner, merged_table
+from isel_twin.motion.blocks import PlanBlock, block_at, long_enough, merged_corner, merged_table
 from isel_twin.motion.joined import Joined
 from isel_twin.motion.look_ahead import LENGTH, T
 
@@ -82,7 +82,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         raise ValueError("no stretch of a joined plan")
     table = np.zeros((len(length), 5))
     table[:, LENGTH] = length
-    block = Block(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
+    block = PlanBlock(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
     if before is None:
         return Joined(corner.shape[1], period_ns, sine, 1.0, math.inf, 0, False, True, ticks, (block,))
     if (
@@ -101,7 +101,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         kept = (*kept, replace(last, phases=last.phases[:row], piece=last.piece[:row], back=last.back[:row]))
     elif row:
         pieces = first - last.first
-        block = Block(
+        block = PlanBlock(
             last.first,
             np.vstack((last.phases[:row], phases)),
             np.concatenate((last.piece[:row], piece + np.int32(pieces))),

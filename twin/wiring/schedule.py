@@ -28,7 +28,7 @@ from typing import Protocol
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.event import ScenarioEvent
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 
 REARM_NS = 1 * MILLISECOND_NS
 """Time after which the condition of an event counts again."""
@@ -107,7 +107,7 @@ class Schedule:
         return self._due[0][0] if self._due else None
 
     @property
-    def positions(self) -> tuple[Condition, ...]:
+    def positions(self) -> tuple[Trigger, ...]:
         """Conditions of positions, in the order in which `passed` numbers them."""
         return tuple(self._condition(place) for place in self._of("position"))
 
@@ -156,7 +156,7 @@ class Schedule:
         """The position of condition `number` has been passed or left."""
         self._becomes(self._of("position")[number], beyond)
 
-    def look(self, so: Callable[[Condition], bool]) -> None:
+    def look(self, so: Callable[[Trigger], bool]) -> None:
         """Outputs or inputs may have changed; `so` tells whether a condition of one holds now."""
         for place in self._of("output") + self._of("input"):
             self._becomes(place, so(self._condition(place)))
@@ -166,7 +166,7 @@ class Schedule:
     def _of(self, kind: str) -> list[int]:
         return self._by_kind.get(kind, [])
 
-    def _condition(self, place: int) -> Condition:
+    def _condition(self, place: int) -> Trigger:
         condition = self.events[place].when
         assert condition is not None
         return condition

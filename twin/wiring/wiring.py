@@ -32,7 +32,7 @@ from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 
 PASSED_MM = 0.05
 """A carriage has left a position that an event waits for when it is back by this much."""
@@ -334,7 +334,7 @@ class Wiring:
         if self._schedule.of_states:
             self._schedule.look(self._holds)
 
-    def _holds(self, condition: Condition) -> bool:
+    def _holds(self, condition: Trigger) -> bool:
         """True if the output or input has the state that an event waits for."""
         name, value = condition.name, condition.value
         if condition.kind == "output":
