@@ -39,7 +39,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.virtual.turns import HostEnded
+from isel_twin.bridge.virtual.cpython import pools_told_to_end
+from isel_twin.bridge.virtual.host_code import LIBRARIES
+from isel_twin.bridge.virtual.task import HostEnded
 from isel_twin.bridge.virtual.virtual_time import VirtualTime, Wire
 from isel_twin.jobs.verdict import Verdict, judge
 
@@ -223,18 +225,9 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
 
 def _wait_for_threads(time: VirtualTime) -> None:
     """Wait for the threads of the host, those of executors told before that nothing more will come."""
-    pools: Any = sys.modules.get("concurrent.futures.thread")
-    if pools is not None:
-        workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if time.task_of(thread)]
-        if workers:
-            pools._shutdown = True
-            try:
-                for _, work in workers:
-                    work.put(None)
-                for thread, _ in workers:
-                    thread.join()
-            finally:
-                pools._shutdown = False
+    with pools_told_to_end(time.task_of) as workers:
+        for worker in workers:
+            worker.join()
     time.wait_for_threads()
 
 
@@ -351,7 +344,7 @@ def _put_back() -> Iterator[None]:
         random.setstate(chance)
         for name in set(sys.modules) - before:
             file = getattr(sys.modules[name], "__file__", None)
-            if file is not None and not _in_library(file):
+            if file is not None and not file.startswith(LIBRARIES):
                 del sys.modules[name]
         sys.modules.update(own)
         log.handlers[:], log.propagate = its_handlers, propagates
@@ -363,9 +356,3 @@ def _put_back() -> Iterator[None]:
             os.environ.clear()
             os.environ.update(environment)
         sys.argv[:], sys.path[:] = argv, path
-
-
-def _in_library(file: str) -> bool:
-    from isel_twin.bridge.virtual.turns import LIBRARIES
-
-    return file.startswith(LIBRARIES)
