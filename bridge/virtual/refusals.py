@@ -15,8 +15,8 @@ from typing import Any
 
 from isel_twin.bridge.virtual.cpython import PRIVATE_FUNCTIONS, SELECTOR, calling_frame
 from isel_twin.bridge.virtual.host_code import host_line
+from isel_twin.bridge.virtual.host_thread import HostEnded
 from isel_twin.bridge.virtual.stand_in import StandIn
-from isel_twin.bridge.virtual.task import HostEnded
 from isel_twin.bridge.virtual.turns import Turns, here
 
 SERVE = "use `isel-twin serve --pty`, in real time"

@@ -35,9 +35,9 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.bridge.virtual.cpython import frames_of_threads, hear_uncaught, let_exit_without
 from isel_twin.bridge.virtual.host_code import host_line
+from isel_twin.bridge.virtual.host_thread import Ending, HostEnded, HostThread
 from isel_twin.bridge.virtual.in_process import PATIENCE_NS, STRETCH_NS
 from isel_twin.bridge.virtual.signals import Signals
-from isel_twin.bridge.virtual.task import Ending, HostEnded, Task
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -107,9 +107,9 @@ class Turns:
         self._limit_ns = self.deadline(limit_s)
         self.give_up: Callable[[], object] | None = None
         """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
-        self._main = self._running = Task("MainThread", daemon=False)
-        self._waiting: deque[Task] = deque()
-        self._tasks: weakref.WeakKeyDictionary[threading.Thread, Task] = weakref.WeakKeyDictionary()
+        self._main = self._running = HostThread("MainThread", daemon=False)
+        self._waiting: deque[HostThread] = deque()
+        self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()
         self._inside = False
         self._exempt = False
         self._busy_ns = 0
@@ -208,14 +208,14 @@ class Turns:
 
     # Threads
 
-    def spawn(self, function: Callable[..., object]) -> Task:
+    def spawn(self, function: Callable[..., object]) -> HostThread:
         """A task for a new thread of the host, last in the row. `body(task, ...)` is what the thread has to run."""
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
-            task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
+            task = self._tasks[thread] = HostThread(thread.name, daemon=thread.daemon)
             self._listen(thread)
         else:
-            task = Task("a thread", daemon=True)
+            task = HostThread("a thread", daemon=True)
         self._waiting.append(task)
         task.deadline_ns = self.now_ns
         return task
@@ -233,7 +233,7 @@ class Turns:
         hear_uncaught(thread, tell)
 
     def body(
-        self, task: Task, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
+        self, task: HostThread, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> None:
         """What the thread of a task does: its turn awaited, the function, and the turn handed on."""
         task.ident = _get_ident()
@@ -249,7 +249,7 @@ class Turns:
             task.ended = True
             self._hand_over(self._main if self._exempt else self._choose())
 
-    def task_of(self, thread: threading.Thread) -> Task | None:
+    def task_of(self, thread: threading.Thread) -> HostThread | None:
         """The task of a thread that the host has started; None for others."""
         return self._tasks.get(thread)
 
@@ -273,7 +273,7 @@ class Turns:
             if not task.ended:
                 self._leave(task)
 
-    def _leave(self, task: Task) -> None:
+    def _leave(self, task: HostThread) -> None:
         """Let the process end without a thread that will not."""
         self.left.append(task.name)
         for thread, its in self._tasks.items():
@@ -295,7 +295,7 @@ class Turns:
 
     # The row
 
-    def _check(self, task: Task) -> None:
+    def _check(self, task: HostThread) -> None:
         """Raise HostEnded if the host has."""
         if self._limit_ns is not None and self.now_ns >= self._limit_ns:
             self._end_late()
@@ -334,11 +334,11 @@ class Turns:
             self.broken = error
             self.end("broken", "the twin has broken")
 
-    def _hand_over(self, task: Task) -> None:
+    def _hand_over(self, task: HostThread) -> None:
         self._running = task
         task.turn.release()
 
-    def _choose(self) -> Task:
+    def _choose(self) -> HostThread:
         """Take the task whose turn it is out of the row; let time pass until there is one."""
         while True:
             self._fetch()
@@ -347,7 +347,7 @@ class Turns:
                 return task
             self._advance()
 
-    def _runnable(self) -> Task | None:
+    def _runnable(self) -> HostThread | None:
         if self._main.ended:
             raise AssertionError("the main thread has ended")
         if self.ending is not None:

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any
 from isel_twin.base.errors import CallError
 from isel_twin.bridge.virtual.cpython import pools_told_to_end
 from isel_twin.bridge.virtual.host_code import LIBRARIES
-from isel_twin.bridge.virtual.task import HostEnded
+from isel_twin.bridge.virtual.host_thread import HostEnded
 from isel_twin.bridge.virtual.virtual_time import VirtualTime, Wire
 from isel_twin.jobs.verdict import Verdict, judge
 
@@ -56,7 +56,7 @@ _HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")
 
 
 @dataclass(frozen=True)
-class Program:
+class HostProgram:
     """What `python ...` is asked to run."""
 
     arguments: tuple[str, ...] = ()
@@ -97,7 +97,7 @@ class HostRun:
         return self.code == 0 and self.verdict.ok
 
 
-def parse_program(words: Sequence[str]) -> Program:
+def parse_program(words: Sequence[str]) -> HostProgram:
     """What a command says: `python host.py ...`, `python -m host ...`, `/path/of/python ...`, or `host.py ...` alone.
 
     Raises CallError for everything that is no Python.
@@ -120,17 +120,17 @@ def parse_program(words: Sequence[str]) -> Program:
         if len(rest) < 2:
             raise CallError(f"{first} {rest[0]}: there is nothing after it")
         if rest[0] == "-m":
-            return Program(tuple(rest[2:]), module=rest[1])
-        return Program(tuple(rest[2:]), code=rest[1])
+            return HostProgram(tuple(rest[2:]), module=rest[1])
+        return HostProgram(tuple(rest[2:]), code=rest[1])
     if rest[0].startswith("-"):
         raise CallError(f"{first} {rest[0]}: of Python's options -m, -c and {', '.join(_HARMLESS)} are understood")
     if not Path(rest[0]).exists():
         raise CallError(f"{rest[0]}: there is no such file")
-    return Program(tuple(rest[1:]), path=rest[0])
+    return HostProgram(tuple(rest[1:]), path=rest[0])
 
 
 def _is_python(file: Path) -> bool:
-    """Whether a file that is named without an interpreter is a Python program: by its name, or by its first line."""
+    """True if a file named without an interpreter is a Python program, by its name or its first line."""
     if file.suffix in (".py", ".pyz") or file.is_dir():
         return True
     try:
@@ -143,7 +143,7 @@ def _is_python(file: Path) -> bool:
 
 def run_host(
     twin: Twin,
-    argv: Sequence[str] | Program,
+    argv: Sequence[str] | HostProgram,
     port: str | None = None,
     *,
     wire: Wire | None = None,
@@ -162,7 +162,7 @@ def run_host(
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
     """
-    program = argv if isinstance(argv, Program) else parse_program(argv)
+    program = argv if isinstance(argv, HostProgram) else parse_program(argv)
     began_ns = twin.time_ns
     struck = _Struck(twin)
     with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
@@ -207,7 +207,7 @@ class _Struck:
 # As an interpreter would run it
 
 
-def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
+def _run(program: HostProgram, time: VirtualTime) -> tuple[int, str]:
     """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
@@ -280,7 +280,7 @@ def _ours(file: str) -> bool:
     return file in (__file__, runpy.__file__) or file.startswith("<frozen")
 
 
-def _execute(program: Program) -> None:
+def _execute(program: HostProgram) -> None:
     """Run the program as `__main__`."""
     if program.module is not None:
         sys.path.insert(0, os.getcwd())

@@ -21,7 +21,7 @@ class Ending:
     """One line for people."""
 
 
-class Task:
+class HostThread:
     """A thread of the host."""
 
     def __init__(self, name: str, *, daemon: bool, ident: int | None = None) -> None:
