@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +24,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, SIZE, TRACK
+from isel_twin.envs.variations import VARIATIONS, checked, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import compile_model, dressed
 from isel_twin.plant.mujoco import MujocoPlant
@@ -32,16 +32,6 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-VARIATIONS: dict[str, tuple[float, float]] = {
-    "payload_kg": (0.0, 20.0),
-    "friction": (0.1, 10.0),
-    "stiffness": (0.2, 1.2),
-    "supply": (0.5, 1.5),
-    "backlash": (0.0, 10.0),
-}
-"""What `reset` can change of the machine for an episode, and within which bounds: a mass, and factors."""
-
-_FACTORS = tuple(VARIATIONS)[1:]
 _SETTLING_NS = 100_000_000
 """From power-on to the start: the rotors have come to rest where their stages hold them."""
 _CLEAR_MM = 1.0
@@ -261,7 +251,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         Raises ValueError (MachineError) with one line for an option that does not exist or is out of range.
         """
         super().reset(seed=seed)
-        observation = self._begin(_checked(options or {}))
+        observation = self._begin(checked(options or {}))
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
@@ -387,7 +377,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         start_mm = self._start_mm(self._points)
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         if stands != self._stands:
-            machine = _varied(self.machine, self._options)
+            machine = varied(self.machine, self._options)
             plant = MujocoPlant(machine, (), start_mm, 3, dressed(self._model, machine))
             plant.set_power(stages=True, brake_released=True, lowering=False)
             plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
@@ -454,44 +444,3 @@ def infos(track: Any) -> dict[str, Any]:
 def ended(over: int) -> str:
     """What an episode has ended by, after what `tracking.take_step` returned; not positive: by its time."""
     return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"
-
-
-def _checked(options: dict[str, Any]) -> dict[str, Any]:
-    """The options of a reset. Raises ValueError for a name that does not exist and for a number out of range."""
-    unknown = sorted(options.keys() - {*VARIATIONS, "path"})
-    if unknown:
-        raise ValueError(f"unknown options {unknown}; there are: {', '.join((*VARIATIONS, 'path'))}")
-    checked = dict(options)
-    for name, (low, high) in VARIATIONS.items():
-        if name in checked:
-            value = checked[name]
-            number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-            if not number or not low <= value <= high:
-                raise ValueError(f"option {name} is {value!r}; allowed: {low:g} to {high:g}")
-            checked[name] = float(value)
-    return checked
-
-
-def _varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
-    """The machine with what these options change; its `tree` stays. Raises ValueError for a number out of range."""
-    friction, stiffness, supply, backlash = (options.get(name, 1.0) for name in _FACTORS)
-    try:
-        x, y, z = (
-            replace(
-                axis,
-                guide_friction_n=axis.guide_friction_n * friction,
-                stage=replace(axis.stage, supply_v=axis.stage.supply_v * supply),
-                screw=replace(
-                    axis.screw,
-                    coulomb_nm=axis.screw.coulomb_nm * friction,
-                    stiffness_n_per_m=axis.screw.stiffness_n_per_m * stiffness,
-                    backlash_mm=axis.screw.backlash_mm * backlash,
-                ),
-            )
-            for axis in machine.axes
-        )
-        modes = tuple(replace(mode, stiffness_n_per_m=mode.stiffness_n_per_m * stiffness) for mode in machine.structure)
-    except ValueError as error:
-        raise ValueError(f"the machine does not take these options: {error}") from None
-    payload_kg = options.get("payload_kg", machine.payload_kg)
-    return replace(machine, axes=(x, y, z), structure=modes, payload_kg=payload_kg)

@@ -16,8 +16,9 @@ from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from isel_twin.envs.track import VARIATIONS, TrackPath
+from isel_twin.envs.track import TrackPath
 from isel_twin.envs.tuning import JobTuning
+from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import Machine, load_machine, with_overrides
 
 _DRAWS = 0x5242
@@ -88,7 +89,7 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
     """
 
     def __init__(self, env: Observations, **ranges: Sequence[float]) -> None:
-        """ranges: by name of an option (isel_twin.envs.track.VARIATIONS), lowest and highest value.
+        """ranges: by name of an option (isel_twin.envs.variations.VARIATIONS), lowest and highest value.
 
         Raises ValueError with one line for an unknown name, a range out of bounds, or another environment.
         """
