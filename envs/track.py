@@ -3,7 +3,7 @@
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
 step    action -> pulses -> drives and machine -> where the tool is -> observation, reward        (tracking.py)
 
-There is no controller: who acts is the controller. Nothing is built anew by `reset` unless the machine itself changes,
+There is no controller: the agent is the controller. Nothing is built anew by `reset` unless the machine itself changes,
 and then not its model: see `isel_twin.plant.model.dressed`.
 """
 
@@ -172,12 +172,12 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         abort_penalty: float = 100.0,
         render_mode: str | None = None,
     ) -> None:
-        """See the class. Raises ValueError (MachineError) with one line for a wrong argument."""
+        """Raises ValueError (MachineError) with one line for a wrong argument."""
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there are: human, rgb_array")
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
         self.machine = with_overrides(loaded, overrides or {})
-        """The machine without what options of `reset` change."""
+        """The machine before options of `reset` change it."""
         servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
         if servo:
             raise ValueError(
@@ -213,9 +213,9 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
         self._stands: tuple[Any, ...] = ()
-        """What `_plant` is: variation and place."""
+        """Variation and place that `_plant` was built for."""
         self._settled: Mapping[str, Any] = {}
-        """Its state when it has settled there."""
+        """The state of `_plant` when it has settled there."""
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
         self._track = np.zeros(1, TRACK)
@@ -298,7 +298,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return None
 
     def close(self) -> None:
-        """Free what draws."""
+        """Close renderer and window."""
         for shown in (self._picture, self._window):
             if shown is not None:
                 shown.close()
@@ -317,7 +317,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     @property
     def tool_mm(self) -> NDArray[np.float64]:
-        """float64 [3], where it is. Raises ResetNeeded before the first reset."""
+        """float64 [3], where the tool is, from the start of the path. Raises ResetNeeded before the first reset."""
         if self._plant is None:
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset()")
         at_mm: NDArray[np.float64] = self._plant.position_mm - self._lanes["origin_mm"]
@@ -330,7 +330,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return speed_mm_s
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the machine at work, and of that its state."""
+        """For pickle: of the plant only its state."""
         state = self.__dict__.copy()
         for name in ("_plant", "_stands", "_settled", "_fixed", "_now", "_picture", "_window", "_model"):
             state.pop(name, None)
@@ -424,12 +424,12 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     @property
     def steps_left(self) -> int:
-        """Steps until the time is over; whoever makes them by `at_work` counts them."""
+        """Steps until the time is over. A caller that steps by `at_work` counts them itself."""
         return self._left
 
 
 def infos(track: Any) -> dict[str, Any]:
-    """What `info` says of a TRACK, or of an array of them."""
+    """The entries of `info` for a TRACK, or for an array of them."""
     return {
         "way_mm": track["way_mm"],
         "deviation_mm": track["deviation_mm"],
@@ -442,5 +442,5 @@ def infos(track: Any) -> dict[str, Any]:
 
 
 def ended(over: int) -> str:
-    """What an episode has ended by, after what `tracking.take_step` returned; not positive: by its time."""
+    """How an episode ended, by what `tracking.take_step` returned; 0 or less: its time was over."""
     return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"

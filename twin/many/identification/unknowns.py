@@ -1,4 +1,4 @@
-"""Named parameters of a machine that one wants to know, and what is believed of them before anything is measured.
+"""Named parameters of a machine that are to be found, and what is believed of them before anything is measured.
 
     name             stands for                                                       as
     friction.x       axes.x.guide_friction, shaft_coulomb, shaft_viscous              a common factor
@@ -12,13 +12,13 @@
     any key          as `isel-twin describe` has it: axes.z.brake, controller.start_stop_hz ...
 
 Keys that only act together at what can be measured have one factor: guides and shaft both only brake, and a gauge at
-the tool sees screw and frame in series. Whoever can tell them apart names the keys themselves.
+the tool sees screw and frame in series. Who can tell them apart names single keys.
 
 Within the fit each is a plain number u, 0 at the prior value, 1 a standard deviation of what is believed:
 
     value = prior exp(s u)      for what is positive         value = prior + s u      for what may be 0 or negative
 
-The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Where nobody says one, it
+The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Unless one is given, it
 follows from the grade of the number in the machine file, GRADE_FACTOR.
 """
 
@@ -68,7 +68,7 @@ class Unknown:
     flag: str = ""
     """Imperfection that has to be on for it to act."""
     place: bool = False
-    """It is counted from a zero that somebody chose: half as much means nothing."""
+    """A place, counted from a chosen zero: belief is a sum, never a factor."""
 
     @property
     def logarithmic(self) -> bool:
@@ -109,7 +109,7 @@ def parse_prior(text: str) -> tuple[str, float, float]:
 
 
 def default_names(axes: Iterable[str], machine: Machine) -> list[str]:
-    """What is fitted if nobody says, for the axes that were measured; only stages of stepper motors have a supply."""
+    """What is fitted by default, for the axes that were measured; only stages of stepper motors have a supply."""
     axes = list(dict.fromkeys(axes))
     named = [f"{what}.{axis}" for axis in axes for what in ("friction", "backlash", "stiffness")]
     return [*named, *_supply(machine), "mass"]
@@ -231,7 +231,7 @@ def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[floa
 
 
 def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> Machine:
-    """The machine with other values, [n] as the unknowns, and switches that do not scatter: a model has no luck.
+    """The machine with other values, [n] as the unknowns, and switches that do not scatter: only data scatter.
 
     Raises MachineError for a value out of its limits.
     """
