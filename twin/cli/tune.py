@@ -107,6 +107,7 @@ def tune(
     call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
 
     from isel_twin.base.files import Claim, atomic_write
+    from isel_twin.base.pictures import check_picture
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.jobs.job import decode_job
     from isel_twin.jobs.robust import check
@@ -116,9 +117,9 @@ def tune(
     try:
         need_optuna()
         if picture is not None:
-            front.check_picture(picture)
-    except (StudyError, ValueError) as error:
-        raise CallError(str(error), option=not isinstance(error, StudyError)) from None
+            check_picture(picture, "tune")
+    except StudyError as error:
+        raise CallError(str(error)) from None
     with call_errors(job):
         image = flash.read_bytes() if flash is not None else None
         check(call, repetitions + confirm)
