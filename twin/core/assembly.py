@@ -13,7 +13,15 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import Controller, HasKeys, NamesOutputs, PluginError, UnknownNameError, controller_factory
+from isel_twin.controller import (
+    Controller,
+    HasKeys,
+    NamesOutputs,
+    PluginError,
+    UnknownNameError,
+    controller_factory,
+    offers,
+)
 from isel_twin.core.journal import Origin
 from isel_twin.language import Language, language_factory
 from isel_twin.machine import Machine, MachineError, with_overrides
@@ -64,8 +72,8 @@ def draw_up(origin: Origin, controller: Controller | None) -> tuple[Plans, Contr
     machine = with_overrides(with_overrides(origin.machine, controller.machine_overrides()), origin.overrides)
     events: tuple[ScenarioEvent, ...] = ()
     if origin.scenario is not None:
-        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
-        keys = controller.keys if isinstance(controller, HasKeys) else {}
+        own = controller.output_names if offers(controller, NamesOutputs) else ()
+        keys = controller.keys if offers(controller, HasKeys) else {}
         switches = [switch.name for switch in machine.switches]
         events = load_scenario(origin.scenario, settable(machine), switches, (*outputs(machine), *own), keys)
     return Plans(machine, events, new_controller, new_language), controller
