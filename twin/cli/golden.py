@@ -21,7 +21,7 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.outputs import many
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.golden import Difference, Golden
@@ -59,7 +59,7 @@ def record(
             raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
     from isel_twin.jobs.golden import called
 
-    call = TwinCall(machine, controller, plant, seed, scenario)
+    call = TwinSpec(machine, controller, plant, seed, scenario)
     for job, file in files:
         run = called(_play(job, call, timeout), call, job, file)
         _write(file, run)
@@ -130,7 +130,7 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinCall, timeout_s: float) -> Golden:
+def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
     """What a job does."""
     from isel_twin.jobs.golden import Scribe
     from isel_twin.jobs.playing import played
@@ -142,14 +142,14 @@ def _play(job: Path, call: TwinCall, timeout_s: float) -> Golden:
     return scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
 
 
-def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinCall:
+def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     """The call of a golden run; its files are where they are seen from it."""
     folder = file.resolve().parent
     machine = head["machine"]
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    return TwinCall(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
 
 
 def _write(file: Path, run: Golden) -> None:

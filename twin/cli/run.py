@@ -31,7 +31,7 @@ from isel_twin.cli.options import (
     is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.golden import Golden
@@ -45,10 +45,10 @@ def run(
     job: Annotated[Path, Parameter(help='Controller commands, one a line, or a program; "-" is standard input.')],
     /,
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
     steps: StepsPath = None,
@@ -90,7 +90,7 @@ def run(
     if files.sampled:
         _check_samples(lines, interval)
     files.check(job, flash, scenario)
-    call = TwinCall(machine, controller, plant, seed, scenario, flash)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash)
     golden = None if report is None else _golden(job)
     repeat = _repetitions(call, lines, robust, jobs, timeout)
     with ExitStack() as stack:
@@ -168,7 +168,7 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
 
 
 def _repetitions(
-    call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
+    call: TwinSpec, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
 ) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
@@ -184,7 +184,7 @@ def _repetitions(
 
     check(call, number)
     flash = None
-    if call.flash is not None and call.flash.is_file():
+    if isinstance(call.flash, Path) and call.flash.is_file():
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
     crew = crew_of(min(jobs, number))

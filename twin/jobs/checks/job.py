@@ -46,7 +46,7 @@ from isel_twin.jobs.result import Result
 from isel_twin.jobs.verdict import Verdict, lost
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
 LOOK_NS = 5 * MILLISECOND_NS
@@ -244,7 +244,7 @@ class Inspection:
 
 def check_job(
     job: Path,
-    call: TwinCall,
+    call: TwinSpec,
     lines: Sequence[Line],
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
@@ -344,7 +344,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     return found
 
 
-def _of_repetitions(call: TwinCall, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
     from isel_twin.jobs.robust import agree, repetitions
 
     others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)

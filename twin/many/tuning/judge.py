@@ -25,7 +25,7 @@ from isel_twin.jobs.robust import perturbed_twin
 from isel_twin.many.tuning.space import Candidate, Problem
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
 Stop = Callable[[], bool]
@@ -35,7 +35,7 @@ Stop = Callable[[], bool]
 class Weather:
     """Where jobs are made: what is the same for all settings. Goes to other processes."""
 
-    call: TwinCall
+    call: TwinSpec
     timeout_s: float
     flash: bytes | None
 
@@ -123,22 +123,9 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Repetition:
 
 
 def _twin(weather: Weather, number: int) -> Twin:
-    from isel_twin.core.twin import Twin
-
-    call = weather.call
     if number:
-        return perturbed_twin(call, number, weather.flash)[0]
-    return Twin(
-        call.machine,
-        call.controller,
-        call.plant,
-        call.seed,
-        flash=weather.flash,
-        scenario=call.scenario,
-        line_speed=call.line_speed,
-        overrides=call.overrides,
-        start_mm=call.start_mm,
-    )
+        return perturbed_twin(weather.call, number, weather.flash)[0]
+    return weather.call.with_(flash=weather.flash).build()
 
 
 def _wrong(results: Sequence[Result]) -> str:
