@@ -154,8 +154,8 @@ def _facts(summary: Mapping[str, Any]) -> str:
 
 
 def _limits(checked: Report, bounds: Bounds | None) -> str:
-    margin = "none" if checked.margin is None else f"{100.0 * checked.margin:.0f} %"
-    measured = {"margin": margin, "cycle": f"{checked.cycle_s:.3f} s"}
+    margin = "none" if checked.verdict.least_margin is None else f"{100.0 * checked.verdict.least_margin:.0f} %"
+    measured = {"margin": margin, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
     limits: dict[str, str] = {}
     if bounds is not None:
         if bounds.margin is not None:
@@ -174,7 +174,7 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
         number = sum(finding.rule == rule for finding in checked.findings)
         unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
         told = f"{number} finding{'' if number == 1 else 's'}" if number else ("no limit" if unbound else "ok")
-        if rule == "golden" and not checked.run.call:
+        if rule == "golden" and not checked.golden.call:
             told = "not compared"
         wrong = " class='wrong'" if number else ""
         cells = "".join(
@@ -225,7 +225,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
 
 def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
     """What is otherwise than in the golden run; nothing if there is none."""
-    if checked is None or not checked.run.call:  # a run is told what it was called with to be compared
+    if checked is None or not checked.golden.call:  # a run is told what it was called with to be compared
         return ""
     rows = "".join(
         f"<tr><td>{'' if finding.line is None else finding.line}</td>"

@@ -26,12 +26,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.crew import Crew, in_order
 from isel_twin.machine import Machine
 from isel_twin.many.identification.session import MISSED, Datum, Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate
@@ -67,15 +67,15 @@ class Model:
         machine: Machine,
         unknowns: Sequence[Unknown],
         sessions: Sequence[Session],
-        executor: Executor | None = None,
+        crew: Crew | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        """executor: any of concurrent.futures, for the replays; None: here. progress: told how many were."""
+        """crew: for the replays; None: here. progress: told how many were."""
         self.machine = machine
         self.unknowns = tuple(unknowns)
         self.sessions = tuple(sessions)
         self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
-        self._executor = executor
+        self._crew = crew
         self._progress = progress
         self._known: dict[tuple[float, ...], Floats] = {}
         self.replays = 0
@@ -112,9 +112,8 @@ class Model:
             for key in new
             for session in self.sessions
         ]
-        mapped = map(_predict, calls) if self._executor is None else self._executor.map(_predict, calls)
         pieces = []
-        for piece in mapped:
+        for piece in in_order(_predict, calls, self._crew):
             pieces.append(piece)
             self.replays += 1
             if self._progress is not None:
@@ -296,14 +295,14 @@ def fit(
     fitted: Sequence[Session],
     held: Sequence[Session],
     *,
-    executor: Executor | None = None,
+    crew: Crew | None = None,
     told: Callable[[Prospect], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Fit:
     """Fit and judge. told: called with what can be identified, before the fit. Raises ImportError without SciPy."""
     from scipy.optimize import least_squares
 
-    model = Model(machine, unknowns, fitted, executor, progress)
+    model = Model(machine, unknowns, fitted, crew, progress)
     count = len(unknowns)
     zero = np.zeros(count)
     steps = np.full(count, STEP)
@@ -340,7 +339,7 @@ def fit(
         half = NORMAL_95 * deviation[index]
         low, high = item.value(u[index] - half), item.value(u[index] + half)
         estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
-    other = Model(machine, unknowns, held, executor, progress)
+    other = Model(machine, unknowns, held, crew, progress)
     predicted = other.predictions([zero, u]) if held else [np.zeros(0), np.zeros(0)]
     before_held, after_held = (other.residuals(one) for one in predicted) if held else (np.zeros(0), np.zeros(0))
     return Fit(

@@ -53,7 +53,7 @@ from typing import Any
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, table, text
 from isel_twin.base.toml import toml_line
-from isel_twin.wiring.scenario import EVENT_KEYS
+from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
 TIME_SIGMA_S = 0.005
