@@ -153,7 +153,7 @@ class Listed:
         return tuple(int(n) for n in self.delta[:made].sum(axis=0, dtype=np.int64))
 
     def stopped(self, t_ns: int) -> Listed:
-        """Nobody stops a motion of a recording; how it ends is in the recording."""
+        """Never asked for: how a motion ends is in the recording."""
         return self.cut(t_ns)
 
     def cut(self, t_ns: int) -> Listed:

@@ -311,7 +311,7 @@ class Channel:
             return
         path.pass_on()
         if path.over:
-            self.path_ended()
+            self._path_ended()
             return
         try:
             if path.extend(holds=self._holds):
