@@ -25,7 +25,7 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.recording import MCAP, RecordPath, check_record
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -43,10 +43,10 @@ PANEL = "127.0.0.1:8217"
 
 def serve(
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
@@ -101,7 +101,7 @@ def serve(
         factor = parse_speed(speed)
     check_record(record)
     check_writable(record, kept=(flash, scenario))
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))

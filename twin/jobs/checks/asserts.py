@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
-from isel_twin.core.spec import TwinCall
 from isel_twin.jobs.checks.watched import Command, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
 from isel_twin.jobs.verdict import halfway
@@ -326,9 +325,8 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
         raise ValueError("no job was played: watched.play(job) first")
     path = golden_file(run.job) if file is None else Path(file)
     origin = seen.twin.origin
-    call = TwinCall(
-        origin.machine.name, origin.controller, origin.plant, origin.seed, origin.scenario, overrides=origin.overrides
-    )
+    machine = origin.as_built
+    call = origin.with_(machine=machine.name)
     now = called(run.golden, call, run.job, path)
     if update:
         path.write_text(dumps(now), encoding="utf-8")
@@ -336,9 +334,9 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
     if not path.is_file():
         raise GoldenError(f"{path}: there is no golden run; make it with isel-twin golden record {run.job}")
     was = load(path)
-    if (path.parent / str(was.call["machine"])).resolve() == origin.machine.folder.resolve():
-        now = called(run.golden, TwinCall(str(origin.machine.folder), *_rest_of(call)), run.job, path)
-    found = list(differences(was, now, run.spans_ns))
+    if (path.parent / str(was.call["machine"])).resolve() == machine.folder.resolve():
+        now = called(run.golden, call.with_(machine=str(machine.folder)), run.job, path)
+    found = list(differences(was, now))
     if found:
         first = found[0]
         result = next((result for result in run.results if result.number == first.line), None)
@@ -417,17 +415,13 @@ def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.b
     return left
 
 
-def _rest_of(call: TwinCall) -> tuple[str, str, int, Path | None]:
-    return call.controller, call.plant, call.seed, call.scenario
-
-
 def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:
     """When the streams part first, to a window of a move, and the axis that does; None if they do not."""
     commands = [result for result in run.results if not result.condition]
     for k, (a, b) in enumerate(zip(was.moves, now.moves, strict=False)):
         if a.windows != b.windows:
             window = next((i for i, (x, y) in enumerate(zip(a.windows, b.windows, strict=False)) if x != y), None)
-            after_ns = 0 if window is None else run.spans_ns[k][window][0]
+            after_ns = 0 if window is None else b.spans_ns[window][0]
             axes = itertools.zip_longest(AXIS_NAMES, a.axes, b.axes)
             axis = next((name for name, x, y in axes if x != y), None)
             return commands[k].time_ns + after_ns, axis

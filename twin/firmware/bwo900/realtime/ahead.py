@@ -3,54 +3,60 @@
     interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> waiting blocks
                     each may keep blocks back until the next one comes, or until there is none: `flush`
 
-It goes on until so many blocks wait, the program ends, an error comes, or the interpreter waits for something itself:
-a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle). Where it
-waits for the next block of a program that is fed, or for a condition, nothing is flushed: what comes then belongs to
-what was.
-An error is kept until the blocks before it have been carried out.
+Analysis goes on until `AHEAD` blocks wait, the program ends, an error comes, or the interpreter waits itself: until a
+block has been executed, or for a parameter (looked at again after a block cycle). Where it waits for the next block of
+a program that is fed, or for a condition, nothing is flushed: the next block belongs to the same contour. An error is
+kept until the blocks before it have been carried out.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
-from isel_twin.firmware.bwo900.realtime.services import Services
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
 BLOCK_NS: Final = 1_500_000
 """Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
 AHEAD: Final = 400
 """Blocks that are analysed ahead of the one that is made."""
 REFILL: Final = 200
-"""Analysis goes on when so few wait."""
+"""Analysis goes on when no more than these wait."""
 WITHOUT_MOVING: Final = 8_812
 
 
 class Filter(Protocol):
-    """What blocks pass on their way; raises ProgramError."""
+    """Blocks pass through it on their way to the path; raises ProgramError."""
 
     def push(self, block: PathBlock) -> list[PathBlock]: ...
     def flush(self) -> list[PathBlock]: ...
 
 
-class Ahead:
-    """The blocks that wait, and how more of them come."""
+def filters(parameters: Parameters) -> list[Filter]:
+    """New filters, in their order: contour, radius correction (P8845)."""
+    return [Contour(), Offset(parameters.get(8_845) if parameters.loaded(8_845) else None)]
 
-    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], Sequence[Filter]]) -> None:
-        """filters: makes new ones, objects with `push(block)` and `flush()`, in their order."""
-        self._interpreter, self._do, self._new_filters = interpreter, services, filters
+
+class Ahead:
+    """The blocks that wait, and the filters on their way."""
+
+    def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
+        self._interpreter, self._around = interpreter, around
         self._filters: Sequence[Filter] = ()
         self.blocks: deque[PathBlock] = deque()
         """Those that wait, the next one first."""
         self.ended = True
         """Nothing more comes from the interpreter."""
         self.poll_ns: int | None = None
-        """When analysis is looked at again, that waits for a condition or supervises."""
+        """When analysis goes on that waits for a condition, or supervises."""
         self.error: Message | None = None
         """What has ended analysis."""
 
@@ -67,11 +73,12 @@ class Ahead:
         self.ended, self.error = True, None
 
     def renew_filters(self) -> None:
-        """What they have kept back belongs to a path that is not made."""
-        self._filters = self._new_filters()
+        """Forget the blocks that filters have kept back: their path is not made."""
+        self._filters = filters(self._around.parameters)
 
-    def fill(self, now_ns: int, under_way: int) -> bool:
+    def fill(self, under_way: int) -> bool:
         """Analyse as far as there is room, beside the blocks under way; True: a message asks to stop."""
+        now_ns = self._around.axes.now_ns
         if self.poll_ns is not None and now_ns < self.poll_ns:
             return False
         self.poll_ns = None
@@ -91,7 +98,7 @@ class Ahead:
                 break
             if block is Waiting.FEED:
                 break
-            if block is Waiting.CONDITION:  # what comes then belongs to what was, as above
+            if block is Waiting.CONDITION:
                 self.poll_ns = now_ns + BLOCK_NS
                 break
             if isinstance(block, Waiting):
@@ -99,7 +106,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-            if self._do.option(WITHOUT_MOVING):
+            if int(self._around.parameters.get(WITHOUT_MOVING)):
                 block = replace(block, elements=())
             self._through([block], 0)
             if block.stop is Stop.END:
@@ -114,10 +121,10 @@ class Ahead:
         return stops
 
     def _pass_notes(self) -> bool:
-        """Messages of the interpreter that do not break off; whether one of them stops."""
+        """Say the messages of the interpreter that do not break off; True if one of them stops."""
         notes = self._interpreter.notes
         for note in notes:
-            self._do.say(note)
+            self._around.say(note)
         stops = any(note.effect is Effect.STOP for note in notes)
         notes.clear()
         return stops
@@ -127,7 +134,7 @@ class Ahead:
         self._flush()
 
     def _flush(self) -> None:
-        """What the filters have kept back comes now."""
+        """The filters hand out the blocks that they have kept back."""
         try:
             for number, item in enumerate(self._filters):
                 self._through(item.flush(), number + 1)
@@ -145,7 +152,7 @@ class Ahead:
         self.blocks.extend(blocks)
 
     def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
-        """An error about a block, or about the one that is analysed; the first one counts."""
+        """Keep an error about a block, None: about the one that is analysed; the first error counts."""
         if self.error is not None:
             return
         here = (block.program, block.number) if block else self._interpreter.place

@@ -29,7 +29,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Path
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
-from isel_twin.motion.joined import Pieces
+from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0
@@ -51,8 +51,8 @@ SLOWEST: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What the axes and the path can, from the parameters; one value an axis."""
+class MotionLimits:
+    """What axes and path can do, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
     speed: Point
@@ -86,7 +86,7 @@ class Limits:
     """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
 
     @classmethod
-    def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
+    def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
         fastest = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
@@ -119,7 +119,7 @@ class Limits:
 
 
 def positive(value: float, default: float) -> float:
-    """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
+    """The value of a parameter, or the default where it is 0, deleted or negative."""
     return value if value > 0.0 else default
 
 
@@ -133,7 +133,7 @@ def circumradius(a: Point, b: Point, c: Point) -> float:
     return chord / (2.0 * sine) if sine > STRAIGHT else math.inf
 
 
-def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
+def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float:
     """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
 
     An arc around an outer corner has no contour of its own: 1.
@@ -154,7 +154,7 @@ def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
 
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
-    """What P12136 lets an axis do, mm/s: P12005 with byte 1, P12006 with byte 2, 10 and 20 % of P12004 unless set."""
+    """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
     asked = p.axis(axis, 136, 0.0)
     most = fastest
     for number, share in ((1, 0.1), (2, 0.2)):
@@ -164,7 +164,7 @@ def _slope(p: Parameters, axis: int, fastest: float) -> float:
 
 
 def _share(percent: float) -> float:
-    """-100 to 100 %, as a share."""
+    """Percent, at most 100 either way, as a share."""
     return min(max(percent, -100.0), 100.0) / 100.0
 
 
@@ -179,10 +179,10 @@ def corner_factor(cosine: float, exponent: float) -> float:
     return min(max(cosine, 0.0), 1.0) ** exponent
 
 
-class Path:
-    """Makes pieces of blocks, one block after the other; remembers where the last one ended, and how."""
+class PieceMaker:
+    """Makes pieces of blocks; remembers place, direction and speed at the end of the last one."""
 
-    def __init__(self, limits: Limits, position: Point) -> None:
+    def __init__(self, limits: MotionLimits, position: Point) -> None:
         """position: where the axes stand, mm."""
         self.limits = limits
         self._place = self._increments(position)
@@ -228,7 +228,7 @@ class Path:
         return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
-        """The axes stand at the end of the last piece: the next one begins at 0."""
+        """The axes stand at the end of the last piece: the next one begins with speed 0."""
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
@@ -238,7 +238,7 @@ class Path:
         return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
-        """Speed that is wanted, speed that is never exceeded, acceleration."""
+        """Wanted speed, highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):
@@ -279,7 +279,7 @@ class Path:
         return speed, acceleration
 
     def _contour(self, element: Element) -> float:
-        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before it."""
+        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before."""
         limits = self.limits
         if not limits.contour_mm:
             return math.inf
@@ -307,7 +307,6 @@ class _Curve:
         self._arc, self._begin, self._per_mm = arc, np.array(begin, dtype=np.float64), np.array(per_mm)
 
     def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `Curve.displacement`."""
         arc = self._arc
         share = s / arc.length_mm
         start, end = np.array(arc.start), np.array(arc.end)
