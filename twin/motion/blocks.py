@@ -8,13 +8,20 @@ A block is a value: what changes makes another one. A piece whose phases lie in 
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion.look_ahead import SPEED, T
+from isel_twin.motion.look_ahead import LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
+
+BLOCK = 512
+"""Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -136,3 +143,94 @@ class State:
     v: float
     t_s: float
     ended: bool
+
+
+# ---- blocks one after the other --------------------------------------------------------------------------------------
+
+
+def long_enough(rows: int) -> bool:
+    """So many phases may be a block of their own."""
+    return rows >= BLOCK
+
+
+def block_at(blocks: Sequence[Block], t_s: float) -> int:
+    """Number of the block at this time."""
+    return max(bisect_right(blocks, t_s, key=lambda block: block.start_s) - 1, 0)
+
+
+def _own_pieces(blocks: Sequence[Block]) -> list[tuple[Block, int]]:
+    """Blocks, and how many of its pieces each has for itself: without those that the next one has, too."""
+    own = [(block, after.first - block.first) for block, after in pairwise(blocks)]
+    return [*own, (blocks[-1], len(blocks[-1].table))]
+
+
+def merged_corner(blocks: Sequence[Block]) -> NDArray[np.float64]:
+    """`Block.corner` of all of them as one."""
+    return np.concatenate([block.corner[:count] for block, count in _own_pieces(blocks)] + [blocks[-1].corner[-1:]])
+
+
+def merged_table(blocks: Sequence[Block]) -> NDArray[np.float64]:
+    """`Block.table` of all of them as one."""
+    return np.concatenate([block.table[:count] for block, count in _own_pieces(blocks)])
+
+
+def opened(blocks: tuple[Block, ...], number: int, state: State) -> tuple[tuple[Block, ...], Block, State]:
+    """What is over and done with, and the rest as one block, with the present in it."""
+    before, tail = blocks[:number], blocks[number]
+    later = blocks[number:]
+    if len(later) > 1:
+        tail = replace(
+            tail,
+            corner=merged_corner(later),
+            table=merged_table(later),
+            curves=tuple(
+                (block.first - tail.first + j, curve)
+                for block, count in _own_pieces(later)
+                for j, curve in block.curves
+                if j < count
+            ),
+        )
+    if long_enough(state.row):
+        row = state.row - int(tail.back[state.row])
+        past, tail = tail.split(row)
+        before = (*before, past)
+        state = replace(state, row=state.row - row, piece=state.piece + before[-1].first - tail.first)
+    return before, tail, state
+
+
+def block_positions(blocks: tuple[Block, ...], period_s: float, sine: bool, first: int, last: int) -> NDArray[np.int64]:
+    """int64 [last - first + 1, axes]: displacements at ticks first .. last."""
+    out = np.empty((last - first + 1, blocks[0].corner.shape[1]), dtype=np.int64)
+    number, k = block_at(blocks, first * period_s), first
+    while k <= last:
+        block, end = blocks[number], last + 1
+        number += 1
+        if number < len(blocks):
+            start_s = blocks[number].start_s
+            end = math.ceil(start_s / period_s)
+            while end * period_s < start_s:
+                end += 1
+            while (end - 1) * period_s >= start_s:
+                end -= 1
+            end = min(max(end, k), last + 1)
+        part = out[k - first : end - first]
+        positions(k, period_s, block.phases, block.piece, sine, block.table[:, LENGTH], block.corner, part)
+        if block.curves:
+            _bend(block, period_s, sine, k, part)
+        k = end
+    return out
+
+
+def _bend(block: Block, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
+    """Put what lies on curves where it is."""
+    place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
+    places(k, period_s, block.phases, block.piece, sine, place, at)
+    for j, curve in block.curves:
+        low, high = int(at.searchsorted(j)), int(at.searchsorted(j, side="right"))
+        if low < high:
+            begin = block.corner[j]
+            whole = np.rint(begin)
+            way = curve.displacement(place[low:high])
+            arrived = (place[low:high] == block.table[j, LENGTH])[:, None]
+            way = np.where(arrived, block.corner[j + 1] - begin, way)
+            out[low:high] = whole.astype(np.int64) + np.rint(begin - whole + way).astype(np.int64)

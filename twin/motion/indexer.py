@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
-from isel_twin.motion import Displacement, SetPoints
+from isel_twin.motion.path import Displacement, added
+from isel_twin.motion.set_points import SetPoints
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ class Braked:
 
     def displacement(self, k: int) -> Displacement:
         made = self.plan.displacement(min(k, self.k))
-        return tuple(m + n for m, n in zip(made, self.ramp.displacement(max(0, k - self.k)), strict=True))
+        return added(made, self.ramp.displacement(max(0, k - self.k)))
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         if not 0 <= first <= last <= self.ticks:

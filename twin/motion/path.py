@@ -24,6 +24,16 @@ Displacement = tuple[int, ...]
 """Whole numbers of steps or increments, one an axis."""
 
 
+def added(a: Sequence[int], b: Sequence[int]) -> Displacement:
+    """One after the other."""
+    return tuple(m + n for m, n in zip(a, b, strict=True))
+
+
+def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
+    """From one to the other."""
+    return tuple(n - b for b, n in zip(before, now, strict=True))
+
+
 class Path(Protocol):
     """What a `StepRun` asks of a path. Immutable, and equal to another path of the same ticks; a controller may bring
     its own."""

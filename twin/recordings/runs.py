@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from isel_twin.motion import Displacement, Motion, SetPointRun, StepRun, Steps, line
 from isel_twin.motion.circle import Circle
-from isel_twin.motion.joined import Joined, Stretch, written
+from isel_twin.motion.joined import Joined
 from isel_twin.motion.path import Line, Path
+from isel_twin.motion.stretch import Stretch, since, written
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
 MOST_TICKS = 1 << 31
@@ -46,7 +47,7 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
         }
     if isinstance(motion, SetPointRun) and isinstance(motion.plan, Joined):
         known = isinstance(before, SetPointRun) and isinstance(before.plan, Joined)
-        stretch = motion.plan.since(motion.count(time_ns) if known else motion.first)
+        stretch = since(motion.plan, motion.count(time_ns) if known else motion.first)
         if stretch is not None:
             return {
                 "joined": {

@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
-from isel_twin.motion.joined import Joined, Pieces, joined
-from isel_twin.motion.pieces import chain
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces, chain
 
 AXES = 6
 """Slots 0 to 5; a displacement has one number for each."""
