@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli.crews import crew_of
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
 from isel_twin.cli.outputs import many, put_off, tell
@@ -72,10 +74,9 @@ def check(
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
     reports = []
-    with ExitStack() as stack:
-        for made in _reports(tasks, pages, processes, stack):
-            reports.append(made)
-            print(as_json(made) if json else _in_words(made), flush=True)
+    for made in in_order(perform, list(zip(tasks, pages, strict=True)), crew_of(min(processes, len(tasks)))):
+        reports.append(made)
+        print(as_json(made) if json else _in_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -161,19 +162,9 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
     return [folder / f"{name}.html" for name in names]
 
 
-def _reports(tasks: Sequence[Task], pages: Sequence[Path | None], processes: int, stack: ExitStack) -> Iterator[Report]:
-    """The reports in the order of the tasks, whatever makes them."""
-    if processes == 1 or len(tasks) == 1:
-        yield from map(perform, tasks, pages)
-        return
-    from isel_twin.jobs.robust import processes as pool
-
-    executor = stack.enter_context(pool(min(processes, len(tasks))))
-    yield from executor.map(perform, tasks, pages)
-
-
-def perform(task: Task, page: Path | None = None) -> Report:
-    """Check one job, and write a page about it; in this process or another."""
+def perform(asked: tuple[Task, Path | None]) -> Report:
+    """Check one job, and write a page about it if one is named; in this process or another."""
+    task, page = asked
     from isel_twin.jobs.checks import check_job
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.golden import called, golden_file, load
@@ -191,7 +182,7 @@ def perform(task: Task, page: Path | None = None) -> Report:
 
         report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun)
         if golden is not None:
-            report = report.compared(golden, called(report.run, task.call, task.job, file))
+            report = report.compared(golden, called(report.golden, task.call, task.job, file))
         for inspection, recorder in watched:
             from isel_twin.report.report import write_report
 
@@ -209,8 +200,9 @@ def _in_words(report: Report) -> str:
 
     verdict = report.verdict
     commands = many(verdict.commands, "command")
-    margin = "" if report.margin is None else f", margin {100.0 * report.margin:.0f} %"
-    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {report.cycle_s:.3f} s{margin})"
+    least = verdict.least_margin
+    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
+    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"
     return "\n".join(
         [
             head,

@@ -61,8 +61,8 @@ def record(
 
     call = TwinSpec(machine, controller, plant, seed, scenario)
     for job, file in files:
-        run, _ = _play(job, call, timeout)
-        _write(file, called(run, call, job, file))
+        run = called(_play(job, call, timeout), call, job, file)
+        _write(file, run)
         print(f"{file}: {_in_words(run)}")
     return 0
 
@@ -100,9 +100,8 @@ def compare(
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
-        run, spans_ns = _play(job, call, timeout)
-        run = called(run, call, job, file)
-        found = list(differences(was, run, spans_ns))
+        run = called(_play(job, call, timeout), call, job, file)
+        found = list(differences(was, run))
         _tell(job, run, found, json)
         if found and update:
             _write(file, run)
@@ -131,22 +130,16 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinSpec, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
-    """What a job does, and when the windows of its stream begin and end."""
-    from isel_twin.jobs.golden import Golden, Scribe
-    from isel_twin.jobs.job import play
-    from isel_twin.jobs.verdict import judge
+def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
+    """What a job does."""
+    from isel_twin.jobs.golden import Scribe
+    from isel_twin.jobs.playing import played
 
-    twin, scribe = call.build(), Scribe()
+    twin = call.build()
     lines = read_job(job, call.controller)
     check_names(job, lines, twin)
-    results, moves = [], []
-    for result in play(twin, lines, timeout_s):
-        results.append(result)
-        move = scribe.move(result, twin.steps)
-        if not result.condition:  # whether it is met is in the verdict
-            moves.append(move)
-    return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
+    scribe = Scribe(twin)
+    return scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
 from isel_twin.base.parameters import Limits
+from isel_twin.base.plugins import installed
 from isel_twin.controller.controller import Controller
 
 ControllerFactory = Callable[..., Controller]
@@ -51,7 +52,7 @@ _GROUP = "isel_twin.controllers"
 
 def controller_names() -> list[str]:
     """Names of all installed controllers, sorted."""
-    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
+    return sorted(entry.name for entry in installed(_GROUP))
 
 
 def create_controller(
@@ -70,7 +71,7 @@ def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]],
 
     Both raise what `create_controller` raises. Looking it up takes ten milliseconds, building one much less.
     """
-    for entry in importlib.metadata.entry_points(group=_GROUP):
+    for entry in installed(_GROUP):
         if entry.name == name:
             with plugin_errors("controller", entry):
                 factory: ControllerFactory = entry.load()
@@ -91,7 +92,7 @@ def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
     A controller that does not work takes none.
     """
     if not set(wanted) <= _settings.keys():
-        for entry in importlib.metadata.entry_points(group=_GROUP):
+        for entry in installed(_GROUP):
             with suppress(PluginError), plugin_errors("controller", entry):
                 _settings.update(getattr(entry.load(), "settings", {}))
             if set(wanted) <= _settings.keys():

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
+from isel_twin.base.plugins import installed
 from isel_twin.controller import PluginError, UnknownNameError, controller_names, offers, plugin_errors
 from isel_twin.language.language import Language, LanguageError
 from isel_twin.language.roles import RunsPrograms
@@ -22,7 +23,7 @@ _GROUP = "isel_twin.languages"
 
 def language_names() -> list[str]:
     """Names of all controllers whose language is installed, sorted."""
-    return sorted(entry.name for entry in importlib.metadata.entry_points(group=_GROUP))
+    return sorted(entry.name for entry in installed(_GROUP))
 
 
 def create_language(controller: str) -> Language | None:
@@ -38,7 +39,7 @@ def language_factory(controller: str) -> Callable[[], Language | None]:
 
     Both raise what `create_language` raises. Looking for the language takes ten milliseconds, making one much less.
     """
-    for entry in importlib.metadata.entry_points(group=_GROUP):
+    for entry in installed(_GROUP):
         if entry.name == controller:
             with plugin_errors("language", entry):
                 factory: LanguageFactory = entry.load()

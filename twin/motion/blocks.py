@@ -25,7 +25,7 @@ BLOCK = 512
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Block:
+class PlanBlock:
     """A stretch of the plan: phases in the order of time, and the pieces that they, or later ones, lead along."""
 
     first: int
@@ -48,10 +48,10 @@ class Block:
         """The phase at this time; -1 before the first."""
         return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
 
-    def split(self, row: int) -> tuple[Block, Block]:
-        """The phases before this one, the others."""
+    def split(self, row: int) -> tuple[PlanBlock, PlanBlock]:
+        """Two blocks: the phases before `row`, and the others."""
         last, first = int(self.piece[row - 1]) + 1, int(self.piece[row])
-        before = Block(
+        before = PlanBlock(
             self.first,
             self.phases[:row].copy(),
             self.piece[:row].copy(),
@@ -61,7 +61,7 @@ class Block:
             tuple((j, curve) for j, curve in self.curves if j < last),
             0,
         )
-        after = Block(
+        after = PlanBlock(
             self.first + first,
             self.phases[row:],
             self.piece[row:] - np.int32(first),
@@ -73,8 +73,8 @@ class Block:
         )
         return before, after
 
-    def with_pieces(self, pieces: Pieces) -> Block:
-        """With these behind it, without phases."""
+    def with_pieces(self, pieces: Pieces) -> PlanBlock:
+        """With more pieces at the end, which have no phases yet."""
         if not len(pieces):
             return self
         n = len(self.table)
@@ -85,14 +85,14 @@ class Block:
             curves=self.curves + tuple((n + j, curve) for j, curve in pieces.curves),
         )
 
-    def with_speed(self, first: int, last: int, speed: float) -> Block:
+    def with_speed(self, first: int, last: int, speed: float) -> PlanBlock:
         """With another wanted speed on the pieces from `first` to before `last`."""
         changed = self.table.copy()
         changed[first : max(last, first), SPEED] = speed
         return replace(self, table=changed)
 
-    def shortened(self, count: int) -> Block:
-        """With its first so many pieces; what led along others was standing."""
+    def shortened(self, count: int) -> PlanBlock:
+        """The first `count` pieces; phases on dropped pieces must be at standstill."""
         if count >= len(self.table):
             return self
         row = int(self.piece.searchsorted(count))
@@ -106,13 +106,13 @@ class Block:
             curves=tuple((j, curve) for j, curve in self.curves if j < count),
         )
 
-    def standing(self, piece: int, s: float, t_s: float) -> Block:
-        """With nothing but a phase that stands, from a time on, at place s of a piece."""
+    def standing(self, piece: int, s: float, t_s: float) -> PlanBlock:
+        """With a single phase: standing from t_s on, at place s of a piece."""
         phases = np.array([[t_s, 0.0, s, s, 0.0, 0.0]])
         return replace(self, phases=phases, piece=np.array([piece], np.int32), back=np.zeros(1, np.int8))
 
-    def with_phases(self, row: int, piece: int, law: Law) -> Block:
-        """With the first `row` phases, then those of a law that begins on this piece."""
+    def with_phases(self, row: int, piece: int, law: Law) -> PlanBlock:
+        """The first `row` phases, then those of a law that begins on this piece."""
         return replace(
             self,
             phases=np.vstack((self.phases[:row], law.phases)),
@@ -124,7 +124,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Law:
-    """What `lay` or `brake` made, piece numbers from the first piece on."""
+    """Phases that `lay` or `brake` made; numbers of pieces count from the first piece they were given."""
 
     phases: NDArray[np.float64]
     piece: NDArray[np.int32]
@@ -149,33 +149,33 @@ class State:
 
 
 def long_enough(rows: int) -> bool:
-    """So many phases may be a block of their own."""
+    """True if so many phases may be a block of their own."""
     return rows >= BLOCK
 
 
-def block_at(blocks: Sequence[Block], t_s: float) -> int:
+def block_at(blocks: Sequence[PlanBlock], t_s: float) -> int:
     """Number of the block at this time."""
     return max(bisect_right(blocks, t_s, key=lambda block: block.start_s) - 1, 0)
 
 
-def _own_pieces(blocks: Sequence[Block]) -> list[tuple[Block, int]]:
-    """Blocks, and how many of its pieces each has for itself: without those that the next one has, too."""
+def _own_pieces(blocks: Sequence[PlanBlock]) -> list[tuple[PlanBlock, int]]:
+    """Blocks, and how many of the pieces of each are not in the next one, too."""
     own = [(block, after.first - block.first) for block, after in pairwise(blocks)]
     return [*own, (blocks[-1], len(blocks[-1].table))]
 
 
-def merged_corner(blocks: Sequence[Block]) -> NDArray[np.float64]:
-    """`Block.corner` of all of them as one."""
+def merged_corner(blocks: Sequence[PlanBlock]) -> NDArray[np.float64]:
+    """`PlanBlock.corner` of all of them as one."""
     return np.concatenate([block.corner[:count] for block, count in _own_pieces(blocks)] + [blocks[-1].corner[-1:]])
 
 
-def merged_table(blocks: Sequence[Block]) -> NDArray[np.float64]:
-    """`Block.table` of all of them as one."""
+def merged_table(blocks: Sequence[PlanBlock]) -> NDArray[np.float64]:
+    """`PlanBlock.table` of all of them as one."""
     return np.concatenate([block.table[:count] for block, count in _own_pieces(blocks)])
 
 
-def opened(blocks: tuple[Block, ...], number: int, state: State) -> tuple[tuple[Block, ...], Block, State]:
-    """What is over and done with, and the rest as one block, with the present in it."""
+def opened(blocks: tuple[PlanBlock, ...], number: int, state: State) -> tuple[tuple[PlanBlock, ...], PlanBlock, State]:
+    """The blocks that are over, all others merged into one, and the present as a place in that one."""
     before, tail = blocks[:number], blocks[number]
     later = blocks[number:]
     if len(later) > 1:
@@ -198,7 +198,9 @@ def opened(blocks: tuple[Block, ...], number: int, state: State) -> tuple[tuple[
     return before, tail, state
 
 
-def block_positions(blocks: tuple[Block, ...], period_s: float, sine: bool, first: int, last: int) -> NDArray[np.int64]:
+def block_positions(
+    blocks: tuple[PlanBlock, ...], period_s: float, sine: bool, first: int, last: int
+) -> NDArray[np.int64]:
     """int64 [last - first + 1, axes]: displacements at ticks first .. last."""
     out = np.empty((last - first + 1, blocks[0].corner.shape[1]), dtype=np.int64)
     number, k = block_at(blocks, first * period_s), first
@@ -221,8 +223,8 @@ def block_positions(blocks: tuple[Block, ...], period_s: float, sine: bool, firs
     return out
 
 
-def _bend(block: Block, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
-    """Put what lies on curves where it is."""
+def _bend(block: PlanBlock, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
+    """Correct the positions on curved pieces, which `positions` takes for straight ones."""
     place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
     places(k, period_s, block.phases, block.piece, sine, place, at)
     for j, curve in block.curves:

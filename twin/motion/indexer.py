@@ -1,4 +1,4 @@
-"""Motion that axes make each for itself, as set points of one grid: reference runs, jogging, emergency ramps.
+"""Set points of axes that move independently, on one grid: reference runs, jogging, emergency ramps.
 
     speed     toward(v)              brake           to(target)
       |        ________                \\                ___
@@ -78,11 +78,11 @@ class Indexer:
         return plan
 
     def stands_at(self, axis: int) -> int:
-        """The tick at which nothing of this axis is left to be made."""
+        """The tick from which on this axis stands."""
         return math.ceil(round(self.phases[axis][-1].t * SECOND_NS / self.period_ns, 6))
 
     def stands(self, axis: int, k: int) -> bool:
-        """Nothing of this axis is left to be made at tick k."""
+        """True if this axis stands from tick k on."""
         return k >= self.stands_at(axis)
 
     # ---- other phases from tick k on --------------------------------------------------------------------------------

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
-from isel_twin.motion.blocks import Block, State, block_at, block_positions, long_enough, opened
+from isel_twin.motion.blocks import PlanBlock, State, block_at, block_positions, long_enough, opened
 from isel_twin.motion.look_ahead import DT, LENGTH, S0, S1, V0, T, places, speed_at
 from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Pieces
@@ -65,7 +65,7 @@ def joined(
     """
     if period_ns <= 0:
         raise ValueError(f"the period of set points must be positive, got {period_ns} ns")
-    block = Block(
+    block = PlanBlock(
         0,
         np.empty((0, 6)),
         np.empty(0, dtype=np.int32),
@@ -90,18 +90,18 @@ class Joined:
     ceiling: float
     identity: object
     hold: bool
-    """It was told to hold."""
+    """It has been told to hold."""
     dropped: bool
-    """It was stopped: what was left is forgotten, and nothing can be appended."""
+    """It has been stopped: pieces that were left are forgotten, and none can be appended."""
     ticks: int
     """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
-    blocks: tuple[Block, ...]
+    blocks: tuple[PlanBlock, ...]
     forgotten: int = 0
-    """Ticks at the beginning of which nothing is known any more; see `forgetting`."""
+    """Ticks at the beginning whose set points are no longer known; see `forgetting`."""
 
     @property
     def held(self) -> bool:
-        """It brakes, or stands, though pieces may be left: it was told to, or the scale is 0."""
+        """It brakes or stands though pieces may be left: it has been told to, or the scale is 0."""
         return self.hold or self.scale <= 0
 
     @property
@@ -168,8 +168,8 @@ class Joined:
         return self.pieces - self.blocks[0].first
 
     def forgetting(self, k: int) -> Joined:
-        """The same from tick k on, and nothing of what was before: so that a motion without an end needs no more room
-        than its last pieces do. Numbers of ticks and pieces, and displacements, stay what they were.
+        """The same without what was before tick k, so that the memory of an endless motion stays bounded. Numbers of
+        ticks and pieces, and displacements, do not change.
 
         Raises IndexError for a tick that is forgotten already.
         """
@@ -327,7 +327,7 @@ class Joined:
         speed = speed_at(t_s - block.phases[row, T], block.phases, row, self.sine) if row >= 0 else 0.0
         return number, State(row, max(int(at[0]), 0), float(place[0]), float(speed), t_s, row < 0)
 
-    def _with(self, before: tuple[Block, ...], tail: Block, k: int) -> Joined:
+    def _with(self, before: tuple[PlanBlock, ...], tail: PlanBlock, k: int) -> Joined:
         """This plan with these blocks, the last one cut where nothing will change any more."""
         row = int(tail.piece.searchsorted(tail.settled))
         if not self.held and long_enough(row) and row < len(tail.piece) and tail.piece[row] == tail.settled:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
-from isel_twin.motion.path import Displacement, Path, between
+from isel_twin.motion.path import Displacement, StepPath, between
 from isel_twin.motion.time_law import TimeLaw
 
 
@@ -22,7 +22,7 @@ class StepRun:
     Follows `isel_twin.motion.Motion`. Raises ValueError if the path has not as many ticks as the law times.
     """
 
-    path: Path
+    path: StepPath
     law: TimeLaw
     start_ns: int
     first: int = 0

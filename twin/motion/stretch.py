@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.motion.blocks import Block, block_at, long_enough, merged_corner, merged_table
+from isel_twin.motion.blocks import PlanBlock, block_at, long_enough, merged_corner, merged_table
 from isel_twin.motion.joined import Joined
 from isel_twin.motion.look_ahead import LENGTH, T
 
 
 class Stretch(NamedTuple):
-    """Phases of a plan one after the other, and the straight pieces they lead along; see `Joined.since`, `written`."""
+    """Phases of a plan one after the other, and the straight pieces they lead along."""
 
     first: int
     """Number of the first piece."""
@@ -33,9 +33,9 @@ class Stretch(NamedTuple):
 
 
 def since(plan: Joined, k: int) -> Stretch | None:
-    """What it says of the ticks from k on, from the phase under way at tick k; all of it for k = 0.
+    """The plan from the phase under way at tick k on; all of it for k = 0.
 
-    None if curves lead along: they are functions and cannot be written down.
+    None if a piece of it is curved: curves are functions and cannot be written down.
     """
     later = plan.blocks[block_at(plan.blocks, k * plan.period_s) :]
     if any(block.curves for block in later):
@@ -58,9 +58,9 @@ def since(plan: Joined, k: int) -> Stretch | None:
 
 
 def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | None = None) -> Joined:
-    """The plan that a stretch says, to be looked at only; before: the one whose ticks come first, if there is one.
+    """The plan of a stretch, for looking only: it cannot be planned anew. before: the plan whose ticks come first.
 
-    Raises ValueError for a stretch that is none, or does not belong behind that plan.
+    Raises ValueError for arrays that are no stretch, and for one that does not follow that plan.
     """
     first, ticks, phases, piece, corner, length = stretch
     sound = (
@@ -82,7 +82,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         raise ValueError("no stretch of a joined plan")
     table = np.zeros((len(length), 5))
     table[:, LENGTH] = length
-    block = Block(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
+    block = PlanBlock(first, phases, piece, np.zeros(len(piece), dtype=np.int8), corner, table, (), 0)
     if before is None:
         return Joined(corner.shape[1], period_ns, sine, 1.0, math.inf, 0, False, True, ticks, (block,))
     if (
@@ -101,7 +101,7 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
         kept = (*kept, replace(last, phases=last.phases[:row], piece=last.piece[:row], back=last.back[:row]))
     elif row:
         pieces = first - last.first
-        block = Block(
+        block = PlanBlock(
             last.first,
             np.vstack((last.phases[:row], phases)),
             np.concatenate((last.piece[:row], piece + np.int32(pieces))),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,6 @@ class Ticks:
     def path(self) -> NDArray[np.int64]:
         """int64 [n, axes], position of each axis after each tick, counted from 0."""
         return np.cumsum(self.delta, axis=0, dtype=np.int64)
-
-    def from_start(self) -> Ticks:
-        """The same ticks with the first one at time 0: streams of the same moves made at other times become equal."""
-        return replace(self, t_ns=self.t_ns - self.t_ns[0]) if len(self) else self
 
 
 def switches(travel: Iterable[int] = (126_400, 96_000, 44_800, 100_000), hysteresis: int = 8) -> list[PositionSwitch]:
