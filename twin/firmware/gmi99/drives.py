@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import replace
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import DriveInput, Drives
@@ -95,6 +94,11 @@ class DriveBank:
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
     @property
+    def run(self) -> SetPointRun | None:
+        """Motion the drives make by themselves."""
+        return self._board.drives_run
+
+    @property
     def estop(self) -> bool:
         """An E-stop of the drives."""
         return self._estop
@@ -102,7 +106,7 @@ class DriveBank:
     @property
     def at_rest(self) -> bool:
         """No drive moves by itself."""
-        return self._board.drives_run is None
+        return self.run is None
 
     def status(self, slot: int) -> int:
         """Status register of the drive at a slot, bit by bit as in 6.1.3 (FB 254.10)."""
@@ -189,9 +193,9 @@ class DriveBank:
             self._enable(on=False)
         elif self._board.path_run is not None and not self._board.ghost:
             run = path.release()
-            k = self._next_tick(run)
             sharp = LIMIT_SHARPNESS * 1000.0 * self._board.settings.b_hz_per_ms[0]
-            self._board.drives_run = replace(run, plan=braked(run.plan, k, run.period_ns, sharp))
+            k = run.next_tick(self._board.now_ns)
+            self._board.drives_run = run.with_plan(braked(run.plan, k, run.period_ns, sharp))
         else:
             path.cut()
             self.brake()
@@ -206,69 +210,62 @@ class DriveBank:
 
     def brake(self) -> None:
         """A reference run ends with its ramp."""
-        if self._board.drives_run is not None and isinstance(self._board.drives_run.plan, Indexer):
-            self._board.drives_run = replace(
-                self._board.drives_run,
-                plan=self._board.drives_run.plan.stopped(self._next_tick(self._board.drives_run)),
-            )
+        if self.run is not None and isinstance(self.run.plan, Indexer):
+            self._replan(self.run.plan.stopped(self.run.next_tick(self._board.now_ns)))
 
     def _end_run(self) -> None:
-        if self._board.drives_run is not None:
-            self._board.take_in(self._board.drives_run.displacement(self._board.now_ns), ghost=False)
+        if self.run is not None:
+            self._board.take_in(self.run.displacement(self._board.now_ns), ghost=False)
             self._board.drives_run = None
 
     def advance(self) -> None:
         """The end of a motion of the drives is taken in."""
-        if (
-            self._board.drives_run is not None
-            and not self._referencing
-            and self._board.now_ns >= self._board.drives_run.end_ns
-        ):
+        if self.run is not None and not self._referencing and self._board.now_ns >= self.run.end_ns:
             self._end_run()
 
     # ---- becoming ready ---------------------------------------------------------------------------------------------
 
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
         """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
-        card = self._board
+        board = self._board
         if self._estop:
-            card.refuse("Q: E-stop")
+            board.refuse("Q: E-stop")
             return
-        card.output("power_request", 1)
-        card.output("power_request", 0)
+        board.output("power_request", 1)
+        board.output("power_request", 0)
         if not self._power:
-            yield Wait(until=lambda: self._power, at_ns=card.now_ns + POWER_WAIT_NS)
+            yield Wait(until=lambda: self._power, at_ns=board.now_ns + POWER_WAIT_NS)
         if not self._power:
-            card.refuse("Q: the drives have no supply")
+            board.refuse("Q: the drives have no supply")
             return
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         if any(self._faulty):
-            card.output("drive_reset", 1)
-            card.output("drive_reset", 0)
-            yield Wait(until=lambda: not any(self._faulty), at_ns=card.now_ns + FAULT_NS)
+            board.output("drive_reset", 1)
+            board.output("drive_reset", 0)
+            yield Wait(until=lambda: not any(self._faulty), at_ns=board.now_ns + FAULT_NS)
         if not self.enabled:
             self._enable(on=True)
         if run:
             found = yield from self._reference([slot for slot in axes if slot < MECHANICAL])
             axes = [slot for slot in axes if slot >= MECHANICAL or slot in found]
         for slot in axes:
-            card.set_counter(slot, 0)
+            board.set_counter(slot, 0)
             self._zeroed[slot] = True
         if not indexer:
             return
-        wanted = card.settings.axis_mask
+        wanted = board.settings.axis_mask
         self.ready = not any(self._faulty[slot] for slot in range(SLOTS) if wanted >> slot & 1) and all(
             self._zeroed[slot] for slot in range(SLOTS) if wanted >> slot & 1
         )
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
         """The reference run of some axes at once; return those that have found their place."""
-        card = self._board
+        board = self._board
         self._serial += 1
         self._referencing = True
         plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
-        self._board.drives_run = SetPointRun(plan, planner.PERIOD_NS, self._path.grid_ns(card.now_ns))
-        runs = {slot: self._axis(slot, card.counts[slot]) for slot in axes}
+        board.drives_run = SetPointRun(plan, planner.PERIOD_NS, self._path.grid_ns(board.now_ns))
+        runs = {slot: self._axis(slot, board.counts[slot]) for slot in axes}
         found: list[int] = []
         for slot in axes:
             self._zeroed[slot] = False
@@ -285,11 +282,11 @@ class DriveBank:
                         if end.value:
                             found.append(slot)
                         else:
-                            card.refuse(f"the reference run of slot {slot} has failed")
+                            board.refuse(f"the reference run of slot {slot} has failed")
                 if runs:
                     yield Wait(until=lambda: self._edge, at_ns=self._next_stand_ns())
-            if card.now_ns < self._board.drives_run.end_ns:
-                yield Wait(at_ns=self._board.drives_run.end_ns)
+            if board.now_ns < board.drives_run.end_ns:
+                yield Wait(at_ns=board.drives_run.end_ns)
             self._end_run()
         finally:
             self.searching = 0
@@ -298,39 +295,35 @@ class DriveBank:
 
     def _next_stand_ns(self) -> int:
         """When the next axis stands that moves now."""
-        plan, _ = self._indexer()
-        assert self._board.drives_run is not None
-        times = (
-            self._board.drives_run.start_ns + plan.stands_at(slot) * self._board.drives_run.period_ns
-            for slot in range(SLOTS)
-        )
+        run, plan, _ = self._indexer()
+        times = (run.start_ns + plan.stands_at(slot) * run.period_ns for slot in range(SLOTS))
         return min((t_ns for t_ns in times if t_ns > self._board.now_ns), default=self._board.now_ns + 1)
 
     def _axis(self, slot: int, base: int) -> Generator[None, None, bool]:
         """What the drive at a slot does in a reference run: gone on with after everything that happens."""
-        near, far = (slot, 0), (slot, 1)
-        if near not in self._board.struck:
+        near, far, struck = (slot, 0), (slot, 1), self._board.struck
+        if near not in struck:
             return False
-        if not self._board.struck[near]:
-            self._plan_to(slot, -SEARCH_LENGTH, SEARCH_HZ)
-            while not self._board.struck[near]:
-                if self._stands(slot) or self._board.struck.get(far, False):
-                    self._plan_brake(slot)
+        if not struck[near]:
+            self._go(slot, -SEARCH_LENGTH, SEARCH_HZ)
+            while not struck[near]:
+                if self._stands(slot) or struck.get(far, False):
+                    self._brake(slot)
                     return False
                 yield
-            self._plan_brake(slot)
+            self._brake(slot)
             while not self._stands(slot):
                 yield
-        self._plan_to(slot, FREE_LENGTH, FREE_HZ)
-        while self._board.struck[near]:
+        self._go(slot, FREE_LENGTH, FREE_HZ)
+        while struck[near]:
             if self._stands(slot):
                 return False
             yield
         zero = self.encoder(slot) - base + self._turn - self._past_zero_pulse(slot)
-        self._plan_brake(slot)
+        self._brake(slot)
         while not self._stands(slot):
             yield
-        self._plan_place(slot, zero)
+        self._go(slot, zero, FREE_HZ, absolute=True)
         while not self._stands(slot):
             yield
         return True
@@ -346,37 +339,30 @@ class DriveBank:
         return pulses[slot] % self._turn if slot < len(pulses) else 0
 
     def _stands(self, slot: int) -> bool:
-        if self._board.drives_run is None:
+        run = self.run
+        if run is None:
             return True
-        return isinstance(self._board.drives_run.plan, Indexer) and self._board.drives_run.plan.stands(
-            slot, self._board.drives_run.count(self._board.now_ns)
-        )
+        return isinstance(run.plan, Indexer) and run.plan.stands(slot, run.count(self._board.now_ns))
 
-    def _plan_to(self, slot: int, way: float, speed: float) -> None:
-        plan, k = self._indexer()
-        self._replan(plan.to(slot, k, plan.displacement(k)[slot] + way, speed))
+    def _go(self, slot: int, way: float, speed: float, *, absolute: bool = False) -> None:
+        """From standstill so far on; absolute: to that place, from the start of the run."""
+        _, plan, k = self._indexer()
+        self._replan(plan.to(slot, k, way if absolute else plan.displacement(k)[slot] + way, speed))
 
-    def _plan_place(self, slot: int, place: float) -> None:
-        plan, k = self._indexer()
-        self._replan(plan.to(slot, k, place, FREE_HZ))
-
-    def _plan_brake(self, slot: int) -> None:
-        if self._board.drives_run is not None:
-            plan, k = self._indexer()
+    def _brake(self, slot: int) -> None:
+        if self.run is not None:
+            _, plan, k = self._indexer()
             self._replan(plan.braked(slot, k))
 
-    def _indexer(self) -> tuple[Indexer, int]:
-        assert self._board.drives_run is not None
-        assert isinstance(self._board.drives_run.plan, Indexer)
-        return self._board.drives_run.plan, self._next_tick(self._board.drives_run)
+    def _indexer(self) -> tuple[SetPointRun, Indexer, int]:
+        """The reference run, its plan, and the tick from which on that can be another one."""
+        assert self.run is not None
+        assert isinstance(self.run.plan, Indexer)
+        return self.run, self.run.plan, self.run.next_tick(self._board.now_ns)
 
     def _replan(self, plan: Indexer) -> None:
-        assert self._board.drives_run is not None
-        self._board.drives_run = replace(self._board.drives_run, plan=plan)
-
-    def _next_tick(self, run: SetPointRun) -> int:
-        """The tick at or after now."""
-        return max(0, -((run.start_ns - self._board.now_ns) // run.period_ns))
+        assert self.run is not None
+        self._board.drives_run = self.run.with_plan(plan)
 
     # ---- the host, through the card -------------------------------------------------------------------------------
 

@@ -80,6 +80,11 @@ class Path:
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
     @property
+    def run(self) -> SetPointRun | None:
+        """The motion in execution, a ghost too."""
+        return self._board.path_run
+
+    @property
     def at_rest(self) -> bool:
         """Nothing moves and nothing is left to be moved."""
         return self._plan is None
@@ -102,12 +107,12 @@ class Path:
     @property
     def next_ns(self) -> int | None:
         """When something is due."""
-        if self._board.path_run is None:
+        if self.run is None:
             return None
         assert self._plan is not None
         if self._marks and self._marks[0].pieces <= self._plan.finished(self._plan.ticks):
-            return min(self._board.path_run.end_ns, self._time_ns(self._plan.passed(self._marks[0].pieces)))
-        return self._board.path_run.end_ns
+            return min(self.run.end_ns, self._time_ns(self._plan.passed(self._marks[0].pieces)))
+        return self.run.end_ns
 
     def grid_ns(self, t_ns: int) -> int:
         """The first time of the grid that is not before t_ns."""
@@ -234,7 +239,7 @@ class Path:
         if plan is None or self._breaking:
             return
         holds, scale, ceiling = self._holds(), self._scale(), self._ceiling_hz()
-        if self._board.path_run is None:
+        if self.run is None:
             if not holds:
                 self._go_on(scale, ceiling)
         elif (holds, scale, ceiling) != (plan.held, plan.scale, plan.ceiling):
@@ -244,7 +249,7 @@ class Path:
         """Brake along the path and forget what is left."""
         self._circle = None
         self._marks.clear()
-        if self._board.path_run is None:
+        if self.run is None:
             self._forget()
         elif not self._breaking:
             assert self._plan is not None
@@ -255,14 +260,14 @@ class Path:
         """End at once: the set points made are the last."""
         self._circle = None
         self._marks.clear()
-        if self._board.path_run is not None:
+        if self.run is not None:
             self._take_in()
         self._forget()
 
     def release(self) -> SetPointRun:
         """Hand the motion in execution over to whoever ends it otherwise, and forget the plan."""
-        assert self._board.path_run is not None
-        run, self._board.path_run = self._board.path_run, None
+        assert self.run is not None
+        run, self._board.path_run = self.run, None
         self._circle = None
         self._marks.clear()
         self._forget()
@@ -272,15 +277,15 @@ class Path:
 
     def advance(self) -> None:
         """Do what is due now: acts on the way, and the end."""
-        if self._board.path_run is None:
+        if self.run is None:
             return
         assert self._plan is not None
-        made = self._plan.finished(self._board.path_run.count(self._board.now_ns))
+        made = self._plan.finished(self.run.count(self._board.now_ns))
         while self._marks and self._marks[0].pieces <= made:
             mark = self._marks.popleft()
             if mark.act is not None:
                 mark.act()
-        if self._board.path_run is None or self._board.now_ns < self._board.path_run.end_ns:
+        if self.run is None or self._board.now_ns < self.run.end_ns:
             return
         self._take_in()
         if self._breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
@@ -303,8 +308,8 @@ class Path:
 
     def _take_in(self) -> None:
         """The motion has ended, or is ended now."""
-        assert self._board.path_run is not None
-        self._board.take_in(self._board.path_run.displacement(self._board.now_ns), ghost=self._board.ghost)
+        assert self.run is not None
+        self._board.take_in(self.run.displacement(self._board.now_ns), ghost=self._board.ghost)
         self._board.path_run = None
 
     def _forget(self) -> None:
@@ -317,16 +322,16 @@ class Path:
 
     def _replace(self, plan: Joined) -> None:
         self._plan = plan
-        if self._board.path_run is not None:
-            self._board.path_run = replace(self._board.path_run, plan=plan)
+        if self.run is not None:
+            self._board.path_run = self.run.with_plan(plan)
 
     def _tick(self) -> int:
         """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
         assert self._plan is not None
-        if self._board.path_run is None:
+        if self.run is None:
             return self._plan.ticks
-        return max(0, -((self._board.path_run.start_ns - self._board.now_ns) // self._board.path_run.period_ns))
+        return self.run.next_tick(self._board.now_ns)
 
     def _time_ns(self, tick: int) -> int:
-        assert self._board.path_run is not None
-        return self._board.path_run.start_ns + tick * self._board.path_run.period_ns
+        assert self.run is not None
+        return self.run.start_ns + tick * self.run.period_ns
