@@ -37,7 +37,8 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
 from isel_twin.firmware.bwo900.feeder import Feeder
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
-from isel_twin.firmware.bwo900.messages import Effect, Message, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, Message, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Mode, Operating
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
@@ -53,7 +54,7 @@ from isel_twin.firmware.bwo900.status import at_power_on, cell, in_force, shown
 from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.motion import SetPointRun
 
-OVERWRITTEN: Final = 1106
+OVERWRITTEN: Final = Code.PROGRAM_OVERWRITTEN
 """Message of a file that is taken, and replaces one."""
 
 
@@ -122,7 +123,7 @@ class Control:
         """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
         if not self._channel.active:
             return False
-        only_open = byte(self._parameters.get(8_806), 2) & 1
+        only_open = byte(self._parameters.get(P.START_FLAGS_1), 2) & 1
         return name in (self._interpreter.open if only_open else self._interpreter.opened)
 
     def _acknowledged(self) -> bool:
@@ -278,13 +279,13 @@ class Control:
         before, self._levels[terminal] = self._levels.get(terminal), level
         self._plc.set_input(t_ns, terminal, level)
         if terminal in ("estop", "power") and not level:
-            self._lose(3001 if terminal == "estop" else 3002)
+            self._lose(Code.EMERGENCY_STOP if terminal == "estop" else Code.DRIVES_OFF)
         elif terminal.startswith("fault"):
             axis = int(terminal[-1])
             self._power.faulty[axis] = level
             if level:
                 self._axes.referenced[axis] = False
-                self._lose(2001, "XYZ"[axis])
+                self._lose(Code.LAG, "XYZ"[axis])
         elif terminal.startswith("limit") and before and not level:
             self._limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:
@@ -331,7 +332,7 @@ class Control:
         self._operating.answer()
         self._axes.follow((self._hand.move or self._channel).run)
         if self._hand.homing is None and (axis := self._axes.late()) is not None:
-            self._lose(2001, "XYZ"[axis])
+            self._lose(Code.LAG, "XYZ"[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
         if told := self._feeder.say():
@@ -342,11 +343,11 @@ class Control:
         p = self._parameters
         channel = self._channel
         state = 0.0 if not channel.active else 1.0 if channel.phase is Phase.HELD else 2.0
-        if p.get(8_685) != state:
-            p.write(8_685, state)
-            p.write(8_687, 1.0 if channel.active else 0.0)
-        if p.get(8_561) != self._feeder.level:
-            p.write(8_561, float(self._feeder.level))
+        if p.get(P.PROGRAM_ACTIVE) != state:
+            p.write(P.PROGRAM_ACTIVE, state)
+            p.write(P.PROGRAM_RUNS, 1.0 if channel.active else 0.0)
+        if p.get(P.FED_LEVEL) != self._feeder.level:
+            p.write(P.FED_LEVEL, float(self._feeder.level))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))
@@ -392,7 +393,7 @@ class Control:
         """A limit switch is struck: outside of a reference run everything ends."""
         if self._hand.homing is not None or self.run is None:
             return
-        self._say(self._channel.message(2102 if end == 1 else 2101, "XYZ"[axis]))
+        self._say(self._channel.message(Code.HARDWARE_LIMIT_LOW if end == 1 else Code.HARDWARE_LIMIT_HIGH, "XYZ"[axis]))
         self._hand.release(self._now_ns, everything=True)
         self._channel.abort(self._now_ns)
 

@@ -18,7 +18,8 @@ from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
 from isel_twin.firmware.bwo900.analysis.restart import find
 from isel_twin.firmware.bwo900.feeder import Feeder
-from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.realtime import overrides
@@ -146,14 +147,14 @@ class Operating:
                 step_on(self._parameters)
             case keys.Wish.LOCK:
                 p = self._parameters
-                locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
+                locked = p.get(P.TRAVEL_RELEASE, 1.0) == 0.0 or p.get(P.SAFETY_HALT) == 1.0
                 if locked:
                     self._hand.release(self._now_ns, everything=True)
                 self._channel.lock(locked, self._now_ns)
             case keys.Wish.FEED:
                 self._channel.set_feed(given, self._now_ns)
             case keys.Wish.MAP:
-                self._parameters.write(8_554, self._mapped(int(given)))
+                self._parameters.write(P.MAP_Q, self._mapped(int(given)))
             case keys.Wish.REFERENCE:
                 self._parameters.write(number, 0.0)
                 self._refer(int(given))
@@ -161,9 +162,9 @@ class Operating:
     def _send_in_hand(self, code: int) -> None:
         """P8690: an M function to the PLC."""
         if not self._free:
-            self._say(message(1321, detail="an M function"))
+            self._say(message(Code.NOT_IN_HAND, detail="an M function"))
         elif not 0 <= code <= keys.HIGHEST_FUNCTION:
-            self._say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
+            self._say(message(Code.M_TOO_LARGE, detail=f"M{code}", effect=Effect.SHOWN))
         else:
             self._function(code)
 
@@ -204,7 +205,7 @@ class Operating:
         """A program P as a file, 0: all programs and cycles in one."""
         names = [f"P{number}"] if number else sorted(self._store)
         if number and names[0] not in self._store:
-            self._say(message(1252, detail=names[0], effect=Effect.SHOWN))
+            self._say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
             return
         self._reply("".join(self._store[name].file for name in names))
 
@@ -217,10 +218,10 @@ class Operating:
         try:
             mode = Mode(given)
         except ValueError:
-            self._say(message(1322, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
+            self._say(message(Code.NOT_IN_AUTO, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
             return
         if Mode.POSITIONING in (mode, self.mode) and Mode.HAND not in (mode, self.mode) and mode is not self.mode:
-            self._say(message(1009))
+            self._say(message(Code.ONLY_BY_WAY_OF_HAND))
             return
         if mode is Mode.HAND:
             self.starts = False
@@ -231,7 +232,7 @@ class Operating:
             self._interpreter.take_over_functions()
         self._hand.release(self._now_ns, everything=True)
         self.mode = mode
-        for number in (8_688, 8_703):
+        for number in (P.MODE_ACTIVE, P.MODE):
             self._parameters.write(number, float(mode))
         self._channel.single = mode is Mode.SINGLE
         if mode in (Mode.AUTO, Mode.SINGLE):
@@ -253,11 +254,11 @@ class Operating:
             self._channel.go_on(self._now_ns)
             return
         if self.mode is Mode.HAND:
-            self._say(message(1322, detail="Start"))
+            self._say(message(Code.NOT_IN_AUTO, detail="Start"))
             return
         if not all(self._axes.referenced):
             missing = "".join(name for name, known in zip("XYZ", self._axes.referenced, strict=True) if not known)
-            self._say(message(1008, detail=missing))
+            self._say(message(Code.NOT_REFERENCED, detail=missing))
             return
         self.starts = True
         if not self._power.there:
@@ -281,25 +282,25 @@ class Operating:
     @property
     def _started(self) -> str:
         """The program that Start starts."""
-        return f"P{int(self._parameters.get(8_800))}"
+        return f"P{int(self._parameters.get(P.PROGRAM))}"
 
     def _begin_program(self) -> None:
         p = self._parameters
         positioning = self.mode is Mode.POSITIONING
         name = POSITIONED if positioning else self._started
-        block = None if positioning else int(p.get(8_801)) or None
+        block = None if positioning else int(p.get(P.START_BLOCK)) or None
         self._outgoing.fault = False
         try:
-            again = bool(p.get(8_804) and p.get(8_802))
+            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM))
             if not positioning:
                 self._feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self._axes.position
-            self._interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
+            self._interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
             if again:
                 find(
                     self._interpreter,
-                    f"P{int(p.get(8_802))}",
-                    int(p.get(8_803)),
+                    f"P{int(p.get(P.BROKEN_PROGRAM))}",
+                    int(p.get(P.BROKEN_BLOCK)),
                     self._axes.position,
                     self._parameters.write,
                 )
@@ -313,12 +314,17 @@ class Operating:
     def ended(self, broken: tuple[str, int] | None) -> None:
         """M30, or the last block: None; or broken off in a block."""
         self._feeder.end()
-        if self._parameters.get(8_686):
-            self._parameters.write(8_686, 0.0)
+        if self._parameters.get(P.RESTART_STATE):
+            self._parameters.write(P.RESTART_STATE, 0.0)
         self._rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
-        for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
+        for number, value in (
+            (P.BROKEN_PROGRAM, name[1:]),
+            (P.BROKEN_BLOCK, block),
+            (P.ABORTED_PROGRAM, name[1:]),
+            (P.ABORTED_BLOCK, block),
+        ):
             self._parameters.write(number, float(value or 0))
 
     def _say(self, said: Message) -> None:

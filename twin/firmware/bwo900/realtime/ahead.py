@@ -20,6 +20,7 @@ from typing import Final, Protocol
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.services import Services
 
 BLOCK_NS: Final = 1_500_000
@@ -28,7 +29,6 @@ AHEAD: Final = 400
 """Blocks that are analysed ahead of the one that is made."""
 REFILL: Final = 200
 """Analysis goes on when so few wait."""
-WITHOUT_MOVING: Final = 8_812
 
 
 class Filter(Protocol):
@@ -99,7 +99,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-            if self._do.option(WITHOUT_MOVING):
+            if self._do.option(P.WITHOUT_MOVING):
                 block = replace(block, elements=())
             self._through([block], 0)
             if block.stop is Stop.END:

@@ -23,13 +23,13 @@ from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
-from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, REFILL, Ahead, Filter
 from isel_twin.firmware.bwo900.realtime.services import Services
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS, Stretch, breaks_after, joining
 from isel_twin.motion import SetPointRun
 
-EVERY_BLOCK, START_FLAGS = 8_814, 8_806
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 JUMP_NS: Final = 20 * MILLISECOND_NS
@@ -376,9 +376,9 @@ class Channel:
 
     def _halts(self, block: PathBlock) -> bool:
         """Whether single block stops after it."""
-        if not self.single or not (block.main or self._do.option(EVERY_BLOCK)):
+        if not self.single or not (block.main or self._do.option(P.SINGLE_EVERY)):
             return False
-        flags = self._do.option(START_FLAGS)
+        flags = self._do.option(P.START_FLAGS_1)
         return not flags & ONLY_REAL_TIME or block.in_real_time
 
     @property
@@ -495,7 +495,7 @@ class Channel:
             self._due_ns = now_ns + PERIOD_NS
             return
         for axis in unsettled:
-            self._do.say(self.message(2022, "XYZ"[axis]))
+            self._do.say(self.message(Code.NOT_IN_POSITION, "XYZ"[axis]))
         self._after_stop()
 
     def _after_stop(self) -> None:

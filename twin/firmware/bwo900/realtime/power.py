@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.firmware.bwo900.messages import Code
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
 POWER_NS: Final = 500 * MILLISECOND_NS
@@ -42,7 +43,7 @@ class Power:
     @property
     def missing(self) -> int:
         """Message about why it is not ready."""
-        return 3001 if not self._levels.get("estop", True) else 3002
+        return Code.EMERGENCY_STOP if not self._levels.get("estop", True) else Code.DRIVES_OFF
 
     def request(self, now_ns: int) -> None:
         """Ask the cabinet for its relay, the drives to forget their faults."""

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.messages import Message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.path import Limits
 from isel_twin.firmware.bwo900.realtime.watch import Watch
-
-WITHOUT_FUNCTIONS: Final = 8_813
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Services:
     @property
     def mute(self) -> bool:
         """P8813: programs are carried out without M functions."""
-        return bool(self.option(WITHOUT_FUNCTIONS))
+        return bool(self.option(P.WITHOUT_M))
 
     def send(self, function: Machine) -> None:
         """An M function, unless there are none."""

@@ -16,16 +16,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from isel_twin.firmware.bwo900.analysis.functions import DELETE, DELETED
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters, byte
+from isel_twin.firmware.bwo900.numbers import Axis, P
+from isel_twin.firmware.bwo900.parameters import Parameters, byte, of_axis
 
 PROBE: Final = "e0.6"
 """Terminal of the probe."""
-KEEP, KEPT = 8_716, 8_696
-MASK, DISPLAY = 8_895, 8_855
-LOGIC, PLACE, STATE = 12_045, 12_153, 12_181
-"""Of the first axis."""
 
 
 class Watch:
@@ -43,45 +39,45 @@ class Watch:
 
     def begins(self) -> None:
         """A block with M26 begins."""
-        self._parameters.write(DELETED, -1.0)
+        self._parameters.write(P.DELETED, -1.0)
         for axis, _ in enumerate(self._places_mm()):
             self._state(axis, taken=False)
 
     def deletes(self, block: PathBlock) -> bool:
         """Whether the signal is there that deletes the path or the dwell of a block with M26."""
-        return bool(self._parameters.get(DELETE)) or self._probed(block)
+        return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
         """A path or a dwell has been deleted."""
-        self._parameters.write(DELETED, float(self._block()[1]))
+        self._parameters.write(P.DELETED, float(self._block()[1]))
         self.keep()
 
     def keep(self) -> None:
         """Where the axes are is kept."""
         p = self._parameters
-        mask, shown = int(p.get(MASK)), bool(byte(p.get(DISPLAY), 1))
+        mask, shown = int(p.get(P.KEEP_MASK)), bool(byte(p.get(P.MEASURED_DISPLAY), 1))
         for axis, (machine_mm, display_mm) in enumerate(self._places_mm()):
             if mask <= 0 or mask >> axis & 1:
-                p.write(PLACE + AXIS_SIZE * axis, display_mm if shown else machine_mm)
+                p.write(of_axis(axis, Axis.MEASURED_PLACE), display_mm if shown else machine_mm)
                 self._state(axis, taken=True)
 
     def written(self, number: int, value: float | None) -> None:
         """A parameter P was written: some are signals."""
-        if number == DELETE and not value:
-            self._parameters.write(DELETED, 0.0)
-        elif number == KEEP:
+        if number == P.DELETE and not value:
+            self._parameters.write(P.DELETED, 0.0)
+        elif number == P.KEEP:
             if value == 1.0:
                 self.keep()
-            self._parameters.write(KEPT, float(self._block()[1]) if value == 1.0 else 0.0)
+            self._parameters.write(P.KEPT, float(self._block()[1]) if value == 1.0 else 0.0)
 
     def touched(self) -> None:
         """The probe has changed."""
         for axis, _ in enumerate(self._places_mm()):
-            self._state(axis, taken=bool(int(self._parameters.get(STATE + AXIS_SIZE * axis)) & 1))
+            self._state(axis, taken=bool(int(self._parameters.get(of_axis(axis, Axis.MEASURED))) & 1))
 
     def _state(self, axis: int, *, taken: bool) -> None:
         probe = self._levels.get(PROBE, False)
-        self._parameters.write(STATE + AXIS_SIZE * axis, float(taken | probe << 8))
+        self._parameters.write(of_axis(axis, Axis.MEASURED), float(taken | probe << 8))
 
     def _probed(self, block: PathBlock) -> bool:
         """Whether the probe is as an axis that the block moves is released for; without a path any axis counts."""
@@ -98,7 +94,7 @@ class Watch:
 
     def _logic(self, axis: int) -> tuple[bool, bool, bool]:
         """Released in +, in -; and whether it acts while it is off."""
-        number = LOGIC + AXIS_SIZE * axis
+        number = of_axis(axis, Axis.PROBE_LOGIC)
         if not self._parameters.loaded(number):
             return True, True, False
         value = self._parameters.get(number)
