@@ -7,6 +7,7 @@
     track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
     wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
     track_vector.py   many TrackPath-v0 in one compiled call
+    variations.py  what an episode of TrackPath-v0 changes of the machine
     sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
     import gymnasium
@@ -16,6 +17,9 @@ docs/tuning.md and docs/learning.md show how they are used.
 """
 
 from __future__ import annotations
+
+if __name__ != "isel_twin.envs":
+    raise ImportError(f"import isel_twin.envs, not {__name__}: the folder envs/ of the repository is that package")
 
 import gymnasium
 

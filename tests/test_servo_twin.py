@@ -11,7 +11,7 @@ import pytest
 from plugin.card6 import Card6, Card6Language
 
 from isel_twin import Twin
-from isel_twin.controller import Drives, Output, UsesDrives
+from isel_twin.controller import Drives, Output, UsesDrives, offers
 from isel_twin.jobs.checks.asserts import MotionError, assert_no_step_lost
 from isel_twin.jobs.checks.watched import Watched
 from isel_twin.jobs.expect import parse_condition
@@ -57,7 +57,7 @@ class ServoCard(Card6):
 
 def build(plant: str = "mujoco", machine: str = "4030-servo", **others: Any) -> tuple[Twin, ServoCard]:
     card = ServoCard()
-    assert isinstance(card, UsesDrives)
+    assert offers(card, UsesDrives)
     twin = Twin(machine, card, plant, **{"start_mm": START_MM, **others})
     twin.run(0.2)
     return twin, card
@@ -139,7 +139,7 @@ def test_a_hot_amplifier_opens_the_contact_of_the_stages():
     """25 C and 5 W x 2 K/W are far below 85 C; 80 K more are not."""
     twin, card = build()
     assert twin.levels["slot0.hot"]
-    twin.carry_out(ScenarioEvent(twin.time_ns, others={"hot_stage_k": {"x": 80.0}}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"hot_stage_k": {"x": 80.0}}))
     twin.run(0.1)
     assert not twin.levels["slot0.hot"]
     assert not any(card.drives.on[:3])
@@ -147,7 +147,7 @@ def test_a_hot_amplifier_opens_the_contact_of_the_stages():
 
 def test_a_load_takes_current_to_move_and_nothing_to_stand():
     twin, card = build()
-    twin.carry_out(ScenarioEvent(twin.time_ns, others={"payload_kg": {"table": 30.0}}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"payload_kg": {"table": 30.0}}))
     go(twin, "move 0 -20000 0 0 0 0 20000", 3.0)
     assert not any(card.drives.fault)
     assert card.drives.encoder[1] == pytest.approx(-20_000, abs=2)

@@ -19,12 +19,15 @@ import pytest
 import serial
 from mcap.reader import NonSeekingReader
 
+from isel_twin.bridge.serve.borders import Endpoint
+from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
-from isel_twin.bridge.serve.server import OUTBOX_BYTES, Endpoint, Server
+from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
-from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap, real_port
+from isel_twin.bridge.tap import real_port
+from isel_twin.bridge.tap.tap import LOOK_S, BookWriter, Tap
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin
@@ -98,10 +101,10 @@ def tapping(device: str, *ends: Endpoint) -> Iterator[Notes]:
     """A tap that runs, and what it writes down."""
     notes = Notes()
     tap = Tap(device, ends, SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
     with running(tap):
         yield notes
-    assert tap.scribe.close()
+    assert tap.writer.close()
 
 
 @contextmanager
@@ -350,14 +353,14 @@ class FullDisk(Notes):
 def test_a_recording_that_ends_does_not_end_the_session(device):
     here, notes = endpoint("pty"), FullDisk()
     tap = Tap(str(device.link), [here], SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
     with running(tap), opened(here) as port:
         for _ in range(3):
             port.write(b"ask")
             assert device.read(3) == b"ask"
             device.write(b"told")
             assert port.read(4) == b"told"
-    assert not tap.scribe.close()
+    assert not tap.writer.close()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plant.energy import mechanical_energy_j
 
 from isel_twin.machine import MachineError
 from isel_twin.plant.mujoco import PlantError
@@ -73,11 +74,11 @@ def test_limp_machine_never_gains_energy(bench, overrides):
     b.wait(60)
     for axis in range(3):
         b.plant.apply_force(axis, 0.0)
-    energy = [b.plant.energy_j]
+    energy = [mechanical_energy_j(b.plant.built)]
     for _ in range(3000):
         b.wait(0.5)
         if np.all(b.plant.position_mm < stops):
-            energy.append(b.plant.energy_j)
+            energy.append(mechanical_energy_j(b.plant.built))
     spent = energy[0] - energy[-1]
     assert spent > 0.1
     assert np.max(energy - np.minimum.accumulate(energy)) < 1e-4 * spent
@@ -106,7 +107,7 @@ def test_motor_stalls_at_the_stop(bench, axis):
     force_n, beyond_mm = [], []
     for k in range(0, 3200, 4):
         b.feed(int(t_ns[k + 3] - (t_ns[k - 1] if k else 0)), t_ns[k : k + 4] - (t_ns[k - 1] if k else 0), FOUR[axis])
-        force_n.append(b.plant.nut_force_n[axis])
+        force_n.append(b.plant.parts.states["force_n"][axis])
         beyond_mm.append(b.plant.position_mm[axis] - start[axis] - 3.0)
     assert 1900.0 < max(force_n) < 2400.0
     assert max(beyond_mm) < 0.2, "most of it is the frame, which swings as the carriage bounces"

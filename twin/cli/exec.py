@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.base.errors import call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import (
     ControllerName,
@@ -24,7 +24,7 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.wire_log import WireLog
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 def exec_(
     *command: Annotated[str, Parameter(help="-- python host.py and its arguments.", allow_leading_hyphen=True)],
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     port: Annotated[
         str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
     ] = None,
@@ -71,7 +71,10 @@ def exec_(
     Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
-    from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    try:
+        from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    except ImportError as error:  # a Python that virtual threads cannot rest on
+        raise CallError(str(error)) from error
 
     if timeout is not None:
         check_seconds("timeout", timeout, 0.0)
@@ -80,7 +83,7 @@ def exec_(
     check_record(record)
     check_writable(steps, record, kept=(flash, scenario, None if program.path is None else Path(program.path)))
     settings = dict(parse_override(text) for text in overrides or ())
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
     from isel_twin.cli import outputs
     from isel_twin.core.warm import told_of_compiling

@@ -30,7 +30,7 @@ from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Poin
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
-from isel_twin.motion.joined import Pieces
+from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
@@ -21,7 +21,8 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, Pieces, joined
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces
 
 PERIOD_NS: Final = 2 * MILLISECOND_NS
 """From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
@@ -214,9 +215,8 @@ class Stretch:
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
-        tick = run.first + max(0, -((run.start_ns - now_ns) // PERIOD_NS))
-        self._plan = plan.replanned(tick, **changes)  # type: ignore[arg-type]
-        self.run = replace(run, plan=self._plan)
+        self._plan = plan.replanned(run.next_tick(now_ns), **changes)  # type: ignore[arg-type]
+        self.run = run.with_plan(self._plan)
 
     def _hand_over(self, now_ns: int) -> None:
         """Forget pieces that have been made, if there are many; the last tick stays, for the speed now."""
