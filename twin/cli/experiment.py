@@ -104,8 +104,8 @@ def experiment(
         atomic_write(form, written(filled, made.comments()).encode())
     names = [item.name for item in unknowns]
     if json:
-        left = [dict(zip(names, map(float, row), strict=True)) for row in choice.left]
-        blocks_told = [{"block": block.name, "left": row} for block, row in zip(choice.blocks, left, strict=True)]
+        rest = [dict(zip(names, map(float, row), strict=True)) for row in choice.left]
+        blocks_told = [{"block": block.name, "left": row} for block, row in zip(choice.blocks, rest, strict=True)]
         print(dumps({"job": str(job), "measure": str(form), "blocks": blocks_told}))
         return 0
     print(f"{'':34}what will be left of the prior's uncertainty")
