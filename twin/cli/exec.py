@@ -66,7 +66,7 @@ def exec_(
     check_record(record)
     check_kind("steps", steps, ".npz")
     check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
-    driven = twin.call(line_speed=True).build()
+    driven = twin.spec(line_speed=True).build()
     from isel_twin.cli import outputs
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.recordings.write import write_trace

@@ -19,7 +19,7 @@ from isel_twin.cli.options import (
     check_writable,
     parse_overrides,
 )
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,8 +32,8 @@ def experiment(
     name: Annotated[Path, Parameter(help="NAME.txt will be the job, NAME.toml the file to fill in.")],
     /,
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
     set: Overrides = (),
     axes: Annotated[str, Parameter(help="Axes to be measured, with commas.")] = "x",
     fit: Names = None,

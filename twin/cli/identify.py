@@ -19,7 +19,7 @@ from isel_twin.cli.options import (
     check_writable,
     parse_overrides,
 )
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE
 
 if TYPE_CHECKING:
     from isel_twin.machine import Machine
@@ -41,7 +41,7 @@ MeasuredFiles = Annotated[list[Path] | None, Parameter(help="What was measured (
 def identify(
     *recordings: Annotated[Path, Parameter(help="Recordings of the machine: of `tap`, or of --record NAME.mcap.")],
     measured: MeasuredFiles = None,
-    machine: MachineName = TwinCall.machine,
+    machine: MachineName = MACHINE,
     set: Overrides = (),
     controller: Annotated[str, Parameter(help="Which one it has, if a recording does not say.")] = "",
     fit: Names = None,

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 from isel_twin.base.errors import CallError
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 
 def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
@@ -63,17 +63,17 @@ Rfc2217s = Annotated[
 class TwinOptions:
     """Which twin a command builds."""
 
-    machine: MachineName = TwinCall.machine
-    controller: ControllerName = TwinCall.controller
-    plant: PlantName = TwinCall.plant
-    seed: Seed = TwinCall.seed
+    machine: MachineName = MACHINE
+    controller: ControllerName = TwinSpec.controller
+    plant: PlantName = TwinSpec.plant
+    seed: Seed = TwinSpec.seed
     flash: FlashPath = None
     scenario: ScenarioFile = None
     set: Overrides = ()
 
-    def call(self, *, line_speed: bool = False) -> TwinCall:
+    def spec(self, *, line_speed: bool = False) -> TwinSpec:
         """The twin that is asked for. Raises CallError for a wrong --set."""
-        return TwinCall(
+        return TwinSpec(
             self.machine,
             self.controller,
             self.plant,

@@ -19,7 +19,7 @@ from isel_twin.cli.options import (
     parse_overrides,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -35,9 +35,9 @@ def replay(
     record: RecordPath = None,
     interval: Annotated[float, Parameter(help="Of a real controller: time between two samples of --record.")] = 0.01,
     controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
-    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = TwinCall.machine,
-    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinCall.plant,
-    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinCall.seed,
+    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
+    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
+    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
     set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
@@ -69,7 +69,7 @@ def replay(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
         twin = _twin(
-            recorded, folder, controller, TwinCall(machine, plant=plant, seed=seed, overrides=parse_overrides(set))
+            recorded, folder, controller, TwinSpec(machine, plant=plant, seed=seed, overrides=parse_overrides(set))
         )
         if recorded.of_twin:  # its samples are compared, so they are taken when they were
             interval = recorded.interval_ns / SECOND_NS
@@ -97,7 +97,7 @@ def replay(
     return 1
 
 
-def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinCall) -> Twin:
+def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> Twin:
     """The twin that is played to. Raises CallError."""
     import dataclasses
 

@@ -25,7 +25,8 @@ from isel_twin.cli.recording import MCAP, RecordPath, check_record
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
     from isel_twin.bridge.operate.panel.guest import Panel
-    from isel_twin.bridge.serve.server import Guest, WireTap
+    from isel_twin.bridge.serve.borders import WireTap
+    from isel_twin.bridge.serve.server import Guest
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
@@ -71,10 +72,11 @@ def serve(
 
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.pacing import Pacer, parse_speed
     from isel_twin.bridge.serve.recording import Freshness, TimeTap
     from isel_twin.bridge.serve.registry import registered
-    from isel_twin.bridge.serve.server import Server, on_signals
+    from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
     from isel_twin.cli.recording import begin, keep
     from isel_twin.core.warm import warm_up
@@ -89,7 +91,7 @@ def serve(
         factor = parse_speed(speed)
     check_record(record)
     check_writable(record, kept=twin.files)
-    call = twin.call(line_speed=factor is not None)
+    call = twin.spec(line_speed=factor is not None)
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))

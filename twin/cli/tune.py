@@ -28,7 +28,7 @@ from isel_twin.cli.options import (
     parse_overrides,
 )
 from isel_twin.cli.outputs import many
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -60,9 +60,9 @@ def tune(
     rapid: Annotated[
         Whole | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
     ] = None,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    seed: Annotated[Whole, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    seed: Annotated[Whole, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
     set: Overrides = (),
     scenario: ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
@@ -105,7 +105,7 @@ def tune(
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
-    call = TwinCall(machine, controller, "mujoco", seed, scenario, None, overrides=parse_overrides(set))
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=parse_overrides(set))
 
     from isel_twin.base.files import Claim, atomic_write
     from isel_twin.core.warm import told_of_compiling

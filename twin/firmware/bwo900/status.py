@@ -13,14 +13,15 @@ deleted where the manual says so: cycles), and the G functions are those that a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Final, Protocol
+from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
-from isel_twin.firmware.bwo900.geometry.frames import Frame
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
+from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
+from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     40: lambda m: m.motion,
@@ -39,7 +40,7 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     80: lambda m: 94,
     81: lambda m: 97,
 }
-"""By the number behind P8900 (but for 40, see `Channel.motion`) and behind P9300."""
+"""By the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300."""
 PLANE: Final = (51, 52, 53)
 EXECUTED: Final = (0, 1, 4, 5, 12, 13, 14, 34, 35, 36, 37, 38, 40, 41, 42, 79)
 ANALYSED: Final = (0, 1, 3, 4, 5, 34, 36, 79)
@@ -70,27 +71,13 @@ def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
         yield from ((first + 136, None), (first + 198, 1.0), (first + 199, axis + 1.0))
 
 
-class Seen(Protocol):
-    """What an axis is at: `axis` from 0, mm and mm/s."""
-
-    def set_mm(self, axis: int) -> float: ...
-    def actual_mm(self, axis: int) -> float: ...
-    def speed_mm_s(self, axis: int) -> float: ...
-    def actual_mm_s(self, axis: int) -> float: ...
-    def struck(self, axis: int, end: int) -> bool: ...
-    def at_limit(self, axis: int) -> tuple[bool, bool]: ...
-    def driven(self, axis: int) -> bool: ...
-    @property
-    def referenced(self) -> list[bool]: ...
-
-
-def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float | None:
+def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
     """The value of such a parameter P; None: it is deleted, or not one of them."""
     if number not in _KNOWN:
         return None
     if number >= 12_000:
         axis, offset = divmod(number - 12_000, AXIS_SIZE)
-        return _axis(axis, offset, interpreter, channel, seen)
+        return _axis(axis, offset, channel.executed, axes)
     if number == WAITING:
         return float(channel.halted)
     if number >= SHIFT_ANALYSED:
@@ -98,7 +85,7 @@ def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) ->
     if number >= 9_300:
         return _analysed(number - 9_300, interpreter)
     if number >= SHIFT_EXECUTED:
-        return channel.in_force.frame.shift[number - SHIFT_EXECUTED]
+        return channel.executed.in_force.frame.shift[number - SHIFT_EXECUTED]
     return _executed(number - 8_900, interpreter, channel)
 
 
@@ -129,16 +116,17 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
-    told = channel.in_force
+    executed = channel.executed
+    told = executed.in_force
     if number == 40:
-        return channel.motion
+        return executed.motion
     if number in MODAL:
         return float(MODAL[number](told.modal))
     if number in PLANE:
         return _axis_of_plane(told, number)
-    name, block = channel.block if channel.active else ("", 0)
+    name, block = executed.place if executed.active else ("", 0)
     in_cycle = told.called_by
-    feed, end_feed = channel.feed_mm_min
+    feed, end_feed = executed.feed_mm_min
     match number:
         case 0:
             return float((in_cycle or (name, block))[0][1:] or 0)
@@ -162,8 +150,10 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
             return end_feed
         case 38:
             return 60.0 * channel.speed_mm_s
-        case 41 | 42:
-            return channel.dwell_s[number - 41]
+        case 41:
+            return executed.dwell_s
+        case 42:
+            return channel.dwell_left_s
     return 92.0 if any(told.frame.shift) else 0.0
 
 
@@ -172,28 +162,17 @@ def _axis_of_plane(told: InForce, number: int) -> float:
     return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
 
 
-def in_force(interpreter: Interpreter, channel: Channel) -> Frame:
-    """The coordinates of the block that is carried out; without a program those of the last one."""
-    return interpreter.frame if channel.target is None else channel.in_force.frame
-
-
-def shown(axis: int, frame: Frame) -> float:
-    """How much the display is off the machine's coordinates, mm: zero point, G92, tool length."""
-    return frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
-
-
-def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
-    goal, frame = channel.target, in_force(interpreter, channel)
+def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
+    frame = executed.frame
     if offset in (154, 155, 156):
         axis = frame.order[axis]
-    programmed = (interpreter.program_position if goal is None else goal)[axis]
-    shift = shown(axis, frame)
-    place = seen.set_mm(axis)
+    programmed, shift = executed.target[axis], executed.display_shift_mm(axis)
+    place = axes.set_mm(axis)
     if offset in (151, 154, 156) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:
         case 152:
-            return seen.actual_mm(axis)
+            return axes.actual_mm(axis)
         case 154:
             return place - shift
         case 155:
@@ -203,19 +182,19 @@ def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, se
         case 157:
             return shift
         case 160:
-            return place - seen.actual_mm(axis)
+            return place - axes.actual_mm(axis)
         case 168:
-            return 60.0 * seen.actual_mm_s(axis)
+            return 60.0 * axes.actual_mm_s(axis)
         case 170:
-            return 60.0 * seen.speed_mm_s(axis)
+            return 60.0 * axes.speed_mm_s(axis)
         case 135:
-            return _bytes(seen.struck(axis, 2), seen.struck(axis, 1))
+            return _bytes(axes.struck(axis, 2), axes.struck(axis, 1))
         case 180:
-            return _bytes(seen.referenced[axis], seen.struck(axis, 1))
+            return _bytes(axes.referenced[axis], axes.struck(axis, 1))
         case 185:
-            return _bytes(*seen.at_limit(axis))
+            return _bytes(*axes.at_limit(axis))
         case 188:
-            return float(seen.driven(axis))
+            return float(axes.driven(axis))
     return place
 
 
