@@ -224,7 +224,7 @@ def load(path: str | Path) -> Golden:
         if key not in content:
             raise place.at(key).wrong("missing; this is no golden file: make one with isel-twin golden record")
     if content["format"] != FORMAT:
-        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --update")
+        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --replace")
     call = {key: _checked(content, key, place) for key in _HEAD[1:] if key in content}
     lines = content["lines"]
     if not isinstance(lines, list):
