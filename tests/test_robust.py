@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from isel_twin.base import crew
 from isel_twin.base.errors import CallError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
@@ -118,7 +119,7 @@ def test_repetitions_have_scenario_line_and_machine_of_the_call(tmp_path: Path) 
 
     def first(**called: Any) -> Any:
         lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-        return next(robust.trials(TwinSpec(**called), lines, 1, timeout_s=60.0)).verdict
+        return next(robust.repetitions(TwinSpec(**called), lines, 1, timeout_s=60.0)).verdict
 
     plain = first()
     scenario = tmp_path / "stop.toml"
@@ -162,7 +163,7 @@ def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
 
 def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
     call, lines = TwinSpec(), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    first, second = (trial.verdict for trial in robust.trials(call, lines, 2, timeout_s=60.0))
+    first, second = (trial.verdict for trial in robust.repetitions(call, lines, 2, timeout_s=60.0))
     assert robust.agree(first, second)
     assert not robust.agree(first, dataclasses.replace(second, refused=1))
     lost = dataclasses.replace(second, lost_steps=(32.1, 0.0, 0.0, 0.0))
@@ -172,9 +173,9 @@ def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
 
 def test_other_processes_find_the_same(run: Any) -> None:
     call, lines = TwinSpec(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    here = list(robust.trials(call, lines, 2, timeout_s=60.0))
+    here = list(robust.repetitions(call, lines, 2, timeout_s=60.0))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
-        assert list(robust.trials(call, lines, 2, timeout_s=60.0, executor=pool)) == here
+        assert list(robust.repetitions(call, lines, 2, timeout_s=60.0, crew=crew.here(pool))) == here
     assert here[0].verdict.position_mm != here[1].verdict.position_mm
 
 
@@ -191,7 +192,7 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     assert stored != slow
     call, lines = TwinSpec(flash=file), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     times_s = [
-        next(robust.trials(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
+        next(robust.repetitions(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
         for flash in (slow, None)
     ]
     assert trial["time_ns"] / 1e9 == pytest.approx(times_s[0], abs=4.0)  # and some seconds for storing
@@ -275,7 +276,7 @@ def test_a_repetition_in_progress_is_given_up() -> None:
         asked += 1
         return asked > 40
 
-    assert list(robust.trials(call, lines, 3, timeout_s=60.0, stop=stop)) == []
+    assert list(robust.repetitions(call, lines, 3, timeout_s=60.0, stop=stop)) == []
     assert asked < 100
 
 
@@ -284,11 +285,10 @@ def test_other_processes_give_up_what_they_are_at() -> None:
     there, back = "@0A72000,10000,0,30,0,30,0,30\n", "@0A-72000,10000,0,30,0,30,0,30\n"
     lines = parse_job("@07\n@0R7\n" + (there + back) * 500, create_language("imc-s8"), "imc-s8")
     begin_s = time.monotonic()
-    with robust.processes(2) as pool:
-        trials = robust.trials(
-            TwinSpec(), lines, 2, timeout_s=60.0, executor=pool, stop=lambda: time.monotonic() > begin_s + 3.0
-        )
-        assert list(trials) == []
+    made = robust.repetitions(
+        TwinSpec(), lines, 2, timeout_s=60.0, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 3.0
+    )
+    assert list(made) == []
     assert time.monotonic() < begin_s + 20.0
 
 
@@ -332,5 +332,5 @@ def test_the_last_repetition_is_checked_as_the_others_are() -> None:
 
 def test_a_repetition_that_is_not_over_in_time_has_lines_not_sent() -> None:
     lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    verdict = next(robust.trials(TwinSpec(), lines, 1, timeout_s=1.0)).verdict
+    verdict = next(robust.repetitions(TwinSpec(), lines, 1, timeout_s=1.0)).verdict
     assert (verdict.ok, verdict.unsent) == (False, 1)  # a reference run takes longer

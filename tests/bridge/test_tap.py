@@ -27,7 +27,7 @@ from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
 from isel_twin.bridge.tap import real_port
-from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap
+from isel_twin.bridge.tap.tap import LOOK_S, BookWriter, Tap
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin
@@ -101,10 +101,10 @@ def tapping(device: str, *ends: Endpoint) -> Iterator[Notes]:
     """A tap that runs, and what it writes down."""
     notes = Notes()
     tap = Tap(device, ends, SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
     with running(tap):
         yield notes
-    assert tap.scribe.close()
+    assert tap.writer.close()
 
 
 @contextmanager
@@ -353,14 +353,14 @@ class FullDisk(Notes):
 def test_a_recording_that_ends_does_not_end_the_session(device):
     here, notes = endpoint("pty"), FullDisk()
     tap = Tap(str(device.link), [here], SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
     with running(tap), opened(here) as port:
         for _ in range(3):
             port.write(b"ask")
             assert device.read(3) == b"ask"
             device.write(b"told")
             assert port.read(4) == b"told"
-    assert not tap.scribe.close()
+    assert not tap.writer.close()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

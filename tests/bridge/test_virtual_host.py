@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from isel_twin.bridge.virtual.turns import EPOCH_NS, LIBRARIES, here
+from isel_twin.bridge.virtual.host_code import LIBRARIES
+from isel_twin.bridge.virtual.turns import EPOCH_NS, here
 from isel_twin.bridge.virtual.virtual_host import run_host
 from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.core.twin import Twin

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.base.errors import call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import (
     DEFAULT_TWIN,
@@ -57,7 +57,10 @@ def exec_(
     Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
-    from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    try:
+        from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    except ImportError as error:  # a Python that virtual threads cannot rest on
+        raise CallError(str(error)) from error
 
     if timeout is not None:
         check_seconds("timeout", timeout, 0.0)

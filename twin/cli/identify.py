@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli.crews import crew_of
 from isel_twin.cli.options import (
     MachineName,
     Overrides,
@@ -89,13 +89,8 @@ def identify(
         if not json:
             print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
-    with ExitStack() as stack, call_errors():
-        executor = None
-        if workers > 1:
-            from isel_twin.jobs.robust import processes
-
-            executor = stack.enter_context(processes(workers))
-        result = fit_sessions(known, unknowns, fitted, held, executor=executor, told=say_prospect, progress=progress())
+    with call_errors(), crew_of(workers) as crew:
+        result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=progress())
     if report is not None:
         from isel_twin.base.files import atomic_write
         from isel_twin.many.identification.page import page

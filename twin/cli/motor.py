@@ -36,9 +36,11 @@ def motor(
 
     if set and machine is None:
         raise CallError("set: changes a machine; name it with --machine", option=True)
+    from isel_twin.base.pictures import check_picture
+
     check_writable(picture)
     if picture is not None:
-        _check_picture(picture)
+        check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
         from isel_twin.base.axes import CARRIAGES
         from isel_twin.drives.motor import MOTORS
@@ -86,14 +88,3 @@ def _stage(machine: Machine, motor: str) -> Stage | None:
 
     stages = (a.stage for a in machine.axes if machine.tree["axes"][a.name].get("motor") == motor)
     return next((stage for stage in stages if isinstance(stage, Stage)), None)
-
-
-def _check_picture(picture: Path) -> None:
-    try:
-        import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
-        from matplotlib.backend_bases import FigureCanvasBase
-    except ImportError:
-        raise CallError("picture needs matplotlib: pip install 'isel-twin[report]'", option=True) from None
-    kinds = FigureCanvasBase.get_supported_filetypes()
-    if picture.suffix.removeprefix(".") not in kinds:
-        raise CallError(f"{picture}: the name must end in one of .{', .'.join(sorted(kinds))}")

@@ -43,6 +43,7 @@ Overrides = Annotated[
     tuple[str, ...], Parameter(help="KEY=VALUE: a machine parameter, such as payload.mass=8. May be repeated.")
 ]
 Workers = Annotated[Whole, Parameter(help="Processes that share the work; what comes out does not depend on it.")]
+Robust = Annotated[Whole, Parameter(help="Repeat the job so many times on slightly different machines.")]
 Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
 Json = Annotated[bool, Parameter(help="JSON for programs.")]
 Replace = Annotated[bool, Parameter(help="Replace files that exist.")]

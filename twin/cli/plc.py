@@ -76,12 +76,13 @@ def explain(source: Source, *, json: Json = False) -> int:
 @plc.command
 def load(source: Source, *, controller: ControllerName) -> int:
     """Print the lines of a job that loads a program into a controller, for `isel-twin run` or a host."""
+    from isel_twin.controller import offers
     from isel_twin.language import LoadsPlc, create_language, language_names
 
     with call_errors():
         language = create_language(controller)
-    if not isinstance(language, LoadsPlc):
-        able = [name for name in language_names() if isinstance(create_language(name), LoadsPlc)]
+    if not offers(language, LoadsPlc):
+        able = [name for name in language_names() if offers(create_language(name), LoadsPlc)]
         raise CallError(f"controller {controller!r} takes no PLC program over its line; {', '.join(able)} does")
     for line in language.plc_lines(_program(source).image):
         print(line)

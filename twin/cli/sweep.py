@@ -14,12 +14,14 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
+from isel_twin.cli.crews import crew_of
+from isel_twin.cli.interruption import interruption
 from isel_twin.cli.options import Whole, check_workers, check_writable, is_standard_input
 
 if TYPE_CHECKING:
+    from isel_twin.base.crew import Crew
     from isel_twin.many.studies.plan import Plan
     from isel_twin.many.studies.row import Point
-    from isel_twin.many.studies.run import Crew
     from isel_twin.many.studies.sensitivity import Index
     from isel_twin.many.studies.table import Table
 
@@ -84,11 +86,11 @@ def sweep(
 
 
 def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
-    from isel_twin.many.studies import run
+    from isel_twin.base.crew import cluster
 
     if address is not None:
-        return run.cluster(address)
-    return run.local(max(1, min(workers if workers is not None else _processors(), missing)))
+        return cluster(address)
+    return crew_of(max(1, min(workers if workers is not None else _processors(), missing)))
 
 
 def _processors() -> int:
@@ -109,9 +111,8 @@ def _try_out(plan: Plan) -> None:
 
 def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     """Make the missing rows; an exit code if somebody stops it, else 0."""
-    from isel_twin.cli.run import interruption
+    from isel_twin.base.crew import Lost, finished
     from isel_twin.many.studies.row import MismatchError, compute
-    from isel_twin.many.studies.run import Lost, finished
 
     missing = table.missing()
     had = len(table.rows)
@@ -126,7 +127,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
             for index, outcome in finished(work, missing, crew, lambda: bool(stopped)):
                 if isinstance(outcome, Lost):
                     why = why or outcome.why
-                elif outcome is not None:
+                else:
                     row = table.add(missing[index], outcome)
                     shown.row(row)
         except BrokenPipeError:  # nobody reads the rows any more

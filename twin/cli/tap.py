@@ -16,7 +16,7 @@ from isel_twin.cli.options import ControllerName, Ptys, Replace, Rfc2217s, Tcps,
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.tap.tap import Scribe
+    from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.controller import SerialFormat
 
 SWITCH_S = 0.0005
@@ -70,8 +70,8 @@ def tap(
             raise CallError(_refusal(device, error)) from None
         stack.callback(between.close)
         stack.enter_context(on_signals(between.stop))
-        scribe = _scribe(record, device, controller, form) if record is not None else None
-        between.scribe = scribe
+        writer = _book_writer(record, device, controller, form) if record is not None else None
+        between.writer = writer
         who = {"tap": device, "controller": controller}
         stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
         print(json.dumps({**addresses(endpoints), **who}), flush=True)
@@ -80,8 +80,8 @@ def tap(
         try:
             between.run()
         finally:
-            if scribe is not None:
-                whole = scribe.close()
+            if writer is not None:
+                whole = writer.close()
         return 0 if whole else 1
 
 
@@ -107,17 +107,17 @@ def _check(record: Path | None, replace: bool) -> None:
     check_writable(record)
 
 
-def _scribe(record: Path, device: str, controller: str, form: SerialFormat) -> Scribe:
+def _book_writer(record: Path, device: str, controller: str, form: SerialFormat) -> BookWriter:
     from datetime import UTC, datetime
 
-    from isel_twin.bridge.tap.tap import Scribe
+    from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.language import create_language
     from isel_twin.recordings.mcap import RecordingWriter
 
     began = datetime.now(UTC).isoformat(timespec="milliseconds")
     metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}
     with call_errors(record):
-        return Scribe(RecordingWriter(record, metadata, language=create_language(controller)))
+        return BookWriter(RecordingWriter(record, metadata, language=create_language(controller)))
 
 
 def _refusal(device: str, error: OSError | ValueError) -> str:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors, one_line
+from isel_twin.cli.crews import crew_of
+from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
@@ -31,8 +33,7 @@ from isel_twin.cli.outputs import many
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
+    from isel_twin.base.crew import Crew
     from isel_twin.many.tuning import Problem, Tuned
     from isel_twin.many.tuning.judge import Judgement, Repetition
     from isel_twin.many.tuning.result import Tried
@@ -108,6 +109,7 @@ def tune(
     call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=parse_overrides(set))
 
     from isel_twin.base.files import Claim, atomic_write
+    from isel_twin.base.pictures import check_picture
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.jobs.job import decode_job
     from isel_twin.jobs.robust import check
@@ -117,9 +119,9 @@ def tune(
     try:
         need_optuna()
         if picture is not None:
-            front.check_picture(picture)
-    except (StudyError, ValueError) as error:
-        raise CallError(str(error), option=not isinstance(error, StudyError)) from None
+            check_picture(picture, "tune")
+    except StudyError as error:
+        raise CallError(str(error)) from None
     with call_errors(job):
         image = flash.read_bytes() if flash is not None else None
         check(call, robust + confirm)
@@ -140,19 +142,17 @@ def tune(
         with call_errors(database):
             begun = Study(problem, f"sqlite:///{file}" if file is not None else database, study, seed, batch, margin)
         stack.enter_context(told_of_compiling())
-        from isel_twin.cli.run import interruption
-
         stopped = stack.enter_context(interruption())
         show = _Json() if json else stack.enter_context(_Table(trials, confirm))
-        executor = stack.enter_context(_workers(workers))
-        stack.enter_context(_failures(job))
+        crew = stack.enter_context(crew_of(workers))
+        stack.enter_context(_failures())
         begun.judge_references(lambda: bool(stopped))
         before = begun.reference("as it stands")
         if before is not None and not before.good and not before.slipped:
             raise CallError(f"{job}: {before.why}; a job has to run before it can be tuned: isel-twin run {job}")
         show.begun(begun, problem)
-        begun.run(trials, executor, lambda: bool(stopped), show.tried)
-        found = None if stopped else _chosen(problem, begun, confirm, margin, executor, stopped, show)
+        begun.run(trials, crew, lambda: bool(stopped), show.tried)
+        found = None if stopped else _chosen(problem, begun, confirm, margin, crew, stopped, show)
         if picture is not None:
             marks = {"job as it stands": before, "controller's defaults": begun.reference("defaults")}
             if found is not None:
@@ -196,34 +196,14 @@ def _range(name: str, text: str) -> tuple[int, int]:
 
 
 @contextmanager
-def _workers(number: int) -> Iterator[Executor | None]:
-    """Processes that are there before Ctrl-C can come, and never heed it; None: everything is done here."""
-    if number == 1:
-        yield None
-        return
-    from isel_twin.cli.run import without_ctrl_c
-    from isel_twin.jobs.robust import processes
-
-    with processes(number) as executor:
-        with without_ctrl_c():
-            for future in [executor.submit(int) for _ in range(number)]:
-                future.result()
-        yield executor
-
-
-@contextmanager
-def _failures(job: Path) -> Iterator[None]:
+def _failures() -> Iterator[None]:
     """What ends a study from outside is told in a line."""
-    from concurrent.futures import BrokenExecutor
-
     from isel_twin.many.tuning.study import StudyError
 
     try:
         yield
     except StudyError as error:
         raise CallError(str(error)) from None
-    except BrokenExecutor:
-        raise CallError(f"{job}: a worker has died; the same command goes on") from None
 
 
 def _chosen(
@@ -231,7 +211,7 @@ def _chosen(
     study: Study,
     confirm: int,
     least: float,
-    executor: Executor | None,
+    crew: Crew,
     stopped: Sequence[int],
     show: _Json | _Table,
 ) -> Tuned | None:
@@ -242,7 +222,7 @@ def _chosen(
     hard: list[int] = []
     if problem.each_move and any(tried.judgement.good for tried in study.tried):
         show.puts_together()
-        mended = study.repaired(confirm, hard, executor, lambda: bool(stopped), show.mended)
+        mended = study.repaired(confirm, hard, crew, lambda: bool(stopped), show.mended)
         if mended is not None:
             return tuned(problem, *mended)
         if stopped:
@@ -252,7 +232,7 @@ def _chosen(
             continue
         candidate = problem.candidate(tried.values)
         show.confirms(tried)
-        held = confirmed(problem, candidate, confirm, least, executor, lambda: bool(stopped), show.confirmed, hard)
+        held = confirmed(problem, candidate, confirm, least, crew, lambda: bool(stopped), show.confirmed, hard)
         if held is None:
             return None
         if held.good:

@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from json import dumps
 from pathlib import Path
 
+from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 
 BAR = 40
@@ -67,19 +68,12 @@ def show_servo(
 
 def draw_servo(table: Sequence[ServoPoint], title: str, file: Path) -> None:
     """Draw the curve into a file (type by suffix: png, svg, pdf). Raises ValueError if matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
     speeds = [point.speed_rpm for point in table]
-    axes.plot(speeds, [point.peak_nm for point in table], "--", label="peak current, for moments")
-    axes.plot(speeds, [point.rated_nm for point in table], label="rated current, for ever")
-    axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(file)
+    curves = [
+        Curve("peak current, for moments", speeds, [point.peak_nm for point in table], "--"),
+        Curve("rated current, for ever", speeds, [point.rated_nm for point in table]),
+    ]
+    draw_curves(file, title, "speed, rev/min", "torque, Nm", curves)
 
 
 def _title(name: str, drive: ServoDrive) -> str:

@@ -6,8 +6,8 @@
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
     P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
-They are worked out when they are asked for, and are there at any time: without a program nothing is programmed (0, or
-deleted where the manual says so: cycles), and the G functions are those that a program begins with.
+They are worked out when they are asked for. Without a program they are 0 (cycles: deleted, as the manual says), and
+the G functions those that a program begins with.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ NUMBERS: Final = (
     *(first + axis for first in (SHIFT_EXECUTED, SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
     *(12_000 + AXIS_SIZE * axis + offset for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""Those that there are."""
+"""All of them."""
 _KNOWN: Final = frozenset(NUMBERS)
 
 
 def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
-    """What is written as power comes, by P: what the control is made of; references and programs, of which there are
-    none; commands and settings that do not outlive it."""
+    """P and values written at power-on: size of the channel, state without references and programs, and the settings
+    that are not kept."""
     yield from ((8_550, 1.0), (8_551, float(axes)), (8_552, float(axes)))
     yield from ((number, 0.0) for number in (8_579, 8_685, 8_687, 8_709))
     yield from ((number, 1.0) for number in (8_683, 8_688, 8_703))  # HAND
@@ -72,7 +72,7 @@ def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
 
 
 def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
-    """The value of such a parameter P; None: it is deleted, or not one of them."""
+    """The value of a parameter P that is worked out; None: it is deleted, or not one of them."""
     if number not in _KNOWN:
         return None
     if number >= 12_000:
@@ -199,5 +199,5 @@ def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
 
 
 def _bytes(first: bool, second: bool) -> float:
-    """Two signals, each in a byte."""
+    """Two signals: one in byte 1, one in byte 2."""
     return first + 256.0 * second

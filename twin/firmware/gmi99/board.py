@@ -24,6 +24,7 @@ from isel_twin.firmware.gmi99.settings import SLOTS, Settings, Stored, decode, e
 from isel_twin.firmware.gmi99.store import Store
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
+from isel_twin.motion.path import added
 
 SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
 """Outputs of slot 0 that the fixture uses (G19)."""
@@ -215,21 +216,21 @@ class Board:
         made = self.counts
         ghost = self.path.run
         if ghost is not None and self.path.ghost:
-            made = _sum(made, ghost.displacement(self.now_ns))
-        return _sum(made, self._apart)
+            made = added(made, ghost.displacement(self.now_ns))
+        return added(made, self._apart)
 
     @property
     def counts(self) -> tuple[int, ...]:
         """Counters: the sum of the set points that have left the card."""
         run = self.drives.run or (None if self.path.ghost else self.path.run)
-        return self._made if run is None else _sum(self._made, run.displacement(self.now_ns))
+        return self._made if run is None else added(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
         """A motion has ended that went so far."""
         if ghost:
-            self._apart = _sum(self._apart, displacement)
+            self._apart = added(self._apart, displacement)
         else:
-            self._made = _sum(self._made, displacement)
+            self._made = added(self._made, displacement)
 
     def set_counter(self, axis: int, value: int) -> None:
         """The counter of an axis becomes a value; nothing moves."""
@@ -341,7 +342,3 @@ class Board:
         if self.analog_asked:
             self.put_analog_outputs()
         self.path.speeds_changed()
-
-
-def _sum(a: Sequence[int], b: Sequence[int]) -> tuple[int, ...]:
-    return tuple(m + n for m, n in zip(a, b, strict=True))

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import replace
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import DriveInput, Drives
@@ -198,7 +197,7 @@ class DriveBank:
             run = path.release()
             k = self._next_tick(run)
             sharp = LIMIT_SHARPNESS * 1000.0 * self._card.settings.b_hz_per_ms[0]
-            self.run = replace(run, plan=braked(run.plan, k, run.period_ns, sharp))
+            self.run = run.with_plan(braked(run.plan, k, run.period_ns, sharp))
         else:
             path.cut()
             self.brake()
@@ -214,7 +213,7 @@ class DriveBank:
     def brake(self) -> None:
         """A reference run ends with its ramp."""
         if self.run is not None and isinstance(self.run.plan, Indexer):
-            self.run = replace(self.run, plan=self.run.plan.stopped(self._next_tick(self.run)))
+            self.run = self.run.with_plan(self.run.plan.stopped(self._next_tick(self.run)))
 
     def _end_run(self) -> None:
         if self.run is not None:
@@ -367,11 +366,11 @@ class DriveBank:
 
     def _replan(self, plan: Indexer) -> None:
         assert self.run is not None
-        self.run = replace(self.run, plan=plan)
+        self.run = self.run.with_plan(plan)
 
     def _next_tick(self, run: SetPointRun) -> int:
         """The tick at or after now."""
-        return max(0, -((run.start_ns - self._card.now_ns) // run.period_ns))
+        return run.next_tick(self._card.now_ns)
 
     # ---- the host, through the card -------------------------------------------------------------------------------
 

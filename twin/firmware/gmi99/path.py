@@ -312,14 +312,14 @@ class Path:
     def _replace(self, plan: Joined) -> None:
         self._plan = plan
         if self.run is not None:
-            self.run = replace(self.run, plan=plan)
+            self.run = self.run.with_plan(plan)
 
     def _tick(self) -> int:
         """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
         assert self._plan is not None
         if self.run is None:
             return self._plan.ticks
-        return max(0, -((self.run.start_ns - self._card.now_ns) // self.run.period_ns))
+        return self.run.next_tick(self._card.now_ns)
 
     def _time_ns(self, tick: int) -> int:
         assert self.run is not None
