@@ -29,3 +29,6 @@ pytest_plugin.py   twins as fixtures of pytest: what every start of pytest impor
 pytest_kept.py     and what it does once a test uses one
 demo.py            `make demo`
 """
+
+if __name__ != "isel_twin.bridge":
+    raise ImportError(f"import isel_twin.bridge, not {__name__}: the folder bridge/ of the repository is that package")

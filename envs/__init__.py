@@ -17,6 +17,9 @@ docs/tuning.md and docs/learning.md show how they are used.
 
 from __future__ import annotations
 
+if __name__ != "isel_twin.envs":
+    raise ImportError(f"import isel_twin.envs, not {__name__}: the folder envs/ of the repository is that package")
+
 import gymnasium
 
 from isel_twin.envs.moves import JOB, Settings, Setup

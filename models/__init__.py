@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+if __name__ != "isel_twin.models":
+    raise ImportError(f"import isel_twin.models, not {__name__}: the folder models/ of the repository is that package")
+
 from pathlib import Path
 
 __all__ = ["machine_names", "models_folder"]

@@ -80,13 +80,55 @@ def test_only_the_pseudo_terminal_needs_posix(path: Path) -> None:
         assert words(path, r"^(import|from) isel_twin\.bridge\.serve\.pty\b") == []
 
 
-def test_firmware_has_no_circle_of_imports() -> None:
-    """Those for type checking count as well: who names a type knows its module."""
+ROOMS = re.findall(
+    r"[\w.]+",
+    """
+    version base models drives motion controller language machine firmware plant wiring core testing jobs capture
+    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.pytest bridge.demo cli
+    """,
+)
+"""The house from its ground up: a room knows those before it."""
+
+
+def imports() -> dict[str, set[str]]:
+    """Which modules of the package each of its modules imports, where it needs them or for types only."""
+    files = {path: path.relative_to(ROOT).with_suffix("").parts for path in sources("twin", "bridge", "envs", "models")}
+    names = {path: ".".join(parts[parts[0] == "twin" :]).removesuffix(".__init__") for path, parts in files.items()}
+    names = {path: "" if name == "__init__" else name for path, name in names.items()}
     known: dict[str, set[str]] = {}
-    for path in sources("twin/firmware"):
-        name = ".".join(("isel_twin", *path.relative_to(ROOT / "twin").with_suffix("").parts))
-        imports = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
-        known[name] = {f"{node.module}.{alias.name}" for node in imports for alias in node.names}
-        known[name] |= {str(node.module) for node in imports}
-    known = {name: {other for other in others if other in known} for name, others in known.items()}
-    assert list(TopologicalSorter(known).static_order())
+    for path, name in names.items():
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "isel_twin":
+                module = str(node.module).removeprefix("isel_twin").removeprefix(".")
+                inner = {f"{module}.{alias.name}".removeprefix(".") for alias in node.names}
+                found |= (inner & set(names.values())) or {module}
+            elif isinstance(node, ast.Import):
+                found |= {a.name.removeprefix("isel_twin.") for a in node.names if a.name.startswith("isel_twin.")}
+        known[name] = found - {name, ""}
+    return known
+
+
+IMPORTS = imports()
+
+
+def room(module: str) -> str:
+    """The room in which a module is; "" for the door of the package."""
+    return next((name for name in ROOMS if f"{module}.".startswith(f"{name}.")), module.partition(".")[0])
+
+
+def test_every_module_is_in_a_room() -> None:
+    assert {room(module) for module in IMPORTS} == {*ROOMS, "", "bridge"}
+    assert sorted(path.name for path in (ROOT / "twin").glob("*.py")) == ["__init__.py", "version.py"]
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_a_room_knows_those_below_it_only(name: str) -> None:
+    below = {*ROOMS[: ROOMS.index(name) + 1], "bridge"}
+    above = {f"{module} -> {other}" for module, others in IMPORTS.items() for other in others if room(module) == name}
+    assert {arrow for arrow in above if room(arrow.split(" -> ")[1]) not in below} == set()
+
+
+def test_there_is_no_circle_of_imports() -> None:
+    """Those for type checking count as well: who names a type knows its module."""
+    assert len(list(TopologicalSorter(IMPORTS).static_order())) >= len(IMPORTS)

@@ -20,7 +20,7 @@ import pytest
 
 from isel_twin.base.errors import CallError
 from isel_twin.cli import main
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.warm import warm_up
 from isel_twin.jobs import robust
 from isel_twin.jobs.job import parse_job
@@ -98,7 +98,7 @@ def test_each_number_and_each_seed_draws_anew_and_always_the_same() -> None:
 
 def test_the_supply_of_an_ismif_is_that_of_its_own_stages() -> None:
     """32 V (its controller's wish), not the machine's 48."""
-    call = TwinCall(controller="ismif")
+    call = TwinSpec(controller="ismif")
     robust.check(call, 3)
     supplies = [
         robust.perturbation(robust.called_machine(call), 0, number)[2]["axes.x.stage.supply"] for number in (1, 2)
@@ -108,7 +108,7 @@ def test_the_supply_of_an_ismif_is_that_of_its_own_stages() -> None:
 
 def test_what_the_caller_says_of_the_supply_goes_before_what_the_controller_wishes() -> None:
     """24 V, neither the 32 V of an iSMIF's own stages nor the machine's 48."""
-    machine = robust.called_machine(TwinCall(controller="ismif", overrides={"axes.all.stage.supply": 24.0}))
+    machine = robust.called_machine(TwinSpec(controller="ismif", overrides={"axes.all.stage.supply": 24.0}))
     assert {axis.stage.supply_v for axis in machine.axes} == {24.0}
 
 
@@ -118,7 +118,7 @@ def test_repetitions_have_scenario_line_and_machine_of_the_call(tmp_path: Path) 
 
     def first(**called: Any) -> Any:
         lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-        return next(robust.trials(TwinCall(**called), lines, 1, timeout_s=60.0)).verdict
+        return next(robust.trials(TwinSpec(**called), lines, 1, timeout_s=60.0)).verdict
 
     plain = first()
     scenario = tmp_path / "stop.toml"
@@ -161,7 +161,7 @@ def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
 
 
 def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
-    call, lines = TwinCall(), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    call, lines = TwinSpec(), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     first, second = (trial.verdict for trial in robust.trials(call, lines, 2, timeout_s=60.0))
     assert robust.agree(first, second)
     assert not robust.agree(first, dataclasses.replace(second, refused=1))
@@ -171,7 +171,7 @@ def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
 
 
 def test_other_processes_find_the_same(run: Any) -> None:
-    call, lines = TwinCall(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    call, lines = TwinSpec(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     here = list(robust.trials(call, lines, 2, timeout_s=60.0))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         assert list(robust.trials(call, lines, 2, timeout_s=60.0, executor=pool)) == here
@@ -189,7 +189,7 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     stored = file.read_bytes()
     assert (code, trial["agrees"]) == (0, True)
     assert stored != slow
-    call, lines = TwinCall(flash=file), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
+    call, lines = TwinSpec(flash=file), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     times_s = [
         next(robust.trials(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
         for flash in (slow, None)
@@ -266,7 +266,7 @@ def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(
 
 def test_a_repetition_in_progress_is_given_up() -> None:
     """Two thousand moves; asked whether to stop at every event, the answer is yes from the 40th time on."""
-    call = TwinCall()
+    call = TwinSpec()
     lines = parse_job("@07\n@0R7\n" + "@0A800,5000,0,30,0,30,0,30\n" * 2000, create_language("imc-s8"), "imc-s8")
     asked = 0
 
@@ -286,7 +286,7 @@ def test_other_processes_give_up_what_they_are_at() -> None:
     begin_s = time.monotonic()
     with robust.processes(2) as pool:
         trials = robust.trials(
-            TwinCall(), lines, 2, timeout_s=60.0, executor=pool, stop=lambda: time.monotonic() > begin_s + 3.0
+            TwinSpec(), lines, 2, timeout_s=60.0, executor=pool, stop=lambda: time.monotonic() > begin_s + 3.0
         )
         assert list(trials) == []
     assert time.monotonic() < begin_s + 20.0
@@ -314,14 +314,14 @@ def test_a_call_that_makes_no_sense_is_refused_before_anything_runs(run: Any, wo
 
 
 def test_a_machine_at_the_limit_of_a_number_is_refused_with_key_and_range() -> None:
-    call = TwinCall(overrides={"axes.all.stage.supply": 200.0})
+    call = TwinSpec(overrides={"axes.all.stage.supply": 200.0})
     with pytest.raises(CallError, match=r"axes\.[xyz]\.stage\.supply: 20\d.*; allowed: 5 \.\. 200 V"):
         robust.check(call, 20)
 
 
 def test_the_last_repetition_is_checked_as_the_others_are() -> None:
     """196 V is refused from 2 % more on: at the first repetition that draws as much, and not before."""
-    call = TwinCall(overrides={"axes.all.stage.supply": 196.0})
+    call = TwinSpec(overrides={"axes.all.stage.supply": 196.0})
     machine = load_machine("4030")
     drawn = (robust.perturbation(machine, 0, number)[1]["supply"] for number in range(1, 1000))
     first = next(number for number, factor in enumerate(drawn, 1) if factor > 200.0 / 196.0)
@@ -332,5 +332,5 @@ def test_the_last_repetition_is_checked_as_the_others_are() -> None:
 
 def test_a_repetition_that_is_not_over_in_time_has_lines_not_sent() -> None:
     lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    verdict = next(robust.trials(TwinCall(), lines, 1, timeout_s=1.0)).verdict
+    verdict = next(robust.trials(TwinSpec(), lines, 1, timeout_s=1.0)).verdict
     assert (verdict.ok, verdict.unsent) == (False, 1)  # a reference run takes longer

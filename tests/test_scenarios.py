@@ -258,8 +258,8 @@ def test_what_needs_physics_is_counted_whoever_does_it(plant: str, idle: int) ->
     twin.apply_force(0, 0.0)
     twin.set_cut(Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=3600.0, kc_n_mm2=800.0))
     twin.set_cut(None)
-    twin.carry_out(ScenarioEvent(0, force_n={1: 20.0}, phase_lost={1: "a"}))
-    twin.carry_out(ScenarioEvent(0, inputs={"hood": "open"}))
+    twin.carry_out(ScenarioEvent(0, {"force_n": {"y": 20.0}, "phase_lost": {"y": "a"}}))
+    twin.carry_out(ScenarioEvent(0, {"set": {"hood": "open"}}))
     assert twin.events_without_effect == idle
 
 

@@ -139,7 +139,7 @@ def test_a_hot_amplifier_opens_the_contact_of_the_stages():
     """25 C and 5 W x 2 K/W are far below 85 C; 80 K more are not."""
     twin, card = build()
     assert twin.levels["slot0.hot"]
-    twin.carry_out(ScenarioEvent(twin.time_ns, others={"hot_stage_k": {"x": 80.0}}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"hot_stage_k": {"x": 80.0}}))
     twin.run(0.1)
     assert not twin.levels["slot0.hot"]
     assert not any(card.drives.on[:3])
@@ -147,7 +147,7 @@ def test_a_hot_amplifier_opens_the_contact_of_the_stages():
 
 def test_a_load_takes_current_to_move_and_nothing_to_stand():
     twin, card = build()
-    twin.carry_out(ScenarioEvent(twin.time_ns, others={"payload_kg": {"table": 30.0}}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"payload_kg": {"table": 30.0}}))
     go(twin, "move 0 -20000 0 0 0 0 20000", 3.0)
     assert not any(card.drives.fault)
     assert card.drives.encoder[1] == pytest.approx(-20_000, abs=2)

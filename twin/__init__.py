@@ -1,20 +1,35 @@
 """isel-twin: a digital twin of an isel gantry, from serial byte to moving carriage.
 
-The signal chain, in the order of the folders:
+The rooms, in the order of the data:
 
-    firmware/   host bytes in, motion out (one folder a controller); controller.py and language.py are its borders
-    motion/     what a motion is: time law, path, steps and set points, the record
-    drives/     steps to torque: power stage, motor, screw, nut
-    plant/      torque to motion of the machine: MuJoCo, or a carriage that follows its command
-    wiring/     motion back to input levels: switches, hood, E-stop, faults, scenarios
-    trace/      what happened, as VCD, npz or Parquet
-    twin.py     the clock that ties them together; position.py: counters, rotors and carriages
+    base/        what every room uses: units, axes, errors, values read from files, files with one owner, compiled code
+    controller/  the border between a firmware and everything around it: bytes, levels, time, motion
+    language/    the other border: what the bytes mean to people and tools
 
-Around it: machine.py (the numbers of a machine, read by parameters.py), call.py (a twin from a call), job.py and
-verdict.py (a file of commands, and what became of it), testing.py (controllers on a desk), cli/ (the command).
+    firmware/    host bytes in, motion out: one folder a controller
+    motion/      what a motion is: time law, path, steps and set points, the record
+    drives/      steps to torque: power stage, motor, screw, nut; servo drives
+    machine/     the numbers of a machine; the machines themselves are in models/
+    plant/       torque to motion of the machine: MuJoCo, or a carriage that follows its command
+    wiring/      motion back to input levels: switches, hood, E-stop, faults, scenarios
+
+    core/        the twin: one virtual clock for all of these, what is seen of it, and how it is built and saved
+    testing/     a desk with ideal carriages, for tests of a controller alone
+    jobs/        job files: read, played, judged, checked
+    capture/     step signals captured at a real controller, which drive the machine
+    recordings/  what happened, in files: MCAP, VCD, npz, Parquet; read, replayed and compared
+    report/      what people look at: pages, charts, pictures
+    many/        many twins: sweeps, tuning, identification
+    cli/         the command `isel-twin`
+
+Beside this folder, in the same package: bridge/ (where hosts connect, in real and in virtual time), envs/ (environments
+for learning), models/ (the machines).
 """
 
 from __future__ import annotations
+
+if __name__ != "isel_twin":
+    raise ImportError(f"import isel_twin, not {__name__}: the folder twin/ of the repository is that package")
 
 from typing import TYPE_CHECKING, Any
 

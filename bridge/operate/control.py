@@ -150,8 +150,8 @@ class Operator:
         self._check_physics(event, content, place)
         self._twin.carry_out(event)
         inputs = self._twin.inputs
-        keys = {"keys": dict(self._twin.key_values)} if "key" in event.others else {}
-        return self._now() | {"inputs": {name: inputs.get(name, "ok") for name in event.inputs}} | keys
+        keys = {"keys": dict(self._twin.key_values)} if "key" in event.acts else {}
+        return self._now() | {"inputs": {name: inputs.get(name, "ok") for name in event.acts.get("set", {})}} | keys
 
     def pause(self) -> Answer:
         """Let virtual time stand still, in the middle of a step too."""

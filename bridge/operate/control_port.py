@@ -27,7 +27,9 @@ from typing import Any, NoReturn
 
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.token import is_token, token_for
-from isel_twin.bridge.serve.server import Outbox, Server, Watch
+from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.outbox import Outbox
+from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
 from isel_twin.core.twin import Twin
 

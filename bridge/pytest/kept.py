@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 from isel_twin.base.errors import CallError, one_line
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.core.journal import SETTINGS
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     import pytest
@@ -50,7 +50,7 @@ class _Kept:
 
     twin: Twin
     node: pytest.Item | pytest.Collector
-    call: TwinCall
+    call: TwinSpec
     causes: list[tuple[int, str, Any]] = field(default_factory=list)
     restored: bool = False
     """It has been given a state (`Twin.restore`): its causes alone do not tell what it did."""
@@ -79,10 +79,10 @@ class KeptTwins:
         """A twin for a node, switched on. What is wrong with the call fails the test with one line."""
         import pytest
 
-        known = {key: value for key, value in call.items() if key in {field.name for field in fields(TwinCall)}}
+        known = {key: value for key, value in call.items() if key in {field.name for field in fields(TwinSpec)}}
         known |= {key: Path(value) for key, value in known.items() if key == "scenario" and value is not None}
         known |= {key: str(value) for key, value in known.items() if key in ("machine", "controller", "plant")}
-        wanted = TwinCall(**known, line_speed=line_speed)
+        wanted = TwinSpec(**known, line_speed=line_speed)
         try:
             twin, wrong = wanted.build(), ""
         except (CallError, TypeError, AttributeError) as error:
@@ -140,7 +140,12 @@ class KeptTwins:
 def _said(kept: _Kept) -> str:
     """How a twin was built, in one line."""
     call = kept.call
-    words = [f"machine={call.machine}", f"controller={call.controller}", f"plant={call.plant}", f"seed={call.seed}"]
+    words = [
+        f"machine={call.machine_name}",
+        f"controller={call.controller}",
+        f"plant={call.plant}",
+        f"seed={call.seed}",
+    ]
     words += [] if call.scenario is None else [f"scenario={call.scenario}"]
     words += [f"overrides={dict(call.overrides)}"] if call.overrides else []
     return " ".join(words)
@@ -206,19 +211,7 @@ def _another(twin: Twin) -> Twin:
     """One that is built as it was. Raises ValueError, OSError."""
     from isel_twin.core.twin import Twin
 
-    of = twin.origin
-    return Twin(
-        of.machine,
-        of.controller,
-        of.plant,
-        of.seed,
-        flash=of.flash,
-        scenario=of.scenario,
-        line_speed=of.line_speed,
-        overrides=of.overrides,
-        start_mm=of.start_mm,
-        keep_motions=1,
-    )
+    return Twin.of(twin.origin, keep_motions=1)
 
 
 def _place(twin: Twin) -> tuple[list[int], list[float]]:

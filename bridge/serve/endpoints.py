@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError, call_errors
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.serve.server import Endpoint
+    from isel_twin.bridge.serve.borders import Endpoint
 
 
 def open_endpoints(
@@ -66,3 +66,18 @@ def addresses(endpoints: Sequence[Endpoint]) -> dict[str, Any]:
             link = getattr(endpoint, "link", None)
             first |= {endpoint.kind: link, "device": endpoint.address} if link else {endpoint.kind: endpoint.address}
     return {**first, "ports": ports(endpoints)} if len(first.keys() - {"device"}) < len(endpoints) else first
+
+
+def name_of(endpoint: Endpoint) -> str:
+    """What a host knows it by: the link of a pseudo terminal if there is one, else the address."""
+    return getattr(endpoint, "link", None) or endpoint.address
+
+
+def claimed(endpoints: Iterable[Endpoint]) -> bool:
+    """True if a network client may have the line that these endpoints share; one that has left gives way to it."""
+    endpoints = tuple(endpoints)
+    if any(endpoint.busy for endpoint in endpoints):
+        return False
+    for endpoint in endpoints:
+        endpoint.give_way()
+    return True

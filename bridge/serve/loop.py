@@ -72,6 +72,23 @@ def woken_by_signals(wake: Wake) -> Iterator[None]:
         signal.set_wakeup_fd(before)
 
 
+@contextmanager
+def on_signals(action: Callable[[], object]) -> Iterator[None]:
+    """Call `action` at SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal has gone) while the block lasts.
+
+    A SIGHUP that is ignored already stays so: that is how `nohup` works.
+    """
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, lambda *_: action()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class Watched:
     """The files waited for now. Registers with the operating system only what has changed since the last time."""
 

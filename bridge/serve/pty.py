@@ -27,7 +27,9 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.files import Claim
-from isel_twin.bridge.serve.server import Line, Outbox, Watch
+from isel_twin.bridge.serve.borders import Line
+from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.outbox import Outbox
 
 
 class PtyEndpoint:

@@ -13,7 +13,8 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 
-from isel_twin.bridge.serve.server import Server, Watch
+from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.server import Server
 from isel_twin.recordings.recording import FileRecording
 
 FLUSH_S = 0.5

@@ -19,20 +19,19 @@ from __future__ import annotations
 import gc
 import logging
 import math
-import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
+from isel_twin.bridge.serve.borders import Endpoint, SerialTwin, WireTap
+from isel_twin.bridge.serve.endpoints import claimed, name_of
+from isel_twin.bridge.serve.host_settings import MisfitLog, fits, host_format
 from isel_twin.bridge.serve.loop import Wake, Watch, Watched, woken_by_signals
-from isel_twin.bridge.serve.pacing import Clocked, Pacer
+from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
-
-OUTBOX_BYTES = 65_536
-"""Replies kept for a host that does not read. What is beyond is lost, as on a serial line without flow control."""
 
 LINE_BYTES = 4096
 """Bytes taken from a host ahead of what a paced line can have carried; as much as an operating system buffers. And
@@ -43,39 +42,6 @@ SILENCE_BYTES = 2
 
 PIECE_BYTES = 1024
 """Largest such piece."""
-
-
-class SerialTwin(Clocked, Protocol):
-    """What the server needs of a twin."""
-
-    @property
-    def replies_due(self) -> int:
-        """Bytes of replies still on the line; from a host that asks faster than it can answer, no more is taken."""
-
-    @property
-    def commands_due(self) -> int:
-        """Bytes that were written and have not arrived: if it lets its host wait, no more is taken."""
-
-    @property
-    def serial_format(self) -> SerialFormat: ...
-    def write(self, data: bytes) -> None: ...
-    def read(self) -> bytes: ...
-
-
-class WireTap(Protocol):
-    """Somebody who follows the traffic; see wire_log.py."""
-
-    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """Bytes have been sent by the host (`sent`) or have arrived there."""
-
-    def look(self, time_ns: int) -> None:
-        """Time has passed."""
-
-    def act(self, time_ns: int, text: str) -> None:
-        """Somebody beside the host has done something to the machine or to its time."""
-
-    def close(self) -> None:
-        """That was all."""
 
 
 class Guest(Protocol):
@@ -95,100 +61,6 @@ class Guest(Protocol):
 
     def close(self) -> None:
         """The server ends: say so, let go of everything."""
-
-
-class Line(Protocol):
-    """What endpoints are attached to: the controller's line, a twin's (`Server`) or a real one's (tap.py)."""
-
-    @property
-    def serial_format(self) -> SerialFormat:
-        """How the controller's bytes go over the line."""
-
-    def receive(self, endpoint: Endpoint, data: bytes) -> None:
-        """A host of this endpoint has sent `data` just now."""
-
-    def claim(self, endpoint: Endpoint) -> bool:
-        """A network client of this endpoint asks for the line; True if it may have it."""
-
-
-class Endpoint(Protocol):
-    """A place where hosts connect. It is given its `Line` by `attach`, and from then on watched."""
-
-    kind: str
-    """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
-    address: str
-    """What a host connects to."""
-    gathers: bool
-    """Whether bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
-
-    @property
-    def busy(self) -> bool:
-        """True while a network client holds the line here."""
-
-    @property
-    def waiting(self) -> int:
-        """Bytes for the host that it has not taken yet."""
-
-    @property
-    def settings(self) -> Mapping[str, Any]:
-        """How the host has set the port, as far as that can be seen: attributes of a pySerial port, baudrate first."""
-
-    def attach(self, line: Line) -> None:
-        """The line that will watch this endpoint, to be told what hosts send."""
-
-    def watches(self, listening: bool) -> Iterable[Watch]:
-        """Files to wait for now; no host is to be read while not `listening`: the line is full."""
-
-    def send(self, data: bytes) -> None:
-        """Bytes for the host. Never blocks; without a host they are lost."""
-
-    def give_way(self) -> None:
-        """A new network client takes the line: let go of one that only waits for its last replies."""
-
-    def close(self) -> None:
-        """Stop listening, let go of everything."""
-
-
-class Outbox:
-    """Bytes on their way to a host that may be slow: bounded, never blocking."""
-
-    def __init__(self, write: Callable[[bytes], int]) -> None:
-        self._write = write
-        self._waiting = bytearray()
-
-    def __len__(self) -> int:
-        return len(self._waiting)
-
-    def put(self, data: bytes) -> None:
-        """Take all of `data` or, when the host has not read for too long, nothing. Raises OSError as `write` does."""
-        if len(self._waiting) + len(data) > OUTBOX_BYTES:
-            log.warning("the host does not read: %d reply bytes are lost", len(data))
-            return
-        self._waiting += data
-        self.flush()
-
-    def flush(self) -> None:
-        """Send what the host takes now."""
-        with suppress(BlockingIOError):
-            while self._waiting:
-                del self._waiting[: self._write(bytes(self._waiting))]
-
-
-@contextmanager
-def on_signals(action: Callable[[], object]) -> Iterator[None]:
-    """Call `action` at SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal has gone) while the block lasts.
-
-    A SIGHUP that is ignored already stays so: that is how `nohup` works.
-    """
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
-    before = {number: signal.signal(number, lambda *_: action()) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class _Piece:
@@ -218,37 +90,6 @@ class _Piece:
         return data
 
 
-def host_format(endpoint: Endpoint, line: SerialFormat) -> SerialFormat:
-    """How a host has set its port; what cannot be seen is taken to be as on the line."""
-    settings = endpoint.settings
-    return SerialFormat(
-        settings.get("baudrate", line.baud),
-        settings.get("bytesize", line.data_bits),
-        settings.get("parity", line.parity),
-        math.ceil(settings.get("stopbits", line.stop_bits)),
-    )
-
-
-def _name(endpoint: Endpoint) -> str:
-    """What a host knows it by."""
-    return getattr(endpoint, "link", None) or endpoint.address
-
-
-def _needed(form: SerialFormat) -> tuple[int, int, str]:
-    """What both sides must agree on."""
-    return form.baud, form.data_bits, form.parity
-
-
-def claimed(endpoints: Iterable[Endpoint]) -> bool:
-    """Whether a network client may have the line that these endpoints share; one that has left gives way to it."""
-    endpoints = tuple(endpoints)
-    if any(endpoint.busy for endpoint in endpoints):
-        return False
-    for endpoint in endpoints:
-        endpoint.give_way()
-    return True
-
-
 class Server:
     """Serves one twin on some endpoints until `stop` is called. See the module."""
 
@@ -271,8 +112,7 @@ class Server:
         self.endpoints = tuple(endpoints)
         self._wire = wire
         self._strict_baud = strict_baud
-        self._warned: dict[Endpoint, SerialFormat] = {}
-        """Settings of hosts that do not fit, as they were told."""
+        self._misfits = MisfitLog(strict_baud)
         self._speaker: Endpoint | None = None
         self._line_free_ns = 0
         self._piece = _Piece()
@@ -408,15 +248,19 @@ class Server:
         listener = self._listener
         if self.pacer.speed is None or listener is None:
             return False
-        return listener.gathers or (self._strict_baud and not self.fits(listener))
+        return listener.gathers or self._garbles(listener)
 
     def _hand_on(self) -> None:
         """Send the piece gathered so far."""
         data, listener = self._piece.take(), self._listener
         if data and listener is not None:
-            if self._strict_baud and not self.fits(listener):
+            if self._garbles(listener):
                 data = heard(data, self.serial_format, host_format(listener, self.serial_format)).data
             listener.send(data)
+
+    def _garbles(self, endpoint: Endpoint) -> bool:
+        """True if this host hears, and is heard, at the wrong speed or format."""
+        return self._strict_baud and not fits(endpoint, self.serial_format)
 
     # called by endpoints
 
@@ -431,8 +275,8 @@ class Server:
         if endpoint is not self._speaker:
             self._hand_on()
             self._speaker = endpoint
-        self._compare(endpoint)
-        if self._strict_baud and not self.fits(endpoint):
+        self._misfits.compare(endpoint, self.serial_format)
+        if self._garbles(endpoint):
             data = heard(data, host_format(endpoint, self.serial_format), self.serial_format).data
             if not data:
                 return
@@ -446,32 +290,6 @@ class Server:
         start_ns = max(self._line_free_ns, self.twin.time_ns)
         self._line_free_ns = start_ns + len(data) * self.twin.serial_format.byte_ns
 
-    def fits(self, endpoint: Endpoint) -> bool:
-        """Whether the host has set its port there as the controller's line is, as far as that matters and can be seen.
-
-        A second stop bit is a pause, which nobody minds.
-        """
-        return _needed(host_format(endpoint, self.serial_format)) == _needed(self.serial_format)
-
-    def _compare(self, endpoint: Endpoint) -> None:
-        """Tell a host's settings that do not fit, once."""
-        if self.fits(endpoint):
-            self._warned.pop(endpoint, None)
-            return
-        host = host_format(endpoint, self.serial_format)
-        if self._warned.get(endpoint) == host:
-            return
-        self._warned[endpoint] = host
-        what = "as here" if self._strict_baud else "here it does not matter (--strict-baud: as on a real line)"
-        log.warning(
-            "%s %s: the host's port is set to %s, the controller's line has %s; a real line would garble each byte, %s",
-            endpoint.kind,
-            _name(endpoint),
-            host,
-            self.serial_format,
-            what,
-        )
-
     # called by guests
 
     def ports(self) -> list[dict[str, Any]]:
@@ -479,9 +297,9 @@ class Server:
         return [
             {
                 "kind": endpoint.kind,
-                "address": _name(endpoint),
+                "address": name_of(endpoint),
                 "host": str(host_format(endpoint, self.serial_format)),
-                "fits": self.fits(endpoint),
+                "fits": fits(endpoint, self.serial_format),
             }
             for endpoint in self.endpoints
         ]

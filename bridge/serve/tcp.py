@@ -27,7 +27,9 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
-from isel_twin.bridge.serve.server import Line, Outbox, Watch
+from isel_twin.bridge.serve.borders import Line
+from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.bridge.serve.server import WireTap
+from isel_twin.bridge.serve.borders import WireTap
 
 log = logging.getLogger("isel_twin.wire")
 

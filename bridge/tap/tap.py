@@ -25,8 +25,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
+from isel_twin.bridge.serve.borders import Endpoint, WireTap
+from isel_twin.bridge.serve.endpoints import claimed
 from isel_twin.bridge.serve.loop import Wake, Watch, Watched, woken_by_signals
-from isel_twin.bridge.serve.server import OUTBOX_BYTES, Endpoint, WireTap, claimed
+from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.tap.real_port import HELD_BYTES, PIECE_BYTES, Arrived, RealPort
 from isel_twin.controller import SerialFormat
 

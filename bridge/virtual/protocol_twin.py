@@ -45,7 +45,7 @@ from serial.serialutil import SerialException, to_bytes
 from isel_twin.bridge.serve.pacing import Pacer, parse_speed
 from isel_twin.bridge.virtual.no_modem_lines import NoModemLines
 from isel_twin.core.flash import flash_file
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -141,7 +141,7 @@ class Serial(NoModemLines):
         try:
             speed = parse_speed(options.pop("speed", "max"))
             values = {option: _VALUES.get(option, str)(text) for option, text in options.items()}
-            twin = TwinCall(**values, line_speed=speed is not None).build()
+            twin = TwinSpec(**values, line_speed=speed is not None).build()
         except ValueError as error:
             raise SerialException(f"{url}: {error}") from error
         self._twin = twin

@@ -17,10 +17,11 @@ from firmware.bwo900.run import programs
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
-from isel_twin.firmware.bwo900.memory import Memory, filters
+from isel_twin.firmware.bwo900.memory import Memory
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
-from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.ahead import filters
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import joined
 from isel_twin.testing import Desk
 
@@ -42,7 +43,7 @@ def plan(count: int) -> float:
     began = process_time()
     interpreter = Interpreter(parameters, store)
     interpreter.begin("P1", (50.0, 0.0, 0.0))
-    path, passed = Path(Limits.of(parameters, [1000.0] * 3), (50.0, 0.0, 0.0)), filters(parameters)
+    path, passed = PieceMaker(MotionLimits.of(parameters, [1000.0] * 3), (50.0, 0.0, 0.0)), filters(parameters)
     made, tick = None, 0
     while blocks := [block for _ in range(AT_ONCE) if (block := interpreter.next()) is not None]:
         for item in passed:

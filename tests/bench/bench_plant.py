@@ -85,7 +85,7 @@ def bare(plant: MujocoPlant, model: mujoco.MjModel) -> Callable[[], None]:
         data = mujoco.MjData(model)
         data.qpos[dof] = START_MM * 1e-3
         data.qvel[dof] = 0.03
-        _steps(int(plant._plant["mj_step"][0]), model._address, data._address, n)
+        _steps(int(plant.parts.plant["mj_step"][0]), model._address, data._address, n)
 
     return run
 

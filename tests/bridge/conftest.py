@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 import serial
 
+from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.pacing import Pacer
-from isel_twin.bridge.serve.server import Endpoint, Server
+from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
 
 START_S = 120.0

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import serial
 
+from isel_twin.bridge.serve.borders import Endpoint
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
-from isel_twin.bridge.serve.server import Endpoint
 from isel_twin.bridge.serve.tcp import TcpEndpoint
 from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat

@@ -9,10 +9,11 @@ import socket
 import pytest
 import serial
 
+from isel_twin.bridge.serve.outbox import OUTBOX_BYTES, Outbox
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
-from isel_twin.bridge.serve.server import LINE_BYTES, OUTBOX_BYTES, PIECE_BYTES, SILENCE_BYTES, Outbox, Server, _Piece
+from isel_twin.bridge.serve.server import LINE_BYTES, PIECE_BYTES, SILENCE_BYTES, Server, _Piece
 from isel_twin.bridge.serve.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
 from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask

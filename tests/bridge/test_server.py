@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 
 from isel_twin.bridge.serve.keeping import keep, serve_and_keep
+from isel_twin.bridge.serve.loop import on_signals
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
-from isel_twin.bridge.serve.server import Server, on_signals
+from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
 from isel_twin.recordings.recorder import Recorder
 from tests.bridge.test_network import Mouth

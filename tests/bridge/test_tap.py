@@ -19,12 +19,15 @@ import pytest
 import serial
 from mcap.reader import NonSeekingReader
 
+from isel_twin.bridge.serve.borders import Endpoint
+from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
-from isel_twin.bridge.serve.server import OUTBOX_BYTES, Endpoint, Server
+from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
-from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap, real_port
+from isel_twin.bridge.tap import real_port
+from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin

@@ -66,6 +66,11 @@ def written(folder: Path, name: str, text: str | bytes) -> Path:
             "seconds\tD0\tD1\n0\t0\t1\n0.0000125\t1\t1\n.000025\t0\t1\n+3.75e-5\t1\t1\n5e-5\t0\t0\n6.25e-5\t1\t0\n",
             MAP,
         ),
+        (
+            "quoted.csv",
+            'note,"t_us","D0","D1"\n"a, b",0,0,1\n,"12.5","1",1\n"say ""c, d""",25,0,1\nx,37.5,1,1\n,50,0,0\n,62.5,1,0\n',
+            MAP,
+        ),
         ("before.csv", "t [us],D0,D1,A\n-50,0,1,3.1\n-37.5,1,1,2\n-25,0,1,\n-12.5,1,1,x\n0,0,0,\n12.5,1,0,-\n", MAP),
     ],
 )  # fmt: skip

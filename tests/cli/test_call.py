@@ -12,7 +12,7 @@ import isel_twin  # noqa: F401  (registers twin://)
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import main
 from isel_twin.core.flash import flash_file
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 
 class Asked(CallError):
@@ -21,14 +21,14 @@ class Asked(CallError):
 
 @pytest.fixture
 def asked(monkeypatch):
-    """asked: what `TwinCall.build` was called on; nothing is built."""
+    """asked: what `TwinSpec.build` was called on; nothing is built."""
     calls = []
 
     def build(call, keep_motions=None):
         calls.append(call)
         raise Asked("enough")
 
-    monkeypatch.setattr(TwinCall, "build", build)
+    monkeypatch.setattr(TwinSpec, "build", build)
     return calls
 
 
@@ -66,7 +66,7 @@ def test_both_ask_for_the_same_twin(options, asked, tmp_path, monkeypatch):
     assert len({repr(call) for call in asked}) == 1
     expected = {**options, "seed": int(options.get("seed", 0))}
     paths = {name: Path(options[name]) for name in ("scenario", "flash") if name in options}
-    assert asked[0] == TwinCall(**{**expected, **paths})
+    assert asked[0] == TwinSpec(**{**expected, **paths})
 
 
 @pytest.mark.parametrize(("speed", "line_speed"), [("max", False), ("1", True), ("0.5", True)])
@@ -85,7 +85,7 @@ def test_the_same_twin_does_the_same(tmp_path, capsys):
     assert command_line("run", job, "--plant", "kinematic", "--seed", "11", "--json") == 0
     *lines, _ = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
-    twin = TwinCall(plant="kinematic", seed=11).build()
+    twin = TwinSpec(plant="kinematic", seed=11).build()
     with serial.serial_for_url("twin://?plant=kinematic&seed=11", timeout=3600) as port:
         for command, line in zip(commands, lines, strict=True):
             assert twin.query(command) == line["reply"]
@@ -134,22 +134,22 @@ def test_both_are_refused_with_the_same_line(options, line, tmp_path, monkeypatc
 
 
 def test_overrides_reach_the_machine():
-    twin = TwinCall(plant="kinematic", overrides={"axes.all.lead": 4.0}).build()
+    twin = TwinSpec(plant="kinematic", overrides={"axes.all.lead": 4.0}).build()
     assert twin.step_mm.tolist() == [4.0 / 1600] * 3
     with pytest.raises(CallError, match=r"axes\..*leed: unknown key"):
-        TwinCall(plant="kinematic", overrides={"axes.all.leed": 4.0}).build()
+        TwinSpec(plant="kinematic", overrides={"axes.all.leed": 4.0}).build()
 
 
 def test_a_flash_file_follows_the_twin(tmp_path):
     flash = tmp_path / "flash.bin"
-    first = TwinCall(plant="kinematic", flash=flash).build()
+    first = TwinSpec(plant="kinematic", flash=flash).build()
     assert flash.read_bytes() == b""
     first.query("@07")
     first.query("@0IUx")
     first.query("@0IW")
     assert flash.read_bytes() == first.flash
     flash_file(first).release()
-    assert TwinCall(plant="kinematic", flash=flash).build().flash == first.flash
+    assert TwinSpec(plant="kinematic", flash=flash).build().flash == first.flash
 
 
 def test_an_error_without_a_name_is_about_what_was_being_done():

@@ -1,7 +1,7 @@
-"""Run the conformance tests and print their tables (make conformance).
+"""Run the conformance tests, print their tables and write them to build/conformance.md (make conformance).
 
-python tests/conformance/report.py [TABLE ...]     run, print, exit 1 if any row does not hold
-python tests/conformance/report.py --write         put the tables into docs/conformance.md (collects, runs nothing)
+python tests/conformance/report.py [TABLE ...]     run, print, write; exit 1 if any row does not hold
+python tests/conformance/report.py --write         only write them (collects, runs nothing)
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from conformance.record import Record
 from conformance.rows import FOLDER, Table, tables
 
-DOCUMENT = FOLDER.parent.parent / "docs" / "conformance.md"
-BEGIN = "<!-- tables: written by tests/conformance/report.py --write -->"
+DOCUMENT = FOLDER.parent.parent / "build" / "conformance.md"
 
 
 def collect() -> Record:
@@ -42,8 +41,13 @@ def run(names: list[str]) -> Record:
 
 
 def markdown(record: Record) -> str:
-    """The tables as they stand in docs/conformance.md: a summary, then every row with the tests that show it."""
-    lines = ["| table | rows | hold | deviate | commands of the overview |", "|---|---|---|---|---|"]
+    """The tables as a page: a summary, then every row with the tests that show it."""
+    lines = [
+        "# Conformance",
+        "",
+        "| table | rows | hold | deviate | commands of the overview |",
+        "|---|---|---|---|---|",
+    ]
     for table in tables():
         deviate = sum(row.status != "holds" for row in table.rows)
         lines.append(
@@ -60,9 +64,11 @@ def markdown(record: Record) -> str:
     return "\n".join(lines) + "\n"
 
 
-def with_tables(document: str, record: Record) -> str:
-    """The document with the part after BEGIN written anew."""
-    return document.split(BEGIN)[0] + BEGIN + "\n\n" + markdown(record)
+def write(record: Record) -> None:
+    """Write the page of all tables."""
+    DOCUMENT.parent.mkdir(exist_ok=True)
+    DOCUMENT.write_text(markdown(record), encoding="utf-8")
+    print(f"all tables: {DOCUMENT.relative_to(FOLDER.parent.parent)}")
 
 
 def print_table(table: Table, record: Record, console: Console) -> int:
@@ -85,10 +91,10 @@ def main() -> int:
     """Command line; see the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", nargs="*", help="tables to print (default: all)")
-    parser.add_argument("--write", action="store_true", help="write the tables into docs/conformance.md")
+    parser.add_argument("--write", action="store_true", help="write the tables, run nothing")
     arguments = parser.parse_args()
     if arguments.write:
-        DOCUMENT.write_text(with_tables(DOCUMENT.read_text(encoding="utf-8"), collect()), encoding="utf-8")
+        write(collect())
         return 0
     known = {table.name: table for table in tables()}
     unknown = [name for name in arguments.table if name not in known]
@@ -98,6 +104,8 @@ def main() -> int:
     record = run(names)
     console = Console(width=None if sys.stdout.isatty() else 160)
     failing = [print_table(known[name], record, console) for name in names]
+    if not arguments.table:
+        write(record)
     return 1 if sum(failing) else 0
 
 

@@ -1047,9 +1047,9 @@ def test_messages_of_the_correction_are_not_suppressed() -> None:
 
 
 def without_effect() -> dict[str, list[int]]:
-    """Numbers of the last table of docs/bwo900.md, by their area."""
+    """Numbers of the last list of docs/bwo900.md, by their area."""
     page = (Path(__file__).parents[2] / "docs" / "bwo900.md").read_text(encoding="utf-8")
-    table = page[page.index("Parameters that are kept and have no effect") :]
+    table = " ".join(page[page.index("Parameters that are kept and have no effect") :].split())
     found: dict[str, list[int]] = {"P": [], "q": []}
     for area, first, last in re.findall(r"\b([Pq])(\d+)(?: to [Pq](\d+))?", table):
         found[area] += range(int(first), int(last or first) + 1)

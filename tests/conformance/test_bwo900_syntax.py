@@ -7,7 +7,6 @@ from conformance.bwo900_desk import T1, analysed, file, fresh, mm, parameters, r
 from conformance.rows import case, shows
 from firmware.bwo900.run import Analysed
 
-from isel_twin.firmware.bwo900.geometry.blocks import Machine
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.programs.syntax import Text, parse_block
 
@@ -200,21 +199,9 @@ def test_what_goes_to_the_plc_and_in_which_order() -> None:
             inner(*values)  # type: ignore[operator]
 
         setattr(plc, name, listen)
-    desk.controller._channel._do = _with(desk, plc)  # type: ignore[attr-defined]
     start(desk)
     desk.finish()
     assert seen == [("speed", 500.0, 7.0), ("tool", 2, 7.0), ("function", 7, 7.0)]
-
-
-def _with(desk: object, plc: object) -> object:
-    from dataclasses import replace
-
-    control = desk.controller  # type: ignore[attr-defined]
-
-    def function(m: Machine) -> None:
-        plc.function(control._now_ns, m.code)  # type: ignore[attr-defined]
-
-    return replace(control._channel._do, speed=plc.speed, tool=plc.tool, function=function)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

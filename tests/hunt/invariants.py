@@ -217,8 +217,8 @@ class Sight:
             levels=twin.levels,
             place_mm=_on_guides_mm(twin).tolist(),
             elements=dict(twin._wiring._cabinet.states),
-            bouncing=twin._wiring._contacts.next_ns is not None,
-            swapped=dict(twin._wiring._contacts._swapped),
+            bouncing=twin._wiring.contacts.next_ns is not None,
+            swapped=dict(twin._wiring.contacts._swapped),
             powered=bool(twin._plant.powered.any()),
         )
 
@@ -364,10 +364,10 @@ class Frame:
         bends = np.array([plant.model.joint(mode.joint).dofadr[0] for mode in modes], dtype=np.int64)
         self._bends = bends
         self._stiffness = plant.model.jnt_stiffness[plant.model.dof_jntid][bends]
-        self._s = np.sqrt(np.diagonal(plant._inertia)[bends] / self._stiffness)
-        travel, drives = plant._drives["travel_m_per_rad"], plant._drives
-        self._kg = 1.0 / plant._axes["mobility_per_kg"] + drives["inertia_kgm2"] / travel**2
-        last = [np.flatnonzero(torque).max(initial=0) for torque in plant._available]
+        self._s = np.sqrt(np.diagonal(plant.built.inertia)[bends] / self._stiffness)
+        travel, drives = plant.parts.drives["travel_m_per_rad"], plant.parts.drives
+        self._kg = 1.0 / plant.parts.axes["mobility_per_kg"] + drives["inertia_kgm2"] / travel**2
+        last = [np.flatnonzero(torque).max(initial=0) for torque in plant.parts.available]
         self._motor_m_s = travel * SPEED_STEP_RAD_S * np.array(last)
         self._pushed_n = 0.0
         self._then_ns = 0
@@ -381,7 +381,7 @@ class Frame:
         2 F / k by a sudden force. Raises Broken."""
         plant = self._plant
         self._pushed_n = PUSHED_N if pushed else self._pushed_n
-        seen_m_s = np.abs(plant._axes["v_m_s"])
+        seen_m_s = np.abs(plant.parts.axes["v_m_s"])
         seen_m_s += self._pushed_n / self._kg * 1e-9 * (now_ns - self._then_ns)
         seen_m_s = np.maximum(seen_m_s, np.where(plant.powered[: len(CARRIAGES)], self._motor_m_s, 0.0))
         self.fastest_m_s = np.maximum(self.fastest_m_s, seen_m_s)
@@ -397,7 +397,7 @@ class Frame:
 def _on_guides_mm(twin: Twin) -> NDArray[np.float64]:
     """float64 [3], where the carriages stand on their guides at the last whole sub-step."""
     plant: Any = twin._plant
-    return 1e3 * plant._axes["x_m"] if plant.stages else twin.machine_position_mm
+    return 1e3 * plant.parts.axes["x_m"] if plant.stages else twin.machine_position_mm
 
 
 def exchanged_j(plant: Any) -> float:
@@ -415,14 +415,14 @@ def exchanged_j(plant: Any) -> float:
 
         amplitudes        F^2 = F(t)^2 + K m u^2          (k s)^2 = (k s(t))^2 + k m_s s'(t)^2
     """
-    drives, states, axes, model = plant._drives, plant._states, plant._axes, plant.model
+    drives, states, axes, model = plant.parts.drives, plant.parts.states, plant.parts.axes, plant.model
     h_s, dt_s = 1e-9 * plant.machine.timing.mujoco_step_ns, 1e-9 * plant.machine.timing.substep_ns
     travel, stiffness, omega = drives["travel_m_per_rad"], drives["stiffness_n_per_m"], states["omega_rad_s"]
     mass = 1.0 / (axes["mobility_per_kg"] + travel**2 / drives["inertia_kgm2"])
     force = np.hypot(states["force_n"], np.sqrt(stiffness * mass) * (travel * omega - axes["v_m_s"]))
     spring = model.jnt_stiffness[model.dof_jntid]
-    swing = np.hypot(spring * plant.data.qpos, np.sqrt(spring / np.diagonal(plant._mobility)) * plant.data.qvel)
-    elsewhere = np.abs(plant._mobility)[plant._dof] @ (swing + np.abs(plant._weight))
+    swing = np.hypot(spring * plant.data.qpos, np.sqrt(spring / np.diagonal(plant.built.mobility)) * plant.data.qvel)
+    elsewhere = np.abs(plant.built.mobility)[plant.built.dof] @ (swing + np.abs(plant.built.weight))
     detent = 4.0 * drives["pole_pairs"] * drives["detent_torque_nm"] * omega**2
     return float((h_s**2 / 6.0 * force * elsewhere + dt_s**2 / 4.0 * (force**2 / mass + detent)).sum())
 

@@ -26,6 +26,7 @@ from isel_twin.firmware.imc import commands as imc
 from isel_twin.firmware.imc.grammar import AXES_CODE
 from isel_twin.firmware.ismif.commands import FORMS, CommandError, parse
 from isel_twin.motion.step_run import StepRun
+from isel_twin.plant.built import find_free
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.wiring import FAULTS, SerialLine, Wiring
@@ -242,8 +243,8 @@ def test_a_switch_that_trips_late_by_a_tenth_of_a_millimetre_is_noticed(tmp_path
     stage = Stage(replace(CALM, options={**CALM.options, "plant": "mujoco", "overrides": overrides}), tmp_path)
     watch = Watch(stage.twin, stage.border)
     plant = stage.twin._plant
-    plant._thresholds["limit"][plant._thresholds["axis"] == 0] -= 1e-4
-    plant._find_free()
+    plant.parts.thresholds["limit"][plant.parts.thresholds["axis"] == 0] -= 1e-4
+    find_free(plant.parts)
     stage.do(("set", "estop", "pressed"))
     stage.do(("force", 0, -400.0))
 

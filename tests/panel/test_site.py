@@ -5,13 +5,17 @@ from __future__ import annotations
 import http.client
 import json
 import socket
+import threading
+from types import SimpleNamespace
 
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from isel_twin.bridge.operate.panel import guarded
+from isel_twin.bridge.operate.panel.gate import Gate
 from isel_twin.bridge.operate.panel.guest import Panel
-from isel_twin.bridge.operate.panel.site import Gate
+from isel_twin.cli import main
 from tests.panel.conftest import LOOPBACK, WAIT_S
 
 pytestmark = pytest.mark.xdist_group("panel")
@@ -162,3 +166,40 @@ def test_nobody_can_have_the_scene_shared_through_a_public_server(bench, monkeyp
     monkeypatch.setattr(viser.ViserServer, "request_share_url", share)
     site = bench().panel._site._viser
     assert site.request_share_url() is None
+
+
+def never(*_: object) -> None:
+    """Lets everybody in."""
+
+
+@pytest.mark.parametrize(
+    ("module", "why"),
+    [
+        (SimpleNamespace(websockets=None), "opens a port of its own"),
+        (SimpleNamespace(), "has no such door"),
+        (guarded.viser_infra, "lets a foreign page in"),
+    ],
+    ids=["another name", "no name", "no gate"],
+)
+def test_a_viser_that_is_not_guarded_does_not_start(module: object, why: str, monkeypatch: pytest.MonkeyPatch):
+    """As one that has changed the name that is exchanged, or what it calls by it; nothing of it is left behind."""
+    monkeypatch.setattr(guarded, "viser_infra", module)
+    before = set(threading.enumerate())
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.setblocking(False)
+        with pytest.raises(guarded.UnguardedError, match=why) as caught:
+            guarded.start(listener, never, never)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    for thread in set(threading.enumerate()) - before:
+        thread.join(WAIT_S)
+        assert not thread.is_alive()
+
+
+def test_serve_says_so_in_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.setattr(guarded, "viser_infra", SimpleNamespace())
+    with pytest.raises(SystemExit) as caught:
+        main(["serve", "--tcp", LOOPBACK, "--panel", LOOPBACK, "--plant", "kinematic"])
+    said = capsys.readouterr()
+    assert (caught.value.code, said.out) == (2, "")
+    assert said.err.startswith("isel-twin: --panel: not started, as this viser (")
+    assert len(said.err.splitlines()) == 1

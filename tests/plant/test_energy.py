@@ -33,12 +33,12 @@ def lossless(bench, machine: str, **overrides: float) -> Bench:
     b.wait(2000)
     plant = b.plant
     for name in LOSSES:
-        plant._drives[name][:2] = 0.0
-    plant._coulomb_nm[:2] = 0.0
-    plant._axes["friction_n"][:2] = 0.0
-    plant._joints_law["friction_n"][plant._dof[:2]] = 0.0
-    plant._joints_law["damper_n_s_per_m"] = 0.0
-    plant._springs[1] = 0.0
+        plant.parts.drives[name][:2] = 0.0
+    plant.built.coulomb_nm[:2] = 0.0
+    plant.parts.axes["friction_n"][:2] = 0.0
+    plant.parts.joints_law["friction_n"][plant.built.dof[:2]] = 0.0
+    plant.parts.joints_law["damper_n_s_per_m"] = 0.0
+    plant.parts.springs[1] = 0.0
     b.plant.apply_force(0, 0.0, "tool")
     b.plant.apply_force(1, 0.0, "tool")
     return b
@@ -82,6 +82,6 @@ def test_a_structure_that_swings_alone_keeps_its_energy_to_the_last_digits(bench
     """No nut on X and Y: what is left is MuJoCo's step alone, which keeps m v^2 / 2 + k q_n q_n-1 / 2 exactly; read at
     any sub-step."""
     b = lossless(bench, machine, **{"imperfections.backlash": False})
-    b.plant._drives["stiffness_n_per_m"][:2] = 0.0
+    b.plant.parts.drives["stiffness_n_per_m"][:2] = 0.0
     energy, _ = energies(b, 4000, 3 * WINDOW_NS // 20)
     assert energy == pytest.approx(energy[0], abs=1e-12)

@@ -181,7 +181,7 @@ def test_a_push_acts_in_the_very_time_it_lasts(bench, start_ms, length_ms):
     b.wait(length_ms)
     b.plant.apply_force(0, 0.0)
     b.wait(2.0 - start_ms - length_ms)
-    assert b.plant._axes["v_m_s"][0] == pytest.approx(1000.0 * 1e-3 * length_ms / 12.0, rel=0.02)
+    assert b.plant.parts.axes["v_m_s"][0] == pytest.approx(1000.0 * 1e-3 * length_ms / 12.0, rel=0.02)
 
 
 @pytest.mark.parametrize("name", machine_names())

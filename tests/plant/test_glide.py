@@ -56,7 +56,7 @@ def moved(machine: str, written_out: bool) -> tuple[NDArray[np.float64], int]:
     milliseconds that found X at its stop."""
     plant = MujocoPlant(load_machine(machine), (), np.array([1.0, 20.0, 10.0]))
     if not written_out:
-        plant._joints_law["low_m"] = np.nan
+        plant.parts.joints_law["low_m"] = np.nan
     plant.set_power(stages=True, brake_released=True, lowering=True)
     move_ns, pushes = 10 * MS + ramp_ns(400, 6000), {100: -2000.0, 200: 2000.0, 210: 0.0}
     place, done, struck = [], 0, 0
@@ -67,7 +67,7 @@ def moved(machine: str, written_out: bool) -> tuple[NDArray[np.float64], int]:
         plant.advance(ms * MS, move_ns[done:last], ticks(last - done, 1, 1, 1))
         done = last
         place.append(plant.data.qpos * 1e6)
-        struck += bool(plant.data.qpos[plant._dof[0]] <= -0.003)
+        struck += bool(plant.data.qpos[plant.built.dof[0]] <= -0.003)
     return np.array(place), struck
 
 
@@ -90,11 +90,11 @@ def fixed(folder: Path, text: str) -> MujocoPlant:
 def test_every_machine_glides_between_its_stops(machine: str) -> None:
     settings = load_machine(machine)
     plant = MujocoPlant(settings, (), np.array([30.0, 20.0, 10.0]))
-    for axis, dof in zip(settings.axes, plant._dof, strict=True):
+    for axis, dof in zip(settings.axes, plant.built.dof, strict=True):
         stops_mm = -axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm
-        law = plant._joints_law[dof]
+        law = plant.parts.joints_law[dof]
         assert (law["low_m"] * 1e3, law["high_m"] * 1e3) == pytest.approx(stops_mm, abs=1e-9)
-    structure = np.delete(plant._joints_law, plant._dof)
+    structure = np.delete(plant.parts.joints_law, plant.built.dof)
     assert (structure["low_m"] == -DEFLECTION_M).all()
     assert (structure["high_m"] == DEFLECTION_M).all()
 
@@ -103,11 +103,11 @@ def test_every_machine_glides_between_its_stops(machine: str) -> None:
 def test_with_a_fixture_that_the_tool_may_meet_every_step_is_mujocos(tmp_path: Path, half_m: float, met: bool) -> None:
     """The tool comes down to 4 mm above the table: a block of 1.8 mm is never met, one of 7 mm may be."""
     plant = fixed(tmp_path, FIXTURE.format(half=half_m))
-    assert np.isnan(plant._joints_law["low_m"]).all() == met
+    assert np.isnan(plant.parts.joints_law["low_m"]).all() == met
 
 
 def test_with_a_fixture_that_turns_every_step_is_mujocos(tmp_path: Path) -> None:
-    assert np.isnan(fixed(tmp_path, HINGED)._joints_law["low_m"]).all()
+    assert np.isnan(fixed(tmp_path, HINGED).parts.joints_law["low_m"]).all()
 
 
 SLIDES = """<mujoco><option timestep="0.0005"><flag eulerdamp="disable"/></option><worldbody><body>
@@ -170,7 +170,7 @@ def test_a_fixture_that_is_met_from_the_side_stops_an_axis_that_could_glide(benc
     ends = []
     for overrides in ({"fixture": str(tmp_path / "plate.xml")}, {}):
         b = bench(overrides, start_mm=(120.0, 150.0, 120.0))
-        assert np.isfinite(b.plant._joints_law["low_m"]).all()
+        assert np.isfinite(b.plant.parts.joints_law["low_m"]).all()
         b.move((round(320 * (gap_mm + 10.0)), 0, 0), 4000.0)
         ends.append(b.plant.position_mm.tobytes())
     assert ends[0] == ends[1]

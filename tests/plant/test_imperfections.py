@@ -138,7 +138,7 @@ def test_stiffness_follows_the_carriage(tmp_path: Path) -> None:
     place_m = 1e-3 * bench.plant.position_mm[0]
     assert place_m == pytest.approx(0.08, abs=1e-5)
     expected = 1.0 / (1.0 / 30e6 + (place_m - 0.1975) / ROD_N)
-    assert bench.plant._drives["stiffness_n_per_m"][0] == pytest.approx(expected, rel=1e-6)
+    assert bench.plant.parts.drives["stiffness_n_per_m"][0] == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_warm_screw_is_longer(tmp_path: Path) -> None:

@@ -236,7 +236,7 @@ def test_drives_are_told_the_mean_over_each_sub_step(job):
     for until in range(first + SUBSTEP, end, SUBSTEP):
         told.drive(plant, wide, until, start_ns=until - SUBSTEP if until > first + SUBSTEP else 0)
         mean = told.mean(job, until - SUBSTEP, until)
-        assert plant._states["command"][0] == pytest.approx(float(mean), abs=1e-9)
+        assert plant.parts.states["command"][0] == pytest.approx(float(mean), abs=1e-9)
         assert plant.command[0] == pytest.approx(float(told.command(job, until)), abs=1e-9)
 
 

@@ -106,7 +106,7 @@ def test_motor_stalls_at_the_stop(bench, axis):
     force_n, beyond_mm = [], []
     for k in range(0, 3200, 4):
         b.feed(int(t_ns[k + 3] - (t_ns[k - 1] if k else 0)), t_ns[k : k + 4] - (t_ns[k - 1] if k else 0), FOUR[axis])
-        force_n.append(b.plant.nut_force_n[axis])
+        force_n.append(b.plant.parts.states["force_n"][axis])
         beyond_mm.append(b.plant.position_mm[axis] - start[axis] - 3.0)
     assert 1900.0 < max(force_n) < 2400.0
     assert max(beyond_mm) < 0.2, "most of it is the frame, which swings as the carriage bounces"

@@ -47,7 +47,8 @@ def run_cut(cuts: list[int], plant: MujocoPlant | None = None) -> list[bytes]:
         if until == 320 * MS:
             plant.apply_force(1, 50.0)
     return [
-        a.tobytes() for a in (plant.position_mm, plant.velocity_mm_s, plant.rotor, plant.commanded, plant.nut_force_n)
+        a.tobytes()
+        for a in (plant.position_mm, plant.velocity_mm_s, plant.rotor, plant.commanded, plant.parts.states["force_n"])
     ]
 
 
@@ -87,7 +88,7 @@ def test_returns_at_the_end_of_the_sub_step_in_which_a_switch_is_struck():
     assert plant.time_ns == at
     assert plant.trips()[0]
     step_mm = plant.velocity_mm_s[0] * SUBSTEP * 1e-9
-    assert 0.0 < plant._axes["x_m"][0] * 1e3 - 101.0 <= step_mm * 1.01
+    assert 0.0 < plant.parts.axes["x_m"][0] * 1e3 - 101.0 <= step_mm * 1.01
     assert plant.commanded[0] == np.searchsorted(t_ns, at, side="right")
 
 

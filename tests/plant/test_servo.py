@@ -99,7 +99,7 @@ def test_a_push_beyond_the_motors_torque_is_a_fault(bench):
     assert plant.fault.tolist() == [True, False, False, False]
     assert plant.powered.tolist() == [False, True, True, True]
     assert abs(plant.lag[0]) == pytest.approx(LIMIT, abs=20)
-    assert plant._states["current_a_a"][0] == 0.0
+    assert plant.parts.states["current_a_a"][0] == 0.0
     line.rest(1)
     assert plant.take_margin()[0] == 0.0
 
@@ -149,7 +149,7 @@ def test_how_time_is_cut_does_not_matter(bench):
         plant.apply_force(0, -3000.0)
         for _ in range(cuts):
             line.rest(210 / cuts)
-        ends.append((plant._states.tobytes(), plant._axes["x_m"].tobytes(), plant.current_fraction.tolist()))
+        ends.append((plant.parts.states.tobytes(), plant.parts.axes["x_m"].tobytes(), plant.current_fraction.tolist()))
     assert ends[0] == ends[1]
     assert plant.fault[0]
 
@@ -260,7 +260,7 @@ def test_friction_takes_current(bench):
         some = []
         for change in way(0.5, 20_000)[100:]:
             line.go(np.array([change]))
-            some.append(line.plant._states["current_a_a"][0])
+            some.append(line.plant.parts.states["current_a_a"][0])
         currents.append(np.mean(some))
     assert currents[1] - currents[0] == pytest.approx(300 * 0.005 / (2 * np.pi) / 0.9 / 0.1, rel=0.03)
 

@@ -107,7 +107,7 @@ def test_a_sagging_supply_takes_from_the_margin(bench):
 def test_the_energy_of_a_move_adds_up(bench):
     """Change of the capacitor = charge from the source - what stages took - chopper, to 1 % of what went through."""
     b = bench(ON, lowering=False)
-    supply = b.plant._supply
+    supply = b.plant.parts.supply
     t_ns = ramp_ns(3200, 16000.0, 500.0, 200.0)
     before_v, before_j = b.plant.supply_v, supply["drawn_j"][0]
     done_ns, source_j, last_v = 0, 0.0, before_v
@@ -168,7 +168,7 @@ def test_a_joint_stop_raises_it_by_what_the_losses_leave(bench, microfarad):
 def test_the_chopper_holds_it(bench):
     b, volts, freed_j = stop_from_speed(bench, {**LIVELY, "supply.chopper_voltage": 48.2})
     assert volts.max() == pytest.approx(48.2)
-    assert 0.0 < b.plant._supply["dumped_j"][0] < freed_j
+    assert 0.0 < b.plant.parts.supply["dumped_j"][0] < freed_j
 
 
 def test_a_chopper_that_is_too_weak_does_not(bench):
@@ -177,7 +177,7 @@ def test_a_chopper_that_is_too_weak_does_not(bench):
         bench, {**LIVELY, "supply.chopper_voltage": 48.2, "supply.chopper_resistance": 1000.0}
     )
     assert volts.max() > 48.7
-    assert b.plant._supply["dumped_j"][0] < volts.max() ** 2 / 1000.0 * 0.045
+    assert b.plant.parts.supply["dumped_j"][0] < volts.max() ** 2 / 1000.0 * 0.045
 
 
 WEAK = {**ON, "supply.source_resistance": 8.0, "supply.undervoltage": 34.0, "supply.release": 35.0}

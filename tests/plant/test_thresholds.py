@@ -93,11 +93,11 @@ def test_where_nothing_can_lag_nothing_is_passed(kind):
 def test_a_fault_ends_the_sub_step_in_which_it_comes():
     plant = build(MujocoPlant, Threshold(0, "fault"), Threshold(1, "fault"))
     plant.advance(10 * MS, *NONE)
-    plant._axes["fault"][1] = 1
+    plant.parts.axes["fault"][1] = 1
     assert plant.advance(20 * MS, *NONE) == 10 * MS + SUBSTEP
     assert plant.trips().tolist() == [False, True]
     assert plant.fault.tolist() == [False, True, False, False]
-    plant._axes["fault"][1] = 0
+    plant.parts.axes["fault"][1] = 0
     assert plant.advance(20 * MS, *NONE) == 10 * MS + 2 * SUBSTEP
     assert not plant.trips().any()
 

@@ -116,14 +116,14 @@ def life(phases, pieces):
     twin = Twin(controller="card6", start_mm=(100.0, 50.0, 30.0), overrides={"payload.mass": 6.0})
     twin.query("zero")
     twin.set_cut(Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=6000.0, kc_n_mm2=800.0))
-    twin.carry_out(ScenarioEvent(twin.time_ns, phase_lost={0: phases}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"phase_lost": {"x": phases}}))
     twin.watch_margin()
     twin.write(twin.language.frame("move 6400 3200 0 5 0 0 8000"))
     for _ in range(pieces):
         twin.run(2.0 / pieces)
     amid = twin.margin[:2].tolist()
     twin.set_cut(None)
-    twin.carry_out(ScenarioEvent(twin.time_ns, phase_lost={0: ""}))
+    twin.carry_out(ScenarioEvent(twin.time_ns, {"phase_lost": {"x": ""}}))
     twin.run(1.0)
     return twin, amid
 for phases in ("a", "ab"):

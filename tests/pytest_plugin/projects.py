@@ -30,7 +30,7 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
 
     So all that they import when first used is imported before.
     """
-    kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinCall(plant="kinematic"))
+    kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinSpec(plant="kinematic"))
     kept.twin.listen(kept.note)
     kept.twin.query("@07")
     kept.twin.query("@0R7")

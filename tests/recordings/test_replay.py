@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 from isel_twin.base.parameters import Place
+from isel_twin.base.toml import toml_line
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import controller_names
 from isel_twin.core.twin import Twin
@@ -189,8 +189,7 @@ def test_a_session_with_each_act_replays_to_the_bit(event: dict[str, Any], tmp_p
     """In mid-motion, and again as an event of a scenario; counters are what the controller counts all the time."""
     scenario = tmp_path / "act.toml"
     table = {**event, "cut": {**CUT}} if "cut" in event else event
-    entries = [f"{key} = {_toml(value)}" for key, value in table.items()]
-    scenario.write_text("[[event]]\nat = 6.2\n" + "\n".join(entries) + "\n")
+    scenario.write_text("\n".join(["[[event]]", "at = 6.2", *map(toml_line, table, table.values()), ""]))
     twin = Twin(start_mm=(1.0, 1.0, 1.0), scenario=scenario, line_speed=True)
     path = tmp_path / "session.mcap"
     recording = FileRecording(path, twin, INTERVAL_NS)
@@ -211,12 +210,6 @@ def test_a_session_with_each_act_replays_to_the_bit(event: dict[str, Any], tmp_p
         assert [counters.at(int(t)) for t in piece["time_ns"]] == [tuple(c) for c in piece["counts"].tolist()]
     assert event in [entry.content for entry in recorded.of("/scenario")]
     assert replay(recorded, rebuilt(recorded, tmp_path)) is None
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
-    return json.dumps(value)
 
 
 @pytest.fixture(scope="module")

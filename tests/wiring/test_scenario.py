@@ -34,8 +34,8 @@ def test_events_are_sorted_by_time(tmp_path: Path) -> None:
         """,
     )
     assert [event.at_ns for event in events] == [1_000_000_000, 2_500_000_000]
-    assert (events[0].force_n, events[0].phase_lost, events[0].noise) == ({1: -20.0}, {2: "ab"}, 0.5)
-    assert events[1].inputs == {"hood": "open", "limit_x2": "broken"}
+    assert events[0].acts == {"force_n": {"y": -20.0}, "phase_lost": {"z": "ab"}, "noise": 0.5}
+    assert events[1].acts == {"set": {"hood": "open", "limit_x2": "broken"}}
 
 
 def test_a_force_acts_at_a_place(tmp_path: Path) -> None:
@@ -59,9 +59,9 @@ KC = '{ value = 800, unit = "N/mm2", grade = "estimate", source = "aluminium" }'
 
 def test_a_cut_begins_and_ends(tmp_path: Path) -> None:
     begin, end = load(tmp_path, CUT.format(width=3, kc=KC) + "[[event]]\nat = 2\ncut = 'off'\n")
-    assert begin.cut == Cut(6.0, 2, 0.5, 3.0, 18_000.0, 800.0, radial=0.3, climb=True)
+    assert begin.acts["cut"] == Cut(6.0, 2, 0.5, 3.0, 18_000.0, 800.0, radial=0.3, climb=True)
     assert begin.physical
-    assert end.cut == "off"
+    assert end.acts == {"cut": "off"}
     assert not end.physical
 
 

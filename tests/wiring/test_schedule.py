@@ -16,7 +16,7 @@ SPINDLE = Condition("output", "spindle", 1.0)
 
 
 def event(number: int, at_ns: int = 0, **fields: Any) -> ScenarioEvent:
-    return ScenarioEvent(at_ns, {"hood": str(number)}, number=number, **fields)
+    return ScenarioEvent(at_ns, {"set": {"hood": str(number)}}, number=number, **fields)
 
 
 def taken(schedule: Schedule, t_ns: int) -> list[int]:

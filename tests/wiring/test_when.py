@@ -78,9 +78,13 @@ def test_what_ends_an_event_is_the_off_of_each_key(tmp_path: Path) -> None:
         """,
     )
     assert event.end is not None
-    assert event.end.inputs == {"hood": "closed", "limit_x1": "ok", "stop": "up"}
-    assert event.end.phase_lost == {0: ""}
-    assert event.end.others == {"swapped": {"limit_y1": ""}, "obstacle_mm": {"y": "off"}, "line_cut": False}
+    assert event.end.acts == {
+        "set": {"hood": "closed", "limit_x1": "ok", "stop": "up"},
+        "phase_lost": {"x": ""},
+        "swapped": {"limit_y1": ""},
+        "obstacle_mm": {"y": "off"},
+        "line_cut": False,
+    }
 
 
 ONE = "[[event]]\nat = 0\nreset = true\n\n# the second\n[[event]]\nreset = true\n"

@@ -628,7 +628,7 @@ def test_the_element_says_hot_by_itself() -> None:
 def test_the_next_time_is_the_least_of_all() -> None:
     bench = Bench(stages=[STAGE], overrides={"imperfections": "dynamic"})
     at = [SECOND_NS // 2, 5 * SECOND_NS // 2]
-    bench.wiring.schedule([ScenarioEvent(t, {"user_3": "high"}) for t in at])
+    bench.wiring.schedule([ScenarioEvent(t, {"set": {"user_3": "high"}}) for t in at])
     assert (bench.wiring.next_ns, bench.wiring.next_event_ns) == (at[0], at[0])
     bench.settle(at[0])
     assert (bench.wiring.next_ns, bench.wiring.next_event_ns) == (SECOND_NS, at[1])
@@ -650,11 +650,11 @@ def test_events_act_on_everything_at_their_times() -> None:
     bench.outputs(stages=1)
     bench.wiring.schedule(
         [
-            ScenarioEvent(10, {"start": "down", "limit_x2": "broken"}),
-            ScenarioEvent(20, {"start": "up"}, force_n={0: 50.0, 2: -7.5}, place="table"),
-            ScenarioEvent(30, phase_lost={1: "ab", 0: "a"}, force_n={0: 0.0}),
-            ScenarioEvent(40, {"estop": "pressed"}, noise=1.0),
-            ScenarioEvent(50, phase_lost={1: ""}, noise=0.0),
+            ScenarioEvent(10, {"set": {"start": "down", "limit_x2": "broken"}}),
+            ScenarioEvent(20, {"set": {"start": "up"}, "force_n": {"x": 50.0, "z": -7.5}}, "table"),
+            ScenarioEvent(30, {"force_n": {"x": 0.0}, "phase_lost": {"y": "ab", "x": "a"}}),
+            ScenarioEvent(40, {"set": {"estop": "pressed"}, "noise": 1.0}),
+            ScenarioEvent(50, {"phase_lost": {"y": ""}, "noise": 0.0}),
         ]
     )
     assert bench.levels("start", "limit_x2") == (False, True)
@@ -685,7 +685,7 @@ def test_events_act_on_everything_at_their_times() -> None:
 def test_events_of_one_instant_come_one_after_another() -> None:
     """A button pressed and let go at once is two edges for a controller, who is shown the levels in between."""
     bench = Bench()
-    bench.wiring.schedule([ScenarioEvent(10, {"start": s}) for s in ("down", "up", "down")])
+    bench.wiring.schedule([ScenarioEvent(10, {"set": {"start": s}}) for s in ("down", "up", "down")])
     seen = []
     while bench.wiring.settle(10):
         seen.append(bench.wiring.levels["start"])
@@ -697,7 +697,7 @@ def test_elements_of_one_event_change_together() -> None:
     bench = Bench()
     bench.outputs(stages=1, hood_release=1)
     bench.wiring.motion(True)
-    bench.wiring.schedule([ScenarioEvent(10, {"key": "setup", "hood": "open"})])
+    bench.wiring.schedule([ScenarioEvent(10, {"set": {"key": "setup", "hood": "open"}})])
     seen = []
     while bench.wiring.settle(10):
         seen.append(bench.levels("hood_automatic", "hood_setup", "key"))
@@ -708,7 +708,7 @@ def test_elements_of_one_event_change_together() -> None:
 def test_the_plant_comes_before_the_scenario() -> None:
     """A switch struck at the instant its wire comes off has been struck: its trip point is drawn at its release."""
     bench = Bench()
-    bench.wiring.schedule([ScenarioEvent(10, {"limit_x1": "stuck_closed"})])
+    bench.wiring.schedule([ScenarioEvent(10, {"set": {"limit_x1": "stuck_closed"}})])
     bench.plant.passed[X1] = True
     assert bench.wiring.settle(10)
     bench.settle(10)
@@ -724,7 +724,7 @@ def test_bounces_and_temperatures_come_before_the_scenario() -> None:
     bench = Bench(stages=[STAGE])
     bench.outputs(stages=1)
     bench.plant.current_fraction[:] = 1.0
-    bench.wiring.schedule([ScenarioEvent(opened, {"power": "on"})])
+    bench.wiring.schedule([ScenarioEvent(opened, {"set": {"power": "on"}})])
     bench.history("overtemperature", opened - 1)
     assert bench.plant.power[0]
     bench.settle(opened)
@@ -733,7 +733,7 @@ def test_bounces_and_temperatures_come_before_the_scenario() -> None:
 
 def test_settling_again_does_nothing() -> None:
     bench = Bench(overrides={"imperfections": "dynamic"}, stages=[STAGE])
-    bench.wiring.schedule([ScenarioEvent(SECOND_NS, {"user_3": "high"})])
+    bench.wiring.schedule([ScenarioEvent(SECOND_NS, {"set": {"user_3": "high"}})])
     bench.pass_(X1, True, SECOND_NS)
     levels, drawn = bench.wiring.levels, list(bench.plant.drawn)
     for _ in range(3):

@@ -35,13 +35,20 @@ LONGEST_LINE = 1 << 16
 """Bytes of a line beyond which a file is taken for no table."""
 FASTEST_HZ = 4 * SECOND_NS
 
+_PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # of the state of the scanner; _TIME or number of a row
+_LF, _CR, _SPACE, _QUOTE, _HASH, _PLUS, _COMMA, _MINUS, _POINT, _SEMICOLON = b'\n\r "#+,-.;'
+_IS_TIME = -2
+_NEVER = -(1 << 62)
+
 _SPELT = {
     **{name: name for name in UNITS},
     **{"sec": "s", "second": "s", "seconds": "s", "millisecond": "ms", "milliseconds": "ms", "µs": "us", "μs": "us"},
     **{"microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns"},
     **{"picosecond": "ps", "picoseconds": "ps"},
 }
-_TIME = re.compile(r"(?:(?:time|timestamp|t)(?:[\s_\[(/,-]*([a-zµμ]+)[\])]?)?|((?:milli|micro|nano|pico)?seconds?))")
+_TIME_NAME = re.compile(
+    r"(?:(?:time|timestamp|t)(?:[\s_\[(/,-]*([a-zµμ]+)[\])]?)?|((?:milli|micro|nano|pico)?seconds?))"
+)
 _RATE = re.compile(r"samplerate:\s*([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)Hz", re.IGNORECASE)
 _CHANNELS = re.compile(r"channels\s*(?:\([^)]*\))?:\s*(.+)", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]*)?(?:[eE][+-]?[0-9]+)?")
@@ -104,28 +111,32 @@ class Table:
         columns = np.full(self._width, -1, dtype=np.int16)
         columns[order] = np.arange(len(order))
         if self._time is not None:
-            columns[self._time] = -2
+            columns[self._time] = _IS_TIME
         data = np.frombuffer(self._data, dtype=np.uint8)
-        # place, line, time or number of the next row, problem, its column, time of the first row
-        state = np.array([self._begin, self._line, 0 if self._time is None else -(1 << 62), 0, 0, 0], dtype=np.int64)
+        state = np.array([self._begin, self._line, 0 if self._time is None else _NEVER, 0, 0, 0], dtype=np.int64)
         levels, first = np.full(len(order), -1, dtype=np.int8), np.zeros(len(order), dtype=np.int8)
         pieces = []
         power = 0 if self._time is None else UNITS[self._unit]
-        while state[0] < len(data) and not state[3]:
+        while state[_PLACE] < len(data) and not state[_PROBLEM]:
             times, which = np.empty(PIECE, dtype=np.int64), np.empty(PIECE, dtype=np.uint8)
             timed = self._time is not None
             count = _scan(data, ord(self._delimiter), columns, timed, power, state, levels, first, times, which)
             pieces.append((times[:count].copy(), which[:count].copy()))
-        if state[3]:
-            self._tell(int(state[1]), int(state[3]), int(state[4]), bytes(data[state[0] : state[0] + 40]))
-        last = int(state[2])
+        if state[_PROBLEM]:
+            self._tell(
+                int(state[_LINE]),
+                int(state[_PROBLEM]),
+                int(state[_COLUMN]),
+                bytes(data[state[_PLACE] : state[_PLACE] + 40]),
+            )
+        last = int(state[_TIME])
         if self._rate_hz is not None:
             rate = round(self._rate_hz)
             for times, _ in pieces:
                 whole, rest = np.divmod(times, rate)
                 times[:] = whole * SECOND_NS + (2 * rest * SECOND_NS + rate) // (2 * rate)
             last = max(last - 1, 0) * SECOND_NS // rate
-        shift = max(0, -int(state[5])) if self._time is not None else 0
+        shift = max(0, -int(state[_FIRST])) if self._time is not None else 0
         for times, _ in pieces:
             times += shift
         waves = dict(zip(names, (waves_of(pieces, first)[order.index(column)] for column in found), strict=True))
@@ -173,7 +184,7 @@ class Table:
         if rate_hz is not None and not (1.0 <= rate_hz <= FASTEST_HZ and rate_hz == round(rate_hz)):
             raise WrongCallError(f"sample-rate {rate_hz:g}: must be a whole number from 1 to {FASTEST_HZ} Hz")
         for column, cell in enumerate(cells if headed else []):
-            match = _TIME.fullmatch(cell.lower())
+            match = _TIME_NAME.fullmatch(cell.lower())
             if match is None:
                 continue
             word = match[1] or match[2]
@@ -216,124 +227,155 @@ def _names_in(comments: Sequence[str]) -> list[str]:
     return []
 
 
+# The scanner. pyarrow.csv takes half as long again for exact decimals, tells no line and knows no comments. What is
+# done for each cell stands in the loop: a call there takes as long as the work.
+
+
 @njit(nogil=True)
 def _scan(data, delimiter, columns, timed, power, state, levels, first, times, which):
-    """Changes of wanted columns, row by row, from state[0] on, as long as there is room for a row; their number.
+    """Changes of wanted columns, row by row, from state[_PLACE] on, as long as there is room for a row; their number.
 
-    columns int16 [width]: -2 the time, -1 of no interest, else the signal. power: of ten, from its unit to ns.
+    columns int16 [width]: _IS_TIME, -1 of no interest, else the signal. power: of ten, from the unit of time to ns.
+    levels, first int8 [signals]: level now (-1: none yet) and at first; times, which: room.
     """
     size, room, count = data.size, times.size - levels.size, 0
-    i, line, before = state[0], state[1], state[2]
+    i, line, before = state[_PLACE], state[_LINE], state[_TIME]
     while i < size and count <= room:
         c = data[i]
-        if c == 10 or c == 13 or c == 32:
-            line += c == 10
+        if c in (_LF, _CR, _SPACE):
+            line += c == _LF
             i += 1
             continue
-        if c == 59 or c == 35:  # a comment
-            while i < size and data[i] != 10:
-                i += 1
+        if c in (_SEMICOLON, _HASH):  # a comment
+            i = _line_end(data, i)
             continue
-        time = before
-        seen = 0
-        row = i
-        begun = count
+        row, begun, time, seen = i, count, before, 0
         for column in range(columns.size):
-            wanted = columns[column]
-            start = i
-            while i < size and (data[i] == 32 or data[i] == 34):
-                i += 1
-            if wanted == -2:
-                negative = i < size and data[i] == 45
-                if i < size and (data[i] == 45 or data[i] == 43):
-                    i += 1
-                mantissa, shift, digits, point = 0, power, 0, False
+            wanted, start, problem = columns[column], i, 0
+            if wanted == _IS_TIME:
+                i = _past_quotes(data, i)
+                negative = i < size and data[i] == _MINUS
+                i += i < size and (data[i] == _MINUS or data[i] == _PLUS)
+                mantissa, shift, good, point = 0, power, False, False
                 while i < size:
                     c = data[i]
                     if 48 <= c <= 57:
-                        digits += 1
+                        good = True
                         if mantissa < 10**17:
                             mantissa = 10 * mantissa + (c - 48)
                             shift -= point
                         else:
                             shift += not point
-                    elif (c == 46 or (c == 44 and delimiter != 44)) and not point:
+                    elif (c == _POINT or (c == _COMMA and delimiter != _COMMA)) and not point:
                         point = True
                     else:
                         break
                     i += 1
-                if digits and i < size and (data[i] == 101 or data[i] == 69):
-                    i += 1
-                    down = i < size and data[i] == 45
-                    if i < size and (data[i] == 45 or data[i] == 43):
-                        i += 1
-                    exponent, powers = 0, 0
-                    while i < size and 48 <= data[i] <= 57:
-                        exponent = min(10 * exponent + (data[i] - 48), 10_000)
-                        powers += 1
-                        i += 1
-                    if powers == 0:
-                        digits = 0
-                    shift += -exponent if down else exponent
-                while i < size and (data[i] == 32 or data[i] == 34):
-                    i += 1
-                if digits == 0 or (i < size and data[i] != delimiter and data[i] != 10 and data[i] != 13):
-                    state[0], state[1], state[3], state[4] = start, line, 1, column
-                    return count
-                while shift > 0 and 0 < mantissa < 10**17:
-                    mantissa *= 10
-                    shift -= 1
-                if mantissa > 0 and (shift > 0 or (shift == 0 and mantissa > LONGEST_NS)):
-                    state[0], state[1], state[3], state[4] = start, line, 5, column
-                    return count
-                divisor = 1
-                while shift < 0 and divisor < 10**18:
-                    divisor *= 10
-                    shift += 1
-                time = (mantissa + divisor // 2) // divisor if shift == 0 or mantissa == 0 else 0
-                if negative:
-                    time = -time
-                if time < before:
-                    state[0], state[1], state[3], state[4] = start, line, 2, column
-                    return count
-                if before == -(1 << 62):
-                    state[5] = time
+                if good and i < size and (data[i] == 69 or data[i] == 101):  # E, e
+                    i, exponent, good = _exponent_at(data, i + 1)
+                    shift += exponent
+                i = _past_quotes(data, i)
+                time = _scaled(mantissa, shift)
+                if not (good and _ends(data, i, delimiter)):
+                    problem = 1
+                elif time < 0:
+                    problem = 5
+                else:
+                    time = -time if negative else time
+                    problem = 2 if time < before else 0
+                if before == _NEVER:
+                    state[_FIRST] = time
             elif wanted >= 0:
+                i = _past_quotes(data, i)
                 level = data[i] - 48 if i < size else 2
-                if i < size:
-                    i += 1
-                if i < size and data[i] == 46:
+                i += i < size
+                if i < size and data[i] == _POINT:
                     i += 1
                     while i < size and data[i] == 48:
                         i += 1
-                while i < size and (data[i] == 32 or data[i] == 34):
-                    i += 1
-                if (level != 0 and level != 1) or (
-                    i < size and data[i] != delimiter and data[i] != 10 and data[i] != 13
-                ):
-                    state[0], state[1], state[3], state[4] = start, line, 3, column
-                    return count
-                if levels[wanted] < 0:
+                i = _past_quotes(data, i)
+                if (level != 0 and level != 1) or not _ends(data, i, delimiter):
+                    problem = 3
+                elif levels[wanted] < 0:
                     first[wanted] = level
                 elif levels[wanted] != level:
                     which[count] = wanted
                     count += 1
                 levels[wanted] = level
             else:
-                while i < size and data[i] != delimiter and data[i] != 10 and data[i] != 13:
-                    i += 1
+                i = _cell_end(data, i, delimiter)
+            if problem:
+                state[_PLACE], state[_LINE], state[_PROBLEM], state[_COLUMN] = start, line, problem, column
+                return count
             seen += 1
-            if i < size and data[i] == delimiter:
-                i += 1
-            else:
+            if i == size or data[i] != delimiter:
                 break
+            i += 1
         if seen < columns.size:
-            state[0], state[1], state[3] = row, line, 4
+            state[_PLACE], state[_LINE], state[_PROBLEM] = row, line, 4
             return count
         for k in range(begun, count):
             times[k] = time
         before = time if timed else before + 1
-        while i < size and data[i] != 10:
-            i += 1
-    state[0], state[1], state[2] = i, line, before
+        i = _line_end(data, i)
+    state[_PLACE], state[_LINE], state[_TIME] = i, line, before
     return count
+
+
+@njit(nogil=True)
+def _line_end(data, i):
+    while i < data.size and data[i] != _LF:
+        i += 1
+    return i
+
+
+@njit(nogil=True)
+def _ends(data, i, delimiter):
+    """True if a cell ends before this place."""
+    return i == data.size or data[i] == delimiter or data[i] == _LF or data[i] == _CR
+
+
+@njit(nogil=True)
+def _cell_end(data, i, delimiter):
+    """The end of a cell of no interest; a delimiter in quotes is text."""
+    quoted = False
+    while i < data.size and data[i] != _LF and data[i] != _CR and (quoted or data[i] != delimiter):
+        quoted ^= data[i] == _QUOTE
+        i += 1
+    return i
+
+
+@njit(nogil=True)
+def _past_quotes(data, i):
+    while i < data.size and (data[i] == _SPACE or data[i] == _QUOTE):
+        i += 1
+    return i
+
+
+@njit(nogil=True)
+def _exponent_at(data, i):
+    """The place after an exponent, its value within 10 000, and whether it has a digit."""
+    down = i < data.size and data[i] == _MINUS
+    if i < data.size and (data[i] == _MINUS or data[i] == _PLUS):
+        i += 1
+    exponent, good = 0, False
+    while i < data.size and 48 <= data[i] <= 57:
+        exponent = min(10 * exponent + (data[i] - 48), 10_000)
+        good = True
+        i += 1
+    return i, -exponent if down else exponent, good
+
+
+@njit(nogil=True)
+def _scaled(mantissa, shift):
+    """The nearest whole number to mantissa times 10 to the power of shift, halves up; -1 if it is beyond LONGEST_NS."""
+    while shift > 0 and 0 < mantissa < 10**17:
+        mantissa *= 10
+        shift -= 1
+    if mantissa > 0 and (shift > 0 or (shift == 0 and mantissa > LONGEST_NS)):
+        return -1
+    divisor = 1
+    while shift < 0 and divisor < 10**18:
+        divisor *= 10
+        shift += 1
+    return (mantissa + divisor // 2) // divisor if shift == 0 or mantissa == 0 else 0

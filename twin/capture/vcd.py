@@ -27,6 +27,10 @@ from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 PIECE = 1 << 20
 """Changes that one call of a scanner gives at most."""
 
+_PLACE, _LINE, _TIME, _PROBLEM = range(4)  # of the state of a scanner
+_LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
+_NO_CHANGE = -2
+
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _PROBLEMS = {
@@ -77,29 +81,30 @@ class Dump:
         codes = [self._find(name) for name in names]
         keys = np.array([_key(code) for code in dict.fromkeys(codes)], dtype=np.int64)
         data = np.frombuffer(self._data, dtype=np.uint8)
-        state = np.array([self._begin, self._line, 0, 0], dtype=np.int64)  # place, line, time, problem
+        state = np.array([self._begin, self._line, 0, 0], dtype=np.int64)
         levels = np.full(len(keys), -1, dtype=np.int8)
         first = np.zeros(len(keys), dtype=np.int8)
         pieces = []
-        while state[0] < len(data) and not state[3]:
+        while state[_PLACE] < len(data) and not state[_PROBLEM]:
             times, which = np.empty(PIECE, dtype=np.int64), np.empty(PIECE, dtype=np.uint8)
             count = _scan(data, keys, state, levels, first, times, which)
             pieces.append((times[:count].copy(), which[:count].copy()))
-        if state[3]:
-            place = int(state[0])
+        if state[_PROBLEM]:
+            place = int(state[_PLACE])
             token = bytes(data[place : place + 40]).split(None, 1)[:1] or [b""]
             shown = ascii(token[0][:24].decode("latin-1"))
+            problem = _PROBLEMS[int(state[_PROBLEM])]
+            raise CaptureError(f"{self.path}: line {state[_LINE]}: {shown}: {problem}; export the capture again")
+        if int(state[_TIME]) * self._unit_fs >= LONGEST_NS * 10**6:
             raise CaptureError(
-                f"{self.path}: line {state[1]}: {shown}: {_PROBLEMS[int(state[3])]}; export the capture again"
+                f"{self.path}: line {state[_LINE]}: the time {state[_TIME]} is beyond 31 years; export it again"
             )
-        if int(state[2]) * self._unit_fs >= LONGEST_NS * 10**6:
-            raise CaptureError(f"{self.path}: line {state[1]}: the time {state[2]} is beyond 31 years; export it again")
         for times, _ in pieces:
             _to_ns(times, self._unit_fs)
         order = list(dict.fromkeys(codes))
         found = waves_of(pieces, first)
         waves = {name: found[order.index(code)] for name, code in zip(names, codes, strict=True)}
-        return Capture(waves, int(state[2]) * self._unit_fs // 10**6, self._unit_fs / 1e6)
+        return Capture(waves, int(state[_TIME]) * self._unit_fs // 10**6, self._unit_fs / 1e6)
 
     def _read_header(self, header: str) -> None:
         scopes: list[str] = []
@@ -175,84 +180,107 @@ def _key(code: str) -> int:
 
 @njit(nogil=True)
 def _scan(data, keys, state, levels, first, times, which):
-    """Changes of wanted signals from state[0] on; their number. At the end state has the place after the last token."""
+    """Changes of wanted signals from state[_PLACE] on; their number. Then state says where and why it ended.
+
+    keys int64 [signals]; levels, first int8 [signals]: level now (-1: none yet) and at first; times, which: room.
+    """
     size, room, count = data.size, times.size, 0
-    i, line, time = state[0], state[1], state[2]
+    i, line, time = state[_PLACE], state[_LINE], state[_TIME]
     while i < size and count < room:
         c = data[i]
-        if c <= 32:
-            line += c == 10
+        if c <= _SPACE:
+            line += c == _LF
             i += 1
             continue
-        start = i
-        if c == 35:  # '#'
+        start, problem = i, 0
+        if c == _HASH:
             i += 1
             value = 0
             while i < size and 48 <= data[i] <= 57 and i - start < 19:
                 value = 10 * value + (data[i] - 48)
                 i += 1
-            if i == start + 1 or (i < size and data[i] > 32):
-                state[0], state[1], state[3] = start, line, 1
-                return count
-            if value < time:
-                state[0], state[1], state[3] = start, line, 2
-                return count
+            if i == start + 1 or (i < size and data[i] > _SPACE):
+                problem = 1
+            elif value < time:
+                problem = 2
             time = value
-            continue
-        if c == 36:  # '$dumpvars', '$end' and so on say nothing; a comment goes on to its end
-            while i < size and data[i] > 32:
+        elif c == _DOLLAR:  # $dumpvars, $end and so on say nothing; a comment goes on to its end
+            i = _word_end(data, i)
+            if i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $co(mment)
+                i, line = _comment_end(data, i, line)
+                problem = 5 if i < 0 else 0
+        else:
+            if c == 48 or c == 49:
+                level = c - 48
                 i += 1
-            if i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $comment
-                begun = line
-                while i + 3 < size and not (
-                    data[i] == 36 and data[i + 1] == 101 and data[i + 2] == 110 and data[i + 3] == 100
-                ):
-                    line += data[i] == 10
-                    i += 1
-                if i + 3 >= size:
-                    state[0], state[1], state[3] = start, begun, 5
-                    return count
-                i += 4
-            continue
-        i += 1
-        level = -1
-        if c == 48 or c == 49:
-            level = c - 48
-        elif c == 98 or c == 66:  # a vector
-            level = 0
-            while i < size and data[i] > 32:
-                if data[i] == 49:
-                    level = 1
-                elif data[i] != 48 and level == 0:
-                    level = -1
-                i += 1
-        elif c == 114 or c == 82 or c == 115 or c == 83:  # a real number, a text
-            while i < size and data[i] > 32:
-                i += 1
-        elif not (c == 120 or c == 88 or c == 122 or c == 90 or c == 117 or c == 85 or c == 45 or c == 119 or c == 87):
-            state[0], state[1], state[3] = start, line, 3
+            else:
+                i, level = _level_at(data, i)
+            named = i
+            i, key = _code_at(data, i)
+            if level == _NO_CHANGE or i == named:
+                problem = 3 if level == _NO_CHANGE else 4
+            elif level >= 0:
+                for k in range(keys.size):
+                    if keys[k] == key:
+                        if levels[k] < 0:
+                            first[k] = level
+                        elif levels[k] != level:
+                            times[count] = time
+                            which[count] = k
+                            count += 1
+                        levels[k] = level
+                        break
+        if problem:
+            state[_PLACE], state[_LINE], state[_PROBLEM] = start, line, problem
             return count
-        if c > 65 and (c == 98 or c == 66 or c == 114 or c == 82 or c == 115 or c == 83):
-            while i < size and data[i] <= 32 and data[i] != 10:
-                i += 1
-        key = 0
-        named = i
-        while i < size and data[i] > 32:
-            key = (key * 257 + data[i]) % (1 << 53)
-            i += 1
-        if i == named:
-            state[0], state[1], state[3] = start, line, 4
-            return count
-        if level >= 0:
-            for k in range(keys.size):
-                if keys[k] == key:
-                    if levels[k] < 0:
-                        first[k] = level
-                    elif levels[k] != level:
-                        times[count] = time
-                        which[count] = k
-                        count += 1
-                    levels[k] = level
-                    break
-    state[0], state[1], state[2] = i, line, time
+    state[_PLACE], state[_LINE], state[_TIME] = i, line, time
     return count
+
+
+@njit(nogil=True)
+def _word_end(data, i):
+    while i < data.size and data[i] > _SPACE:
+        i += 1
+    return i
+
+
+@njit(nogil=True)
+def _comment_end(data, i, line):
+    """The place after the $end of a comment, and the line there; -1 and the line here, if it has none."""
+    lines = line
+    while i + 3 < data.size:
+        if data[i] == _DOLLAR and data[i + 1] == 101 and data[i + 2] == 110 and data[i + 3] == 100:
+            return i + 4, lines
+        lines += data[i] == _LF
+        i += 1
+    return -1, line
+
+
+@njit(nogil=True)
+def _level_at(data, i):
+    """The place of the code after a value, and the level that it means; -1: unknown, or no level."""
+    c = data[i] | 32  # small letters
+    if c == 98 or c == 114 or c == 115:  # b, r, s: a vector, a real number, a text; then blanks
+        i += 1
+        level = 0 if c == 98 else -1
+        while i < data.size and data[i] > _SPACE:
+            if c == 98 and data[i] == 49:
+                level = 1
+            elif data[i] != 48 and level == 0:
+                level = -1
+            i += 1
+        while i < data.size and data[i] <= _SPACE and data[i] != _LF:
+            i += 1
+        return i, level
+    known = c == 120 or c == 122 or c == 117 or c == 119 or data[i] == 45  # x, z, u, w, -
+    return i + 1, -1 if known else _NO_CHANGE
+
+
+@njit(nogil=True)
+def _code_at(data, i):
+    """The place after the code of a signal, and its key: see `_key`."""
+    key = 0
+    while i < data.size and data[i] > _SPACE:
+        key = (key * 257 + data[i]) % (1 << 53)
+        i += 1
+    return i, key

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.decode import Piece, Row
@@ -37,7 +37,7 @@ def decode(
     source: Annotated[str, Parameter(help='File of bytes, or text as it is typed; "-" is standard input.')],
     *,
     controller: Annotated[
-        str, Parameter(help=f"Name of a controller; what a recording says, or {TwinCall.controller}.")
+        str, Parameter(help=f"Name of a controller; what a recording says, or {TwinSpec.controller}.")
     ] = "",
     sent: Annotated[bool, Parameter(help="The host has sent it. The default.")] = False,
     received: Annotated[bool, Parameter(help="The controller has sent it.")] = False,
@@ -59,7 +59,7 @@ def decode(
     recorded = _recording(source) if not text else None
     if recorded is not None and sent + received + marked:
         raise CallError(f"{source}: a recording says itself who has sent what; leave --sent, --received, --marked out")
-    controller = controller or (recorded.controller if recorded is not None else "") or TwinCall.controller
+    controller = controller or (recorded.controller if recorded is not None else "") or TwinSpec.controller
     with call_errors():
         language = create_language(controller)
     if language is None:

@@ -24,7 +24,7 @@ from isel_twin.cli.options import (
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.cli.run import MOST_SAMPLES, interruption, need_pyarrow, need_report
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.capture.play import Strikes
@@ -43,9 +43,9 @@ def drive(
     /,
     *,
     map: Annotated[tuple[str, ...], Parameter(help="What is what: x.step=D0,x.dir=!D1,enable=D7. ! inverts.")] = (),
-    machine: MachineName = TwinCall.machine,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     start: Annotated[str, Parameter(help="Where the machine stands: X,Y,Z in mm from the motor-end switches.")] = "",
     set: Annotated[tuple[str, ...], Parameter(help="Machine parameters: axes.all.steps_per_rev=3200.")] = (),
     scenario: ScenarioFile = None,
@@ -93,7 +93,7 @@ def drive(
     check_record(record)
     check_writable(steps, vcd, trace, report, record, kept=(capture, scenario))
     overrides = dict(parse_override(text) for text in set)
-    call = TwinCall(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
+    call = TwinSpec(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
 
     from isel_twin.capture.load import load
     from isel_twin.capture.ticks import Needs
@@ -122,7 +122,7 @@ def drive(
             as_built = load_machine(machine)
         allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
         player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
-        twin = call.build(controller=player, memory=None if record is None else player.image())
+        twin = call.with_(flash=None if record is None else player.image()).build(controller=player)
         stack.enter_context(told_of_compiling())
         strikes = Strikes(twin)
         recorder = outputs.record(twin, interval, stack) if needs_recorder else None

@@ -24,7 +24,7 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.wire_log import WireLog
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 def exec_(
     *command: Annotated[str, Parameter(help="-- python host.py and its arguments.", allow_leading_hyphen=True)],
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     port: Annotated[
         str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
     ] = None,
@@ -80,7 +80,7 @@ def exec_(
     check_record(record)
     check_writable(steps, record, kept=(flash, scenario, None if program.path is None else Path(program.path)))
     settings = dict(parse_override(text) for text in overrides or ())
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
     twin = call.build()
     from isel_twin.cli import outputs
     from isel_twin.core.warm import told_of_compiling

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
 from isel_twin.cli.options import ControllerName, MachineName, check_writable
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,8 +23,8 @@ def experiment(
     name: Annotated[Path, Parameter(help="NAME.txt will be the job, NAME.toml the file to fill in.")],
     /,
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
     axes: Annotated[str, Parameter(help="Axes to be measured, with commas.")] = "x",
     fit: Names = None,
     prior: Priors = None,

@@ -21,7 +21,7 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.outputs import many
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.golden import Difference, Golden
@@ -59,7 +59,7 @@ def record(
             raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
     from isel_twin.jobs.golden import called
 
-    call = TwinCall(machine, controller, plant, seed, scenario)
+    call = TwinSpec(machine, controller, plant, seed, scenario)
     for job, file in files:
         run, _ = _play(job, call, timeout)
         _write(file, called(run, call, job, file))
@@ -131,7 +131,7 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
+def _play(job: Path, call: TwinSpec, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
     """What a job does, and when the windows of its stream begin and end."""
     from isel_twin.jobs.golden import Golden, Scribe
     from isel_twin.jobs.job import play
@@ -149,14 +149,14 @@ def _play(job: Path, call: TwinCall, timeout_s: float) -> tuple[Golden, list[tup
     return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
 
 
-def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinCall:
+def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     """The call of a golden run; its files are where they are seen from it."""
     folder = file.resolve().parent
     machine = head["machine"]
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    return TwinCall(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
 
 
 def _write(file: Path, run: Golden) -> None:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import MachineName, check_writable
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE
 
 if TYPE_CHECKING:
     from isel_twin.machine import Machine
@@ -34,7 +34,7 @@ MeasuredFiles = Annotated[list[Path] | None, Parameter(help="What was measured (
 def identify(
     *recordings: Annotated[Path, Parameter(help="Recordings of the machine: of `tap`, or of --record NAME.mcap.")],
     measured: MeasuredFiles = None,
-    machine: MachineName = TwinCall.machine,
+    machine: MachineName = MACHINE,
     controller: Annotated[str, Parameter(help="Which one it has, if a recording does not say.")] = "",
     fit: Names = None,
     prior: Priors = None,

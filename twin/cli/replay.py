@@ -11,7 +11,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import MachineName, PlantName, Seed, check_seconds, check_writable
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -27,9 +27,9 @@ def replay(
     record: RecordPath = None,
     interval: Annotated[float, Parameter(help="Of a real controller: time between two samples of --record.")] = 0.01,
     controller: Annotated[str, Parameter(help="Of a real controller: which one the twin has.")] = "",
-    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = TwinCall.machine,
-    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinCall.plant,
-    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinCall.seed,
+    machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
+    plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
+    seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Give what the host sent and what people did, at the same virtual times, to a twin built from the recording.
@@ -59,7 +59,7 @@ def replay(
         recorded = read(recording)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
-        twin = _twin(recorded, folder, controller, TwinCall(machine, plant=plant, seed=seed))
+        twin = _twin(recorded, folder, controller, TwinSpec(machine, plant=plant, seed=seed))
         if recorded.of_twin:  # its samples are compared, so they are taken when they were
             interval = recorded.interval_ns / SECOND_NS
         recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)
@@ -86,7 +86,7 @@ def replay(
     return 1
 
 
-def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinCall) -> Twin:
+def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> Twin:
     """The twin that is played to. Raises CallError."""
     import dataclasses
 

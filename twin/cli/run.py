@@ -30,7 +30,7 @@ from isel_twin.cli.options import (
     is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
@@ -44,10 +44,10 @@ def run(
     job: Annotated[Path, Parameter(help='Controller commands, one a line, or a program; "-" is standard input.')],
     /,
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     flash: FlashPath = None,
     scenario: ScenarioFile = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
@@ -94,7 +94,7 @@ def run(
         need_report(report)
     check_record(record)
     check_writable(steps, vcd, trace, report, record, kept=(job, flash, scenario))
-    call = TwinCall(machine, controller, plant, seed, scenario, flash)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash)
     golden = None
     if report is not None:
         from isel_twin.jobs.golden import called as as_called
@@ -181,7 +181,7 @@ def run(
 
 
 def _repetitions(
-    call: TwinCall, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
+    call: TwinSpec, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
 ) -> Callable[[ExitStack, Callable[[], bool]], Iterator[Trial]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
@@ -197,7 +197,7 @@ def _repetitions(
 
     check(call, number)
     flash = None
-    if call.flash is not None and call.flash.is_file():
+    if isinstance(call.flash, Path) and call.flash.is_file():
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
 

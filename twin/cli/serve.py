@@ -25,12 +25,13 @@ from isel_twin.cli.options import (
     check_writable,
 )
 from isel_twin.cli.recording import MCAP, RecordPath, check_record
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
     from isel_twin.bridge.operate.panel.guest import Panel
-    from isel_twin.bridge.serve.server import Guest, WireTap
+    from isel_twin.bridge.serve.borders import WireTap
+    from isel_twin.bridge.serve.server import Guest
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
@@ -42,10 +43,10 @@ PANEL = "127.0.0.1:8217"
 
 def serve(
     *,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    plant: PlantName = TwinCall.plant,
-    seed: Seed = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    plant: PlantName = TwinSpec.plant,
+    seed: Seed = TwinSpec.seed,
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
@@ -81,10 +82,11 @@ def serve(
 
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.pacing import Pacer, parse_speed
     from isel_twin.bridge.serve.recording import Freshness, TimeTap
     from isel_twin.bridge.serve.registry import registered
-    from isel_twin.bridge.serve.server import Server, on_signals
+    from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
     from isel_twin.cli.recording import begin, keep
     from isel_twin.core.warm import warm_up
@@ -99,7 +101,7 @@ def serve(
         factor = parse_speed(speed)
     check_record(record)
     check_writable(record, kept=(flash, scenario))
-    call = TwinCall(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
+    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))

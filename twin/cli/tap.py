@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli.options import ControllerName, Ptys, Rfc2217s, Tcps, check_writable
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.tap.tap import Scribe
@@ -28,7 +28,7 @@ def tap(
         str, Parameter(help="The controller's port: /dev/ttyUSB0, COM3, tcp://HOST:PORT, rfc2217://HOST:PORT.")
     ],
     *,
-    controller: ControllerName = TwinCall.controller,
+    controller: ControllerName = TwinSpec.controller,
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
@@ -47,8 +47,8 @@ def tap(
     import json
 
     from isel_twin.bridge.serve.log import log_to
+    from isel_twin.bridge.serve.loop import on_signals
     from isel_twin.bridge.serve.registry import registered
-    from isel_twin.bridge.serve.server import on_signals
     from isel_twin.bridge.serve.wire_log import WireLog
     from isel_twin.bridge.tap.tap import Tap
     from isel_twin.cli.serve import file_number

@@ -24,7 +24,7 @@ from isel_twin.cli.options import (
     parse_override,
 )
 from isel_twin.cli.outputs import many
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -58,9 +58,9 @@ def tune(
     rapid: Annotated[
         int | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
     ] = None,
-    machine: MachineName = TwinCall.machine,
-    controller: ControllerName = TwinCall.controller,
-    seed: Annotated[int, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinCall.seed,
+    machine: MachineName = MACHINE,
+    controller: ControllerName = TwinSpec.controller,
+    seed: Annotated[int, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
     set: Annotated[tuple[str, ...], Parameter(help="Machine parameters, such as payload.mass=8.")] = (),
     scenario: ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
@@ -104,7 +104,7 @@ def tune(
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
     overrides = dict(parse_override(text) for text in set)
-    call = TwinCall(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
 
     from isel_twin.base.files import Claim, atomic_write
     from isel_twin.core.warm import told_of_compiling

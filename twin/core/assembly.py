@@ -1,6 +1,6 @@
 """What a twin is put together from, and what of it is drawn when it is switched on.
 
-Origin  --- draw_up: files, plug-ins --->  Plans  --- seed, start --->  a twin, and another one ...
+TwinSpec  --- draw_up: files, plug-ins --->  Plans  --- seed, start --->  a twin, and another one ...
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.controller import Controller, HasKeys, NamesOutputs, PluginError, UnknownNameError, controller_factory
-from isel_twin.core.journal import Origin
+from isel_twin.core.spec import TwinSpec
 from isel_twin.language import Language, language_factory
 from isel_twin.machine import Machine, MachineError, with_overrides
 from isel_twin.plant import Plant, Threshold
@@ -43,32 +43,38 @@ class HasModel(Protocol):
         """Another one, as that of this plant was before anything was changed in it, for `build_plant`."""
 
 
-def draw_up(origin: Origin, controller: Controller | None) -> tuple[Plans, Controller]:
+def draw_up(spec: TwinSpec, controller: Controller | None) -> tuple[Plans, Controller]:
     """Plans, and the first controller: the one that was handed in, or one that has been built.
 
     Raises ValueError (UnknownNameError, PluginError, MachineError, ScenarioError) with one clear line for anything
     wrong, and OSError for a scenario file that cannot be read.
     """
     new_controller, new_language = None, None
+    as_built = spec.as_built
     if controller is None:
-        settings = with_overrides(origin.machine, origin.overrides).controller
-        new_controller = partial(_built, controller_factory(origin.controller), settings)
+        settings = with_overrides(as_built, spec.overrides).controller
+        new_controller = partial(_built, controller_factory(spec.controller), settings)
         try:
-            controller = new_controller(origin.flash)
+            controller = new_controller(spec.image)
         except (PluginError, UnknownNameError):
             raise
         except ValueError as error:
-            raise MachineError(f"{origin.machine.file}: [controller]: {error}") from None
-        new_language = language_factory(origin.controller)
+            raise MachineError(f"{as_built.file}: [controller]: {error}") from None
+        new_language = language_factory(spec.controller)
     # The controller's own wishes come first: whoever builds the twin has the last word.
-    machine = with_overrides(with_overrides(origin.machine, controller.machine_overrides()), origin.overrides)
-    events: tuple[ScenarioEvent, ...] = ()
-    if origin.scenario is not None:
-        own = controller.output_names if isinstance(controller, NamesOutputs) else ()
-        keys = controller.keys if isinstance(controller, HasKeys) else {}
-        switches = [switch.name for switch in machine.switches]
-        events = load_scenario(origin.scenario, settable(machine), switches, (*outputs(machine), *own), keys)
-    return Plans(machine, events, new_controller, new_language), controller
+    machine = with_overrides(with_overrides(as_built, controller.machine_overrides()), spec.overrides)
+    return Plans(machine, _events(spec, machine, controller), new_controller, new_language), controller
+
+
+def _events(spec: TwinSpec, machine: Machine, controller: Controller) -> tuple[ScenarioEvent, ...]:
+    if spec.scenario is None:
+        return spec.events
+    if spec.events:
+        raise ValueError(f"{spec.scenario}: there are events, too; allowed: one of the two")
+    own = controller.output_names if isinstance(controller, NamesOutputs) else ()
+    keys = controller.keys if isinstance(controller, HasKeys) else {}
+    switches = [switch.name for switch in machine.switches]
+    return load_scenario(spec.scenario, settable(machine), switches, (*outputs(machine), *own), keys)
 
 
 def _built(

@@ -7,19 +7,24 @@ import logging
 import os
 import re
 import stat
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from isel_twin.base.files import Claim, atomic_write
-
-if TYPE_CHECKING:
-    from isel_twin.core.twin import Twin
 
 log = logging.getLogger("isel_twin")
 
 FLASH_BYTES = 1 << 24
 """Largest file taken for a flash image: 16 MiB, hundreds of times what a controller stores."""
+
+
+class HasFlash(Protocol):
+    """What a twin has to do with flash."""
+
+    flash: bytes | None
+    on_flash: Callable[[bytes], None] | None
 
 
 class FlashFile:
@@ -52,7 +57,7 @@ class FlashFile:
     def _read(self) -> bytes:
         return self._path.read_bytes() if self._path.exists() else b""
 
-    def attach(self, twin: Twin) -> None:
+    def attach(self, twin: HasFlash) -> None:
         """Keep what this twin writes to its flash. A flash nobody has written to yet is an empty file.
 
         Raises OSError as `hold` does, or if the file cannot be written.
@@ -101,7 +106,7 @@ class FlashFile:
             )
 
 
-def flash_file(twin: Twin) -> FlashFile | None:
+def flash_file(twin: HasFlash) -> FlashFile | None:
     """The file that keeps what this twin writes to its flash, for whoever has to release and hold it; None: no file."""
     keeper = getattr(twin.on_flash, "__self__", None)
     return keeper if isinstance(keeper, FlashFile) else None

@@ -16,18 +16,16 @@
                                              who cannot follow raises ValueError with one line, and nothing happens
 
 The order is that in which things happen: what is done to the twin is told before what comes of it. `sent` and
-`operated` are the causes: given again at the same instants to a twin of the same `Origin` they bring about the same
+`operated` are the causes: given again at the same instants to a twin of the same `TwinSpec` they bring about the same
 bits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
-from isel_twin.machine import Machine
 from isel_twin.plant import Cut
 from isel_twin.wiring import cut_table
 
@@ -45,22 +43,6 @@ class Received:
     data: bytes
     arrival_ns: int
     byte_ns: int
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """What a twin was built from: all that decides what it does, beside the causes. See `Twin`."""
-
-    machine: Machine
-    """Without the overrides."""
-    controller: str
-    plant: str
-    seed: int
-    flash: bytes | None
-    scenario: Path | None
-    line_speed: bool
-    overrides: Mapping[str, Any]
-    start_mm: Sequence[float] | None
 
 
 def push_content(axis: str, force_n: float, place: str) -> dict[str, Any]:

@@ -33,7 +33,7 @@ _OUTSIDE = ("before_change", "on_reply", "on_lost", "on_event")
 """Attributes of the parts that lead out of the twin: to whoever is told of something."""
 
 BY_CHANCE = ("seed", "flash", "line_speed", "start_mm")
-"""Fields of `Origin` in which twins of one kind may differ."""
+"""Fields of `TwinSpec` in which twins of one kind may differ."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class TwinState:
 
     kind: Kind
     origin: Mapping[str, Any]
-    """Of `Origin`, what may differ in twins of this kind."""
+    """Of `TwinSpec`, what may differ in twins of this kind."""
     time_ns: int
     flash: bytes | None
     life: Life

@@ -50,16 +50,17 @@ from isel_twin.controller import (
     UsesDrives,
 )
 from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
-from isel_twin.core.journal import Note, Origin, Received, cut_content, push_content
+from isel_twin.core.journal import Note, Received, cut_content, push_content
 from isel_twin.core.observers import Observers
 from isel_twin.core.position import Position
 from isel_twin.core.sampling import Sampler, TwinSamples
 from isel_twin.core.seen import Seen
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import BY_CHANCE, Kind, StateError, TwinState, pack, unpack
 from isel_twin.core.told import Told
 from isel_twin.core.unpowered import Unpowered
 from isel_twin.language import Language, needed
-from isel_twin.machine import Machine, load_machine
+from isel_twin.machine import Machine
 from isel_twin.motion import Stream
 from isel_twin.plant import PLACES, Cut, Sampled
 from isel_twin.wiring import (
@@ -137,19 +138,26 @@ class Twin(Seen):
         Raises ValueError (UnknownNameError, MachineError, ScenarioError) with one clear line for anything wrong, and
         OSError for a scenario file that cannot be read.
         """
-        if plant not in PLANTS:
-            raise ValueError(f"unknown plant {plant!r}; there are: {', '.join(PLANTS)}")
-        as_built = machine if isinstance(machine, Machine) else load_machine(machine)
-        wanted = dict(overrides or {})
-        name = controller if isinstance(controller, str) else type(controller).__name__.lower()
-        file = None if scenario is None else Path(scenario)
-        start = None if start_mm is None else tuple(start_mm)
-        origin = Origin(as_built, name, plant, seed, flash, file, line_speed, wanted, start)
-        plans, first = draw_up(origin, None if isinstance(controller, str) else controller)
-        self._switch_on(origin, plans, first, keep_motions)
-        if not self.physics and (idle := sum(event.physical for event in plans.events)):
-            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
-            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", scenario, what)
+        spec = TwinSpec(
+            machine=machine,
+            controller=controller if isinstance(controller, str) else type(controller).__name__.lower(),
+            plant=plant,
+            seed=seed,
+            scenario=None if scenario is None else Path(scenario),
+            flash=flash,
+            line_speed=line_speed,
+            overrides=dict(overrides or {}),
+            start_mm=None if start_mm is None else tuple(start_mm),
+        )
+        self._begin(spec, keep_motions, None if isinstance(controller, str) else controller)
+
+    @classmethod
+    def of(cls, spec: TwinSpec, keep_motions: int | None = None, controller: Controller | None = None) -> Twin:
+        """A twin of this recipe, whose flash is an image. `TwinSpec.build` keeps files, and says what is wrong in the
+        words of a call; this raises what `Twin` does. controller: one that has been built, in place of the named."""
+        twin = cls.__new__(cls)
+        twin._begin(spec, keep_motions, controller)
+        return twin
 
     def another(self, seed: int, start_mm: Sequence[float] | None = None) -> Twin:
         """A new twin, switched on: as `Twin` with the arguments of this one, but for seed and start_mm. Nothing is read
@@ -157,20 +165,30 @@ class Twin(Seen):
         if self._plans.new_controller is None:
             raise StateError("there is no other controller like the one that was handed in: build one for another twin")
         twin = Twin.__new__(Twin)
-        origin = replace(self.origin, seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
+        origin = self.origin.with_(seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
         model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
-        twin._switch_on(origin, self._plans, self._plans.new_controller(origin.flash), self._stream.keep, model)
+        twin._switch_on(origin, self._plans, self._plans.new_controller(origin.image), self._stream.keep, model)
         return twin
 
+    def _begin(self, spec: TwinSpec, keep_motions: int | None, controller: Controller | None) -> None:
+        if spec.plant not in PLANTS:
+            raise ValueError(f"unknown plant {spec.plant!r}; there are: {', '.join(PLANTS)}")
+        origin = spec.with_(machine=spec.as_built)
+        plans, first = draw_up(origin, controller)
+        self._switch_on(origin, plans, first, keep_motions)
+        if not self.physics and (idle := sum(event.physical for event in plans.events)):
+            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
+            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", spec.scenario, what)
+
     def _switch_on(
-        self, origin: Origin, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
+        self, origin: TwinSpec, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
     ) -> None:
         self._plans = plans
         self.controller_name = origin.controller
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         self.machine = plans.machine
-        flash, plant, line_speed = origin.flash, origin.plant, origin.line_speed
+        flash, plant, line_speed = origin.image, origin.plant, origin.line_speed
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
         self.origin = origin
         """What it was built from, for whoever has to build it again."""
@@ -397,15 +415,14 @@ class Twin(Seen):
             raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        self._note("operated", push_content(CARRIAGES[axis], force_n, place))
-        self._wiring.carry_out(ScenarioEvent(self.time_ns, force_n={axis: force_n}, place=place), self.time_ns)
-        self._settle()
+        acts = {"force_n": {CARRIAGES[axis]: force_n}}
+        content = push_content(CARRIAGES[axis], force_n, place)
+        self.carry_out(ScenarioEvent(self.time_ns, acts, place, content=content))
 
     def set_cut(self, cut: Cut | None) -> None:
         """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        self._note("operated", cut_content(cut))
-        self._wiring.carry_out(ScenarioEvent(self.time_ns, cut="off" if cut is None else cut), self.time_ns)
-        self._settle()
+        acts = {"cut": "off" if cut is None else cut}
+        self.carry_out(ScenarioEvent(self.time_ns, acts, content=cut_content(cut)))
 
     def observe(self, callback: Callable[[Twin], None], interval_ns: int | None) -> None:
         """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""

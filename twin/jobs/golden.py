@@ -19,7 +19,6 @@ depend on the processor.
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,10 +31,11 @@ from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.parameters import FileError, Place, known, read_toml, table
+from isel_twin.base.toml import toml_line, toml_value
 from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.jobs.job import Result
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.motion import Steps
@@ -174,12 +174,12 @@ def golden_file(job: Path) -> Path:
     return job.with_suffix(SUFFIX)
 
 
-def called(run: Golden, call: TwinCall, job: Path, file: Path) -> Golden:
+def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
     """The run with what it was called with; files as seen from the golden file."""
-    head: dict[str, Any] = {"job": job.name, "machine": call.machine, "controller": call.controller}
+    head: dict[str, Any] = {"job": job.name, "machine": call.machine_name, "controller": call.controller}
     head |= {"plant": call.plant, "seed": call.seed}
-    if Path(call.machine).is_dir():
-        head["machine"] = _seen_from(file, Path(call.machine))
+    if Path(call.machine_name).is_dir():
+        head["machine"] = _seen_from(file, Path(call.machine_name))
     if call.scenario is not None:
         head["scenario"] = _seen_from(file, call.scenario)
     return replace(run, call=head)
@@ -191,7 +191,7 @@ def _seen_from(file: Path, path: Path) -> str:
 
 def dumps(run: Golden) -> str:
     """The text of a golden file: TOML, one line for each line of the job."""
-    head = [f"{key} = {_toml(run.call[key])}" for key in _HEAD[1:] if run.call.get(key) not in (None, "")]
+    head = [toml_line(key, run.call[key]) for key in _HEAD[1:] if run.call.get(key) not in (None, "")]
     lines = [
         "# What this job did once: `isel-twin golden compare` says what it does differently.",
         f"format = {FORMAT}",
@@ -202,7 +202,7 @@ def dumps(run: Golden) -> str:
         "]",
         "",
         "[end]",
-        *(f"{key} = {_toml(run.end[key])}" for key in _END),
+        *(toml_line(key, run.end[key]) for key in _END),
     ]
     return "\n".join(lines) + "\n"
 
@@ -212,12 +212,7 @@ def _inline(move: Move) -> str:
     values |= {"took_s": f"{move.took_ns / SECOND_NS:.9f}", "counts": move.counts}
     if move.windows:
         values |= {"ticks": move.ticks, "axes": " ".join(move.axes), "windows": " ".join(move.windows)}
-    return "{ " + ", ".join(f"{key} = {_toml(value)}" for key, value in values.items()) + " }"
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML writes it; of strings, JSON's form is TOML's, but for 7Fh, which JSON leaves as it is."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_value(values)
 
 
 def load(path: str | Path) -> Golden:

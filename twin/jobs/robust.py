@@ -26,9 +26,9 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.controller import create_controller
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.verdict import Verdict, judge
-from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.machine import Machine, with_overrides
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -87,7 +87,7 @@ def perturbation(machine: Machine, seed: int, number: int) -> tuple[int, dict[st
     return twin_seed, factors, overrides
 
 
-def check(call: TwinCall, number: int) -> None:
+def check(call: TwinSpec, number: int) -> None:
     """Refuse a call that cannot be repeated so many times, before anything has been computed.
 
     Raises CallError for a plant without physics, on which no perturbation can have an effect, and for a machine whose
@@ -102,7 +102,7 @@ def check(call: TwinCall, number: int) -> None:
 
 
 def trials(
-    call: TwinCall,
+    call: TwinSpec,
     lines: Sequence[Line],
     number: int,
     *,
@@ -189,33 +189,22 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return ends[0] == ends[1]
 
 
-def called_machine(call: TwinCall) -> Machine:
+def called_machine(call: TwinSpec) -> Machine:
     """The machine of a call as its twin has it."""
-    machine = load_machine(call.machine)
+    machine = call.as_built
     controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
     return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
 
 
-def perturbed_twin(call: TwinCall, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
+def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
     """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
-    from isel_twin.core.twin import Twin
-
     seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
-    twin = Twin(
-        call.machine,
-        call.controller,
-        call.plant,
-        seed,
-        flash=flash,
-        scenario=call.scenario,
-        line_speed=call.line_speed,
-        overrides={**call.overrides, **overrides},
-    )
-    return twin, seed, factors
+    spec = call.with_(seed=seed, flash=flash, overrides={**call.overrides, **overrides}, start_mm=None)
+    return spec.build(), seed, factors
 
 
 def _trial(
-    call: TwinCall,
+    call: TwinSpec,
     lines: Sequence[Line],
     number: int,
     timeout_s: float,

@@ -4,7 +4,11 @@ margin.py      how far a motor was from falling out of step
 lead.py        the command of an axis between two set points, led evenly from one to the next
 kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed
 glide.py       MuJoCo's step between the stops, written out
-mujoco.py      the MuJoCo plant around it (default)
+built.py       a machine put together for it: model and arrays
+altered.py     what events change in the model while it works
+mujoco.py      the MuJoCo plant (default)
+samples.py     samples that the loop takes by itself
+energy.py      mechanical energy, for tests
 model.py       the MuJoCo model of a machine
 cutting.py     forces of a milling cutter: what it is, equations
 teeth.py       and tooth by tooth, compiled

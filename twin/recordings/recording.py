@@ -31,8 +31,8 @@ from isel_twin.recordings.runs import described
 from isel_twin.recordings.samples import sample_dtype, samples_schema
 
 if TYPE_CHECKING:
-    from isel_twin.core.journal import Origin
     from isel_twin.core.sampling import TwinSamples
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
     from isel_twin.motion import Motion
 
@@ -234,7 +234,7 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
     origin = twin.origin
     said = {
         "kind": "twin",
-        "machine": origin.machine.name,
+        "machine": origin.as_built.name,
         "controller": origin.controller,
         "plant": origin.plant,
         "seed": str(origin.seed),
@@ -259,9 +259,9 @@ def packages() -> dict[str, str]:
     return {name: _version(name) for name in PACKAGES}
 
 
-def attachments(origin: Origin) -> dict[str, bytes]:
+def attachments(origin: TwinSpec) -> dict[str, bytes]:
     """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
-    machine = origin.machine
+    machine = origin.as_built
     files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
     for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
         if model is not None:
@@ -270,8 +270,8 @@ def attachments(origin: Origin) -> dict[str, bytes]:
                     files[f"{folder}/{path.name}"] = path.read_bytes()
     if origin.scenario is not None:
         files[SCENARIO] = origin.scenario.read_bytes()
-    if origin.flash is not None:
-        files[FLASH] = origin.flash
+    if origin.image is not None:
+        files[FLASH] = origin.image
     return files
 
 

@@ -140,7 +140,7 @@ def write_report(
 
 def part_of(name: str) -> str:
     """A file beside this one, such as report.css."""
-    return files("isel_twin.recordings").joinpath(name).read_text(encoding="utf-8")
+    return files("isel_twin.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def policy_hash(text: str) -> str:

@@ -4,7 +4,8 @@ wiring.py     all of it as one thing that settles itself
 contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
 cabinet.py    operator elements, hood, safety relay, spindle contactor
 line.py       the serial line: byte times and noise
-acts.py       everything an event can do: names, meanings, values
+acts.py       everything an event can do: names, meanings, values, deeds
+event.py      an event as a value, and how it is read from a table
 scenario.py   scenario files: events in virtual time
 when.py       the words of a condition
 schedule.py   which event is next
@@ -12,18 +13,12 @@ schedule.py   which event is next
 
 from __future__ import annotations
 
-from isel_twin.wiring.acts import ACTS, Act, check_input
+from isel_twin.wiring.acts import ACTS, Act, check_input, cut_table
 from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
+from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import (
-    EVENT_KEYS,
-    ScenarioError,
-    ScenarioEvent,
-    cut_table,
-    event_now,
-    load_scenario,
-)
+from isel_twin.wiring.scenario import ScenarioError, load_scenario
 from isel_twin.wiring.schedule import Schedule
 from isel_twin.wiring.when import Condition
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds

@@ -1,4 +1,4 @@
-"""Everything an event can do: one record a key, from which files are checked and menus are built.
+"""Everything an event can do: one record a key, from which files are read, menus are built and events are carried out.
 
 A key is the one name of what it does: in scenario files, at the control port and in `isel-twin ctl`, in a panel, in
 recordings and in `Twin.faults`. What a key sets, the same key ends, with its `off`:
@@ -13,20 +13,217 @@ Beside them an event may have `place` (where its forces act) and `for`, after wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, table, text
-from isel_twin.controller import Key
-from isel_twin.plant import PLACES
-from isel_twin.wiring.contacts import FAULTS
+from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, section, table, text
+from isel_twin.controller import Key, KeyValue
+from isel_twin.plant import PLACES, Cut, Plant
+from isel_twin.wiring.contacts import FAULTS, Contacts
+from isel_twin.wiring.line import SerialLine
 
+Settable: TypeAlias = Mapping[str, tuple[str, ...]]
+"""What can be set, and the states of each; see `isel_twin.wiring.settable`."""
 Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "contact", "cut", "key"]
 """What a value may be: a number within limits, one of some words, true and false, a state of an input as
 `Wiring.settable` lists them, the name of a contact, the table of a cut (isel_twin.plant.Cut), or what
 a key of the controller's takes (isel_twin.controller.Key)."""
+NO_KEYS: Mapping[str, Key] = {}
+"""Of a controller without any."""
+
+
+class Site(Protocol):
+    """What deeds work on; `Wiring` is one."""
+
+    @property
+    def plant(self) -> Plant: ...
+
+    @property
+    def line(self) -> SerialLine: ...
+
+    @property
+    def contacts(self) -> Contacts: ...
+
+    def set_states(self, changes: Mapping[str, str]) -> None:
+        """Elements and contacts get these states, all at once."""
+
+    def press(self, keys: Mapping[str, KeyValue]) -> None:
+        """Keys of the controller's are put to these values."""
+
+    def restart(self) -> None:
+        """The controller starts anew."""
+
+    def set_mains(self, on: bool) -> None:
+        """The mains is back or gone."""
+
+    def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
+        """The stage of an axis is warmer by so much from t_ns, the present, on."""
+
+
+class Moment(NamedTuple):
+    """When an event happens, and where its forces act."""
+
+    t_ns: int
+    place: str
+    """One of PLACES; "": what each axis moves."""
+
+
+class Known(NamedTuple):
+    """What a reader of values has to know of machine and controller."""
+
+    settable: Settable
+    keys: Mapping[str, Key]
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the machine's contacts."""
+        return tuple(name for name, states in self.settable.items() if "broken" in states)
+
+
+Reader: TypeAlias = Callable[["Act", Any, Place, Known], Any]
+"""Makes of a value in a file what the deed takes: numbers as float, a table as a dictionary, a cut as a Cut. Raises the
+error of the place."""
+Deed: TypeAlias = Callable[[Site, Any, Moment], None]
+"""Does it, with a value that the reader has made."""
+
+
+# ---- readers ---------------------------------------------------------------------------------------------------------
+
+
+def _one(act: Act, value: Any, place: Place, _: Known) -> Any:
+    """A value that stands alone."""
+    return _value(act, value, place)
+
+
+def _each(act: Act, value: Any, place: Place, _: Known) -> Any:
+    """A table by axis or place."""
+    values = table(value, place)
+    known(values, act.members, place)
+    return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
+
+
+def _value(act: Act, value: Any, place: Place) -> Any:
+    form = act.value
+    if isinstance(form, Limits):
+        if isinstance(act.off, str) and isinstance(value, str):
+            return text(value, place, (act.off,))
+        return plain(value, form, place)
+    if isinstance(form, tuple):
+        return text(value, place, form)
+    if form is bool and (not isinstance(value, bool) or (act.off is None and not value)):
+        raise place.wrong(f"{value!r}; allowed: {act.allowed}")
+    return value
+
+
+def _states(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
+    """States by input."""
+    values = table(value, place)
+    for name, state in values.items():
+        check_input(name, state, there.settable, place, place.error)
+    return dict(values)
+
+
+def _keys(act: Act, value: Any, place: Place, there: Known) -> dict[str, Any]:
+    """What keys of the controller's are put to."""
+    return {name: _key(name, entry, place, there.keys) for name, entry in table(value, place).items()}
+
+
+def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
+    if not keys:
+        raise place.wrong("the controller has no keys; allowed: a controller with a panel of its own")
+    if name not in keys:
+        raise place.at(name).wrong(f"unknown key; {hint(name, tuple(keys), 'there are')}")
+    key, where = keys[name], place.at(name)
+    if isinstance(key.value, Limits):
+        return plain(value, key.value, where)
+    if isinstance(key.value, tuple):
+        return text(value, where, key.value)
+    if not isinstance(value, bool) or (key.value is None and not value):
+        raise where.wrong(f"{value!r}; allowed: {key.allowed}")
+    return value
+
+
+def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
+    """Two contacts that exist for each entry, or a contact and ""."""
+    values, contacts = table(value, place), there.contacts
+    for name, other in values.items():
+        if name not in contacts:
+            raise place.at(name).wrong(f"unknown contact; {hint(name, contacts, 'there are')}")
+        if other != "" and (not isinstance(other, str) or other not in contacts or other == name):
+            others = [contact for contact in contacts if contact != name]
+            raise place.at(name).wrong(f"{other!r}; {hint(str(other), others)}")
+    return dict(values)
+
+
+def _cut(act: Act, value: Any, place: Place, _: Known) -> Cut | str:
+    """A cut from its table, or "off". What somebody sets is a plain number; what the material does has a source."""
+    if isinstance(value, str):
+        return text(value, place, (act.off,))
+    numbers = dict(table(value, place))
+    for item in dataclasses.fields(Cut):
+        key, rule = item.metadata.get("key") or item.name, item.metadata["rule"]
+        if key != "kc" and isinstance(rule, Limits) and key in numbers and not isinstance(numbers[key], dict):
+            numbers[key] = {"value": numbers[key], "unit": rule.unit, "grade": "setting", "source": "scenario"}
+    return section(Cut, numbers, place)
+
+
+def cut_table(cut: Cut) -> dict[str, Any]:
+    """The table of an event that begins this cut: the opposite of `_cut`."""
+    numbers = {item.metadata.get("key") or item.name: getattr(cut, item.name) for item in dataclasses.fields(Cut)}
+    kc = {"value": cut.kc_n_mm2, "unit": "N/mm2", "grade": "setting", "source": "set_cut"}
+    return numbers | {"kc": kc}
+
+
+# ---- deeds -----------------------------------------------------------------------------------------------------------
+
+
+def _push(site: Site, values: Any, moment: Moment) -> None:
+    for name, force_n in values.items():
+        site.plant.apply_force(CARRIAGES.index(name), force_n, moment.place)
+
+
+def _lose_phases(site: Site, values: Any, _: Moment) -> None:
+    for name, phases in values.items():
+        site.plant.set_phase_lost(CARRIAGES.index(name), phases)
+
+
+def _rub(site: Site, values: Any, _: Moment) -> None:
+    for name, extra_n in values.items():
+        site.plant.set_friction(CARRIAGES.index(name), extra_n)
+
+
+def _obstruct(site: Site, values: Any, _: Moment) -> None:
+    for name, place_mm in values.items():
+        site.plant.set_obstacle(CARRIAGES.index(name), None if place_mm == "off" else place_mm)
+
+
+def _load(site: Site, values: Any, _: Moment) -> None:
+    for place, mass_kg in values.items():
+        site.plant.set_payload(place, mass_kg)
+
+
+def _warm(site: Site, values: Any, moment: Moment) -> None:
+    for name, extra_k in values.items():
+        site.warm(CARRIAGES.index(name), extra_k, moment.t_ns)
+
+
+def _swap(site: Site, values: Any, _: Moment) -> None:
+    for name, other in values.items():
+        site.contacts.swap(name, other)
+
+
+def _begin_cut(site: Site, cut: Any, _: Moment) -> None:
+    site.plant.set_cut(cut if isinstance(cut, Cut) else None)
+
+
+def _of_line(chance: Literal["noise", "dropped", "doubled"]) -> Deed:
+    return lambda site, value, _: setattr(site.line, chance, value)
+
+
+# ---- the table -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -37,6 +234,8 @@ class Act:
     meaning: str
     """In a few words, for people."""
     value: Form
+    do: Deed
+    read: Reader = _one
     by: Literal["", "axis", "place", "input", "contact", "key"] = ""
     """What a table of such values is by; "": the value stands alone."""
     off: Any = None
@@ -45,6 +244,13 @@ class Act:
     """It takes a plant with physics."""
     fault: bool = True
     """While it lasts it stands in `Twin.faults`, under its key, or `key.member` if it is by something."""
+
+    def faults(self, value: Any) -> Iterator[tuple[str, Any]]:
+        """What `Twin.faults` has of this, and the value of each; contacts tell theirs themselves."""
+        if self.fault and self.by in ("axis", "place"):
+            yield from ((f"{self.key}.{name}", one) for name, one in value.items())
+        elif self.fault and not self.by:
+            yield self.key, value
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -65,35 +271,50 @@ class Act:
 
 
 _PART = Limits("", 0.0, 1.0)
-NO_KEYS: Mapping[str, Key] = {}
-"""Of a controller without any."""
 
 _LIST = (
-    Act("set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state", "input"),
-    Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), "axis", 0.0, physical=True, fault=False),
-    Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), "axis", "", physical=True),
-    Act("noise", "chance of a flipped bit in each byte on the line", _PART, off=0.0),
-    Act("cut", "a cutter is in the material", "cut", off="off", physical=True, fault=False),
-    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", "contact", ""),
-    Act("friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5), "axis", 0.0, physical=True),
     Act(
-        "obstacle_mm",
-        "something firm stands in the way of a carriage, at a place in machine coordinates",
-        Limits("mm", -1e4, 1e4),
-        "axis",
-        "off",
-        physical=True,
+        "set", "elements and contacts get a state; a fault of a contact is one, ok heals it", "state",
+        lambda site, states, _: site.set_states(states), _states, "input",
     ),
-    Act("payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0), "place", 0.0, physical=True),
-    Act("undervoltage", "part of the drives' supply voltage that is missing", Limits("", 0.0, 0.95), "", 0.0, True),
-    Act("hot_stage_k", "a stage is warmer than its losses make it", Limits("K", 0.0, 500.0), "axis", 0.0, True),
-    Act("dropped", "chance that a byte on the line is lost", _PART, off=0.0),
-    Act("doubled", "chance that a byte on the line comes twice", _PART, off=0.0),
-    Act("line_cut", "nothing passes on the line", bool, off=False),
-    Act("reset", "the controller starts anew, as by a reset button", bool, fault=False),
-    Act("key", "keys of the control's own panel are pressed, or put to a value", "key", "key", fault=False),
-    Act("brownout", "the mains is gone; when it is back, controller and cabinet start anew", bool, off=False),
-)
+    Act("force_n", "a push along an axis", Limits("N", -1e5, 1e5), _push, _each, "axis", 0.0, True, fault=False),
+    Act("phase_lost", "motor phases are interrupted", ("a", "b", "ab", ""), _lose_phases, _each, "axis", "", True),
+    Act("noise", "chance of a flipped bit in each byte on the line", _PART, _of_line("noise"), off=0.0),
+    Act("cut", "a cutter is in the material", "cut", _begin_cut, _cut, off="off", physical=True, fault=False),
+    Act("swapped", "the wires of two contacts are exchanged where they lead", "contact", _swap, _pairs, "contact", ""),
+    Act("friction_n", "the guides of an axis rub more", Limits("N", 0.0, 1e5), _rub, _each, "axis", 0.0, True),
+    Act(
+        "obstacle_mm", "something firm stands in the way of a carriage, at a place in machine coordinates",
+        Limits("mm", -1e4, 1e4), _obstruct, _each, "axis", "off", True,
+    ),
+    Act("payload_kg", "a load on tool or table", Limits("kg", 0.0, 1000.0), _load, _each, "place", 0.0, True),
+    Act(
+        "undervoltage", "part of the drives' supply voltage that is missing", Limits("", 0.0, 0.95),
+        lambda site, missing, _: site.plant.set_undervoltage(missing), off=0.0, physical=True,
+    ),
+    Act(
+        "hot_stage_k", "a stage is warmer than its losses make it", Limits("K", 0.0, 500.0),
+        _warm, _each, "axis", 0.0, True,
+    ),
+    Act("dropped", "chance that a byte on the line is lost", _PART, _of_line("dropped"), off=0.0),
+    Act("doubled", "chance that a byte on the line comes twice", _PART, _of_line("doubled"), off=0.0),
+    Act(
+        "line_cut", "nothing passes on the line", bool,
+        lambda site, is_cut, moment: site.line.cut(moment.t_ns, is_cut), off=False,
+    ),
+    Act(
+        "reset", "the controller starts anew, as by a reset button", bool,
+        lambda site, _, __: site.restart(), fault=False,
+    ),
+    Act(
+        "key", "keys of the control's own panel are pressed, or put to a value", "key",
+        lambda site, keys, _: site.press(keys), _keys, "key", fault=False,
+    ),
+    Act(
+        "brownout", "the mains is gone; when it is back, controller and cabinet start anew", bool,
+        lambda site, gone, _: site.set_mains(not gone), off=False,
+    ),
+)  # fmt: skip
 
 ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
 """By key."""
@@ -105,71 +326,7 @@ BESIDE: Mapping[str, str] = {
 """Keys that say more of the others, and what."""
 
 
-def read_act(
-    act: Act, value: Any, event: Place, settable: Mapping[str, tuple[str, ...]], keys: Mapping[str, Key] = NO_KEYS
-) -> Any:
-    """The value as the wiring takes it: numbers as float, a table as a dictionary. Raises the error of `event`.
-
-    A cut is left as it is. event: where its key stands; settable: what can be set, and the states of each; keys: of the
-    controller.
-    """
-    place = event.at(act.key)
-    if not act.by:
-        return _value(act, value, place)
-    values = table(value, place)
-    if act.by == "input":
-        for name, state in values.items():
-            check_input(name, state, settable, str(place), event.error)
-        return dict(values)
-    if act.by == "contact":
-        return _pairs(values, place, [name for name, states in settable.items() if "broken" in states])
-    if act.by == "key":
-        return {name: _key(name, entry, place, keys) for name, entry in values.items()}
-    known(values, act.members, place)
-    return {name: _value(act, entry, place.at(name)) for name, entry in values.items()}
-
-
-def _value(act: Act, value: Any, place: Place) -> Any:
-    form = act.value
-    if isinstance(form, Limits):
-        if isinstance(act.off, str) and isinstance(value, str):
-            return text(value, place, (act.off,))
-        return plain(value, form, place)
-    if isinstance(form, tuple):
-        return text(value, place, form)
-    if form is bool and (not isinstance(value, bool) or (act.off is None and not value)):
-        raise place.wrong(f"{value!r}; allowed: {act.allowed}")
-    return value
-
-
-def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
-    """What a key is put to; it is one of the controller's."""
-    if not keys:
-        raise place.wrong("the controller has no keys; allowed: a controller with a panel of its own")
-    if name not in keys:
-        raise place.at(name).wrong(f"unknown key; {hint(name, tuple(keys), 'there are')}")
-    key, where = keys[name], place.at(name)
-    if isinstance(key.value, Limits):
-        return plain(value, key.value, where)
-    if isinstance(key.value, tuple):
-        return text(value, where, key.value)
-    if not isinstance(value, bool) or (key.value is None and not value):
-        raise where.wrong(f"{value!r}; allowed: {key.allowed}")
-    return value
-
-
-def _pairs(values: Mapping[str, Any], place: Place, contacts: Sequence[str]) -> dict[str, str]:
-    """Two contacts that exist for each entry, or a contact and ""."""
-    for name, other in values.items():
-        if name not in contacts:
-            raise place.at(name).wrong(f"unknown contact; {hint(name, contacts, 'there are')}")
-        if other != "" and (not isinstance(other, str) or other not in contacts or other == name):
-            others = [contact for contact in contacts if contact != name]
-            raise place.at(name).wrong(f"{other!r}; {hint(str(other), others)}")
-    return dict(values)
-
-
-def ended(act: Act, value: Any, settable: Mapping[str, tuple[str, ...]]) -> Any:
+def ended(act: Act, value: Any, settable: Settable) -> Any:
     """The value that ends what `value`, which has been checked, has set; None if it does not last.
 
     An element goes back to its state at power-on, a contact is healed.
@@ -181,9 +338,7 @@ def ended(act: Act, value: Any, settable: Mapping[str, tuple[str, ...]]) -> Any:
     return dict.fromkeys(value, act.off) if act.by else act.off
 
 
-def check_input(
-    name: str, state: Any, settable: Mapping[str, tuple[str, ...]], where: str, error: type[FileError] = FileError
-) -> None:
+def check_input(name: str, state: Any, settable: Settable, where: object, error: type[FileError] = FileError) -> None:
     """Raise `error` unless `name` is something that can be set to `state`."""
     states = settable.get(name, ())
     if not states:

@@ -41,33 +41,19 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import (
-    FileError,
-    Limits,
-    Place,
-    known,
-    parse_toml,
-    plain,
-    read_text,
-    section,
-    table,
-    text,
-)
+from isel_twin.base.parameters import FileError, Limits, Place, known, plain, text
+from isel_twin.base.toml_lines import read_lines
 from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import OUTPUTS, Key
-from isel_twin.plant import PLACES, Cut
-from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, ended, read_act
-from isel_twin.wiring.when import EXAMPLES, Condition, condition
+from isel_twin.wiring.acts import NO_KEYS, Settable
+from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
+from isel_twin.wiring.when import EXAMPLES, condition
 
-EVENT_KEYS = (*ACTS, *BESIDE)
-"""What an event says beside its time."""
 TIME_KEYS = ("at", "repeat", "every", "when", "delay", "times", "always", "name")
-"""What it says of its time, in a file."""
+"""What an event says of its time, in a file."""
 _AT_S = Limits("s", 0.0, 1e9)
 _EVERY_S = Limits("s", 1e-6, 1e9)
 _TIMES = Limits("", 1, 1e6, whole=True)
@@ -78,92 +64,9 @@ class ScenarioError(FileError):
     """A scenario file is wrong; the message is one line that names the file, line, event, key and remedy."""
 
 
-@dataclass(frozen=True)
-class ScenarioEvent:
-    """What happens at one instant."""
-
-    at_ns: int
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    force_n: Mapping[int, float] = field(default_factory=dict)
-    phase_lost: Mapping[int, str] = field(default_factory=dict)
-    noise: float | None = None
-    place: str = ""
-    """Of the forces, one of `isel_twin.plant.PLACES`; "": what each axis moves."""
-    cut: Cut | str = ""
-    """A cut that begins; "off": it ends; "": nothing of the kind."""
-    others: Mapping[str, Any] = field(default_factory=dict)
-    """The rest of `isel_twin.wiring.ACTS` by key: a number, a word or a switch, or a table of them by name."""
-    end: ScenarioEvent | None = None
-    """What ends all of it, `for_ns` later; None: it lasts."""
-    for_ns: int = 0
-    when: Condition | None = None
-    """What it waits for, in place of `at_ns`."""
-    delay_ns: int = 0
-    """From the condition on."""
-    times: int = 1
-    """How often it happens; 0: each time its condition is met."""
-    every_ns: int = 0
-    """From one time to the next, if it has a time and happens several times."""
-    name: str = ""
-    """What other events call it."""
-    number: int = 0
-    """Its place in the file, from 1."""
-    content: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    """The table it was read from, without its time: what a recording keeps and `event_now` takes again."""
-
-    @property
-    def physical(self) -> bool:
-        """It pushes, cuts, loads or breaks what only a plant with physics has."""
-        return (
-            any(self.force_n.values())
-            or any(self.phase_lost.values())
-            or isinstance(self.cut, Cut)
-            or any(ACTS[key].physical and _lasts(key, value) for key, value in self.others.items())
-        )
-
-
-def _lasts(key: str, value: Any) -> bool:
-    """It does something, and does not only end it."""
-    values = value.values() if isinstance(value, Mapping) else (value,)
-    return any(one != ACTS[key].off for one in values)
-
-
-@dataclass(frozen=True)
-class _FilePlace(Place):
-    """A place in a file of [[event]] tables, which knows its line."""
-
-    lines: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        line = _line(self.lines, self.key)
-        return f"{self.file}:{line}: {self.key}" if line else super().__str__()
-
-
-def _line(lines: Sequence[str], key: str) -> int:
-    """Number of the line in which a key stands, "event 2.set.hood", or as near to it as is to be seen; 0: nowhere."""
-    first, *keys = key.split(".")
-    headers = [number for number, line in enumerate(lines, 1) if re.match(r"\s*\[\[\s*event\s*\]\]", line)]
-    event = re.fullmatch(r"event (\d+)", first)
-    if event is None:
-        begin, end, keys = 0, headers[0] - 1 if headers else len(lines), [first] if first else []
-    elif int(event[1]) > len(headers):
-        return 0
-    else:
-        begin = headers[int(event[1]) - 1]
-        end = headers[int(event[1])] - 1 if int(event[1]) < len(headers) else len(lines)
-    at = begin
-    for name in keys:
-        pattern = rf"(^|[\s{{,.\[\"']){re.escape(name)}[\"']?\s*[=.\]]"
-        found = [n for n in range(max(at, begin + 1), end + 1) if re.search(pattern, lines[n - 1])]
-        if not found:
-            break
-        at = found[0]
-    return at
-
-
 def load_scenario(
     path: str | Path,
-    settable: Mapping[str, tuple[str, ...]],
+    settable: Settable,
     switches: Sequence[str] = (),
     outputs: Sequence[str] = tuple(OUTPUTS),
     keys: Mapping[str, Key] = NO_KEYS,
@@ -175,9 +78,7 @@ def load_scenario(
 
     Raises ScenarioError for anything wrong in it, OSError if it cannot be read.
     """
-    words = read_text(Place(path, ScenarioError))
-    document = parse_toml(words, Place(path, ScenarioError))
-    place = _FilePlace(path, ScenarioError, lines=tuple(words.splitlines()))
+    document, place = read_lines(path, ScenarioError)
     for key in document:
         if key != "event":
             raise place.at(key).wrong("unknown key; a scenario is a list of [[event]] tables")
@@ -274,63 +175,3 @@ def _check_chains(events: Sequence[ScenarioEvent], place: Place) -> None:
         if steps > len(events):
             where = place.at(f"event {event.number}").at("when")
             raise where.wrong(f"waits for itself, by way of {waits[event.name]!r}; allowed: an event that begins")
-
-
-def event_now(
-    content: dict[str, Any], place: Place, settable: Mapping[str, tuple[str, ...]], keys: Mapping[str, Key] = NO_KEYS
-) -> ScenarioEvent:
-    """An event without its time, EVENT_KEYS, for whoever lets it happen at once: `Twin.settable` and `Twin.keys` say
-    what there is. Raises the error of `place`."""
-    known(content, EVENT_KEYS, place)
-    if not any(key in content for key in ACTS):
-        raise place.wrong(f"nothing happens; say what: {', '.join(ACTS)}")
-    if "place" in content and "force_n" not in content:
-        raise place.at("place").wrong("no force acts there; allowed: beside force_n")
-    done = {key: read_act(act, content[key], place, settable, keys) for key, act in ACTS.items() if key in content}
-    where = text(content["place"], place.at("place"), tuple(PLACES)) if "place" in content else ""
-    event = ScenarioEvent(
-        at_ns=0,
-        inputs=done.pop("set", {}),
-        force_n=_by_number(done.pop("force_n", {})),
-        phase_lost=_by_number(done.pop("phase_lost", {})),
-        noise=done.pop("noise", None),
-        place=where,
-        cut=_cut(done.pop("cut"), place.at("cut")) if "cut" in done else "",
-        others=done,
-        content=dict(content),
-    )
-    if "for" not in content:
-        return event
-    for_ns = _ns(content["for"], _AT_S, place.at("for"))
-    ends = {key: ended(ACTS[key], value, settable) for key, value in content.items() if key in ACTS}
-    what = {key: value for key, value in ends.items() if value is not None}
-    if not what:
-        raise place.at("for").wrong(f"nothing of it lasts; allowed: beside any of {', '.join(_LASTING)}")
-    return dataclasses.replace(event, end=event_now(what, place, settable), for_ns=for_ns)
-
-
-_LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by == "input")
-
-
-def _cut(content: Any, place: Place) -> Cut | str:
-    """A cut from its table, or "off". What somebody sets is a plain number; what the material does has a source."""
-    if isinstance(content, str):
-        return text(content, place, ("off",))
-    numbers = dict(table(content, place))
-    for item in dataclasses.fields(Cut):
-        key, rule = item.metadata.get("key") or item.name, item.metadata["rule"]
-        if key != "kc" and isinstance(rule, Limits) and key in numbers and not isinstance(numbers[key], dict):
-            numbers[key] = {"value": numbers[key], "unit": rule.unit, "grade": "setting", "source": "scenario"}
-    return section(Cut, numbers, place)
-
-
-def cut_table(cut: Cut) -> dict[str, Any]:
-    """The table of an event that begins this cut: what `event_now` makes the same cut of."""
-    numbers = {item.metadata.get("key") or item.name: getattr(cut, item.name) for item in dataclasses.fields(Cut)}
-    kc = {"value": cut.kc_n_mm2, "unit": "N/mm2", "grade": "setting", "source": "set_cut"}
-    return numbers | {"kc": kc}
-
-
-def _by_number(values: Mapping[str, Any]) -> dict[int, Any]:
-    """A table by axis, by the number of the axis."""
-    return {CARRIAGES.index(name): value for name, value in values.items()}

@@ -24,13 +24,11 @@ import heapq
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.when import Condition
-
-if TYPE_CHECKING:
-    from isel_twin.wiring.scenario import ScenarioEvent
 
 REARM_NS = 1 * MILLISECOND_NS
 """An event that has just been brought about is not again before this time is over."""

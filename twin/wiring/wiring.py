@@ -17,7 +17,6 @@ nothing is due.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -25,12 +24,13 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import OUTPUTS, DriveInput, KeyValue
 from isel_twin.drives.heat import StageHeat
 from isel_twin.machine import Contact, Machine
-from isel_twin.plant import Cut, Plant, Threshold
-from isel_twin.wiring.acts import ACTS, check_input
+from isel_twin.plant import Plant, Threshold
+from isel_twin.wiring.acts import ACTS, Moment, Settable, check_input
 from isel_twin.wiring.cabinet import CABINETS
 from isel_twin.wiring.contacts import FAULTS, Contacts
+from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioError, ScenarioEvent
+from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
 from isel_twin.wiring.when import Condition
 
@@ -38,7 +38,7 @@ PASSED_MM = 0.05
 """A carriage has left a position that an event waits for when it is back by this much."""
 
 
-def settable(machine: Machine) -> Mapping[str, tuple[str, ...]]:
+def settable(machine: Machine) -> Settable:
     """What can be set of a machine, and the states each can be given: elements of its cabinet, faults of contacts."""
     elements = CABINETS[machine.cabinet]().elements
     contacts = [contact.name for contact in machine.contacts]
@@ -97,15 +97,15 @@ class Wiring:
         disturbs.
         trips, bounces: where trip points and bounces are drawn from.
         """
-        self._plant = plant
-        self._line = line
+        self.plant = plant
+        self.line = line
         self._switches: tuple[Contact, ...] = machine.switches
         self._drive_terminals = tuple(drive_input.terminal for drive_input in drive_inputs)
         self._trips = trips
         self._trip_mm = [switch.position_mm for switch in machine.switches]
         """Where each position switch trips the next time."""
         self._cabinet = CABINETS[machine.cabinet]()
-        self._contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
+        self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
         self.on_event: Callable[[ScenarioEvent], None] | None = None
         """Called with each event of the scenario just before it happens."""
@@ -130,7 +130,7 @@ class Wiring:
         """What the cabinet's contacts are since they were last told."""
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
-            self._contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
+            self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
         for number, beyond in enumerate(self._active[self._places :]):
             self._schedule.passed(number, bool(beyond))
         self._settle_cabinet()
@@ -145,14 +145,14 @@ class Wiring:
     @property
     def next_event_ns(self) -> int | None:
         """The same without the regular look at the temperatures, which hardly ever changes anything."""
-        return min((t for t in (self._contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
+        return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
         """Do what is due at t_ns, the present; return whether there was anything. Levels may have changed then."""
         if self._follow_plant(t_ns):
             return True
         if self._heat.next_ns is not None and self._heat.next_ns <= t_ns:
-            self._heat.advance(self._plant.current_fraction.tolist())
+            self._heat.advance(self.plant.current_fraction.tolist())
             self._cabinet.heat(self._heat.hot)
             self._settle_cabinet()
             return True
@@ -171,30 +171,53 @@ class Wiring:
         Raises ScenarioError (ValueError) for any other name or state, and nothing has changed then.
         """
         check_input(name, state, self.settable, "wiring", ScenarioError)
-        self._operate_all({name: state})
+        self.set_states({name: state})
 
     def carry_out(self, event: ScenarioEvent, t_ns: int) -> None:
         """Let an event happen at t_ns, the present, whatever its time; all of it has been checked."""
         self.changes += 1
-        self.events_without_effect += event.physical and not self._plant.physics
-        if event.inputs:
-            self._operate_all(event.inputs)
-        for name, other in event.others.get("swapped", {}).items():
-            self._contacts.swap(name, other)
-        for axis, force_n in event.force_n.items():
-            self._plant.apply_force(axis, force_n, event.place)
-        if event.cut:
-            self._plant.set_cut(event.cut if isinstance(event.cut, Cut) else None)
-        for axis, phases in event.phase_lost.items():
-            self._plant.set_phase_lost(axis, phases)
-            self._note(f"phase_lost.{CARRIAGES[axis]}", phases)
-        if event.noise is not None:
-            self._line.noise = event.noise
-            self._note("noise", event.noise)
-        for key, value in event.others.items():
-            self._do(key, value, t_ns)
+        self.events_without_effect += event.physical and not self.plant.physics
+        moment = Moment(t_ns, event.place)
+        for key, value in event.acts.items():
+            ACTS[key].do(self, value, moment)
+            for fault, now in ACTS[key].faults(value):
+                self._note(fault, now)
         if event.end is not None:
             self._schedule.end_later(t_ns + event.for_ns, event.end)
+
+    # What events do: see `isel_twin.wiring.acts.Site`
+
+    def set_states(self, changes: Mapping[str, str]) -> None:
+        """Elements and contacts change together; all of it has been checked."""
+        self.changes += 1
+        elements = self._cabinet.elements
+        self._cabinet.operate_all({name: state for name, state in changes.items() if state in elements.get(name, ())})
+        for name, state in changes.items():
+            if name in self.contacts.names and state in FAULTS:
+                self.contacts.set_fault(name, state)
+        self._settle_cabinet()
+
+    def press(self, keys: Mapping[str, KeyValue]) -> None:
+        """Keys of the controller's are put to these values, when it next asks: `take_pressed`."""
+        self._pressed.extend(keys.items())
+
+    def restart(self) -> None:
+        """The controller has to start anew."""
+        self.restarts += 1
+
+    def set_mains(self, on: bool) -> None:
+        """The mains is back or gone."""
+        if on != self.mains:
+            self.mains = on
+            self.restart()
+            self._cabinet.mains(on)
+            self._settle_cabinet()
+
+    def warm(self, axis: int, extra_k: float, t_ns: int) -> None:
+        """The stage of an axis is warmer by so much from t_ns, the present, on."""
+        self._heat.warm(axis, extra_k, t_ns)
+        self._cabinet.heat(self._heat.hot)
+        self._settle_cabinet()
 
     def schedule(self, events: Sequence[ScenarioEvent], decoder: Decoder | None = None) -> None:
         """Let these events happen, as `Schedule` takes them; none of them waits for a position."""
@@ -218,7 +241,7 @@ class Wiring:
     def output(self, name: str, value: int) -> None:
         """A controller output has a new level. `outputs_changed` follows when all of an instant have been told."""
         if name == "drive_reset" and value and not self._outputs.get(name):
-            self._plant.reset_drives()
+            self.plant.reset_drives()
         self._outputs[name] = value
         self._cabinet.output(name, value)
         self._look()
@@ -243,7 +266,7 @@ class Wiring:
     @property
     def levels(self) -> Mapping[str, bool]:
         """Level (True: high) of every wired terminal; the same object as long as nothing has changed."""
-        levels = self._contacts.levels()
+        levels = self.contacts.levels()
         if self._drive_terminals:
             active = self._active[len(self._switches) : self._places].tolist()
             levels = levels | dict(zip(self._drive_terminals, active, strict=True))
@@ -257,14 +280,14 @@ class Wiring:
         states = dict(self._cabinet.states)
         for switch, struck in zip(self._switches, self._active, strict=False):
             states[switch.name] = "struck" if struck else "free"
-        return states | dict(self._contacts.faults)
+        return states | dict(self.contacts.faults)
 
     @property
     def faults(self) -> Mapping[str, str | float]:
         """What is wrong now: faults of contacts by name, all else by its key of an event (isel_twin.wiring.ACTS):
         `noise`, `phase_lost.x`, `swapped.limit_x1`."""
-        found: dict[str, str | float] = dict(self._contacts.faults)
-        found |= {f"swapped.{name}": other for name, other in self._contacts.swapped.items()}
+        found: dict[str, str | float] = dict(self.contacts.faults)
+        found |= {f"swapped.{name}": other for name, other in self.contacts.swapped.items()}
         return found | self._faults
 
     @property
@@ -276,19 +299,19 @@ class Wiring:
 
     def _follow_plant(self, t_ns: int) -> bool:
         """Take over what the plant has struck or released, and the bounces due; return whether there was anything."""
-        active = self._plant.trips()
+        active = self.plant.trips()
         changed = (active != self._active).nonzero()[0].tolist()
         self._active = active
         for number in changed:
             if number < len(self._switches):
-                self._contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
+                self.contacts.strike(self._switches[number].name, bool(active[number]), t_ns)
                 if not active[number]:
                     self._draw_trip_point(number)
             elif number >= self._places:
                 self._schedule.passed(number - self._places, bool(active[number]))
         if changed:
             self._look()
-        bounced = self._contacts.advance(t_ns)
+        bounced = self.contacts.advance(t_ns)
         if bounced:  # a worn contact of the cabinet chatters, too
             self._settle_cabinet()
         acted = bounced or bool(changed)
@@ -300,50 +323,11 @@ class Wiring:
         """Number of the first threshold that is a position an event waits for."""
         return len(self._switches) + len(self._drive_terminals)
 
-    def _do(self, key: str, value: Any, t_ns: int) -> None:
-        """One of `ScenarioEvent.others`, but for contacts, which change with the inputs."""
-        act, plant = ACTS[key], self._plant
-        if key == "reset":
-            self.restarts += 1
-        elif key == "key":
-            self._pressed.extend(value.items())
-        elif key == "brownout":
-            self._set_mains(not value)
-        elif key == "line_cut":
-            self._line.cut(t_ns, value)
-        elif key == "dropped":
-            self._line.dropped = value
-        elif key == "doubled":
-            self._line.doubled = value
-        elif key == "undervoltage":
-            plant.set_undervoltage(value)
-        for name, one in value.items() if act.by in ("axis", "place") else ():
-            if key == "friction_n":
-                plant.set_friction(CARRIAGES.index(name), one)
-            elif key == "obstacle_mm":
-                plant.set_obstacle(CARRIAGES.index(name), None if one == act.off else one)
-            elif key == "payload_kg":
-                plant.set_payload(name, one)
-            elif key == "hot_stage_k":
-                self._heat.warm(CARRIAGES.index(name), one, t_ns)
-                self._cabinet.heat(self._heat.hot)
-                self._settle_cabinet()
-            self._note(f"{key}.{name}", one)
-        if act.fault and not act.by:
-            self._note(key, value)
-
     def _note(self, fault: str, value: str | float) -> None:
         """A fault has this value now; take it down, or strike it out if it is over."""
         self._faults.pop(fault, None)
         if value != ACTS[fault.partition(".")[0]].off:
             self._faults[fault] = value
-
-    def _set_mains(self, on: bool) -> None:
-        if on != self.mains:
-            self.mains = on
-            self.restarts += 1
-            self._cabinet.mains(on)
-            self._settle_cabinet()
 
     def _look(self) -> None:
         """Tell the schedule that states may have changed."""
@@ -356,7 +340,7 @@ class Wiring:
         if condition.kind == "output":
             return bool(self.outputs.get(name, OUTPUTS.get(name, 0)) == value)
         if value == "ok":
-            return self._contacts.fault(name) == "ok"
+            return self.contacts.fault(name) == "ok"
         return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
@@ -371,25 +355,15 @@ class Wiring:
         if switch.hysteresis_mm > 0.0 and inwards * (trip_mm - nearest_mm) > 0.0:
             trip_mm = nearest_mm
         self._trip_mm[number] = trip_mm
-        self._plant.set_trip_point(number, trip_mm)
-
-    def _operate_all(self, changes: Mapping[str, str]) -> None:
-        """Elements and contacts change together; all of it has been checked."""
-        self.changes += 1
-        elements = self._cabinet.elements
-        self._cabinet.operate_all({name: state for name, state in changes.items() if state in elements.get(name, ())})
-        for name, state in changes.items():
-            if name in self._contacts.names and state in FAULTS:
-                self._contacts.set_fault(name, state)
-        self._settle_cabinet()
+        self.plant.set_trip_point(number, trip_mm)
 
     def _settle_cabinet(self) -> None:
         """Carry the cabinet's signals to the contacts, their real states back, and its power to the stages."""
         self._follow_cabinet()
-        self._cabinet.sense(self._contacts.closed)
+        self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()
         live = self._cabinet.powered
-        self._plant.set_power(
+        self.plant.set_power(
             stages=live and bool(self._outputs.get("stages")),
             brake_released=live and bool(self._outputs.get("brake")),
             lowering=bool(self._outputs.get("current_lowering")),
@@ -401,4 +375,4 @@ class Wiring:
         if signals != self._signals:
             self._signals = signals
             for name, closed in signals.items():
-                self._contacts.set_closed(name, closed)
+                self.contacts.set_closed(name, closed)

@@ -34,7 +34,9 @@ from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
 from isel_twin.bridge.operate.token import token_for
-from isel_twin.bridge.serve.server import Line, Server, Watch
+from isel_twin.bridge.serve.borders import Line
+from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
 from isel_twin.core.twin import Twin
 from isel_twin.jobs.decode import DecodeError, typed

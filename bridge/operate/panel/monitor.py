@@ -22,7 +22,7 @@ LINES = 300
 
 
 class Monitor:
-    """Follows the traffic (`isel_twin.bridge.serve.server.WireTap`)."""
+    """Follows the traffic (`isel_twin.bridge.serve.borders.WireTap`)."""
 
     def __init__(self) -> None:
         self._pieces: deque[tuple[int, bytes | str, bool]] = deque()

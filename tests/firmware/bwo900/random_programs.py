@@ -14,11 +14,11 @@ from collections import Counter
 from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
-from isel_twin.firmware.bwo900.memory import filters
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
-from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.ahead import filters
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 
 TEXT = """
     G0 G1 G2 G3 G04.1 G8 G9 G10 G11 G12 G17 G18 G19 G28 G29 G40 G41 G42 G43 G44 G45 G46 G47 G48 G53 G54 G60 G61
@@ -60,7 +60,7 @@ def outcome(programs: dict[str, list[str]]) -> str:
     for number, value in {**FACTORY_FUNCTIONS, 21_000: 1.0, 21_020: 2.0, 21_030: 3.0}.items():
         parameters.write(number, value)
     interpreter, stages = Interpreter(parameters, store), filters(parameters)
-    path = Path(Limits.of(parameters, [1000.0] * 3), (0.0, 0.0, 0.0))
+    path = PieceMaker(MotionLimits.of(parameters, [1000.0] * 3), (0.0, 0.0, 0.0))
 
     def through(blocks: list[PathBlock], first: int) -> None:
         for stage in stages[first:]:

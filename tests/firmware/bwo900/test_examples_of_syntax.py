@@ -8,7 +8,7 @@ from conformance.bwo900_desk import fresh, mm, parameters, put_out, said, start,
 from firmware.bwo900.run import Analysed
 
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion.joined import joined
 
@@ -60,7 +60,7 @@ def test_the_loop_of_supervision() -> None:
 def test_a_feed_at_the_end_of_a_block() -> None:
     """L4406: N60 runs at 6000 mm/min, and at X5600 at 1000."""
     run = Analysed("N50 X400 G0\nN60 G1 F6000 f1000 X5600\nN70 X5700\nN80 M30")
-    path = Path(Limits.of(run.parameters, [1000.0] * 3), (400.0, 0.0, 0.0))
+    path = PieceMaker(MotionLimits.of(run.parameters, [1000.0] * 3), (400.0, 0.0, 0.0))
     pieces, _ = path.pieces(run.path[1:])
     plan = joined(pieces, PERIOD_NS, sine=False, scale=1.0, identity=1)
     steps = plan.deltas(0, plan.ticks)[:, 0] / 1000.0

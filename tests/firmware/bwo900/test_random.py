@@ -20,7 +20,7 @@ from isel_twin.firmware.bwo900.geometry.contour import Contour
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element
 from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.realtime.path import Limits, Path
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion.joined import Joined, joined
 
 PERIOD_NS = 2_000_000
@@ -78,7 +78,7 @@ def elements(done: Analysed) -> list[Element]:
 
 def planned(done: Analysed) -> tuple[Joined, NDArray[np.float64]]:
     """The plan of a whole program, and the place after every tick, mm [ticks, 3]."""
-    path = Path(Limits.of(done.parameters, [1000.0] * 3), (0.0, 0.0, 0.0))
+    path = PieceMaker(MotionLimits.of(done.parameters, [1000.0] * 3), (0.0, 0.0, 0.0))
     plan = joined(path.pieces(done.path)[0], PERIOD_NS)
     places = np.cumsum(np.vstack([np.zeros((1, 3)), plan.deltas(0, plan.ticks)]), axis=0)
     return plan, places / 1000.0

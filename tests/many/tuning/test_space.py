@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.language import MoveSettings
 from isel_twin.many.tuning import Problem
 
@@ -73,9 +73,9 @@ def test_ranges_can_be_narrower_and_a_single_number() -> None:
         ({"text": "@07\n@0R7\n"}, "there is no move in the job that settings could be brought to"),
         ({"ranges": {"speed_hz": (20, 9000)}}, "speed_hz 20:9000: imc-s8 takes 30 to 40000"),
         ({"ranges": {"speed_hz": (9000, 5000)}}, "speed_hz 9000:5000: imc-s8 takes 30 to 40000"),
-        ({"call": TwinCall(plant="kinematic")}, "the kinematic plant loses no step whatever one sets; take mujoco"),
+        ({"call": TwinSpec(plant="kinematic")}, "the kinematic plant loses no step whatever one sets; take mujoco"),
         (
-            {"call": TwinCall(controller="ismif")},
+            {"call": TwinSpec(controller="ismif")},
             "the language of ismif cannot bring settings into a job; isel_twin.envs tunes moves",
         ),
         (
@@ -98,10 +98,10 @@ def test_a_study_knows_what_its_results_depend_on() -> None:
     one = problem().about()
     assert one == problem().about()
     for words, key in (
-        ({"call": TwinCall(seed=1)}, "seed"),
-        ({"call": TwinCall(machine="4030-portal")}, "machine"),
-        ({"call": TwinCall(overrides={"payload.mass": 8.0})}, "machine"),
-        ({"call": TwinCall(controller="imc-m")}, "controller"),
+        ({"call": TwinSpec(seed=1)}, "seed"),
+        ({"call": TwinSpec(machine="4030-portal")}, "machine"),
+        ({"call": TwinSpec(overrides={"payload.mass": 8.0})}, "machine"),
+        ({"call": TwinSpec(controller="imc-m")}, "controller"),
         ({"repetitions": 2}, "number of repetitions"),
         ({"each_move": True}, "choice of parameters"),
         ({"flash": b"x"}, "flash memory"),

@@ -3,9 +3,11 @@
     line, keys, inputs
         |
     control.py      host, inputs and clock: implements isel_twin.controller.Controller; ports.py
-    operating.py    modes, Start, Stop, parameters that are keys (keys.py); status.py: what is told in parameters
-    transfer.py     programs and parameters over the line; feeder.py: programs that are fed; memory.py: what is kept
-    parameters.py, messages.py, language.py, machine_plc.py (spindle, coolant, tool change)
+    commands.py     parameters that are keys (keys.py); transfer.py: files of the line; feeder.py: programs that are fed
+    operating.py    modes, Start, Stop, HAND, power; status.py: what is told in parameters
+    execution.py    the program under way: what surrounds the channel
+    hardware.py     inputs, axes, power, machine_plc.py (spindle, coolant, tool change), outputs
+    parameters.py, messages.py, memory.py (the flash), language.py
         |
     programs/       stored.py, feed.py: blocks as text        syntax.py, expressions.py: blocks read
         |
@@ -14,7 +16,8 @@
         |
     geometry/       elements.py, blocks.py: what a path is made of; frames.py; contour.py (G12, G123), offset.py (G41)
         |
-    realtime/       ahead.py: blocks that wait; channel.py: phases; stretch.py: the path under way; path.py: its pieces;
+    realtime/       surroundings.py: what the channel needs; ahead.py: blocks that wait; channel.py: states;
+        |           path_run.py: the path under way: joining.py, stretch.py, path.py: its pieces;
         |           hand.py: moves without a program; axes.py, power.py, outgoing.py
         v
     set points (isel_twin.motion.joined), outputs, messages

@@ -37,7 +37,6 @@ class Feeder:
 
     @property
     def clear_to_send(self) -> bool:
-        """See `isel_twin.controller.HoldsHost`."""
         feed = self._store.feed
         return feed is None or not feed.waits or self._by_characters
 

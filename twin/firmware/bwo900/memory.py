@@ -14,10 +14,7 @@ import zlib
 from typing import Any, Final
 
 from isel_twin.firmware.bwo900.analysis.functions import FACTORY_FUNCTIONS
-from isel_twin.firmware.bwo900.geometry.contour import Contour
-from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Program, Store
 from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
@@ -96,9 +93,3 @@ def _unpacked(flash: bytes) -> tuple[Parameters, Store]:
         store[name] = Program.of(name, zlib.decompress(view[at : at + size]).decode("latin-1").split("\n")[:-1])
         at += size
     return parameters, store
-
-
-def filters(parameters: Parameters) -> list[Contour | Offset]:
-    """What blocks pass on their way from the interpreter to the path."""
-    threshold = parameters.get(P.CORNER_ARC) if parameters.loaded(P.CORNER_ARC) else None
-    return [Contour(), Offset(threshold)]

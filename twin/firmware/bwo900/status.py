@@ -13,15 +13,16 @@ deleted where the manual says so: cycles), and the G functions are those that a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Final, Protocol
+from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
-from isel_twin.firmware.bwo900.geometry.frames import Frame
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import Axis, Cell, G, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, of_axis
+from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
+from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.MOTION: lambda m: m.motion,
@@ -40,7 +41,7 @@ MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
     Cell.FEED_KIND: lambda m: G.FEED_PER_MINUTE,
     Cell.SPEED_KIND: lambda m: G.TURNS_PER_MINUTE,
 }
-"""By the number behind P8900 (but for 40, see `Channel.motion`) and behind P9300."""
+"""By the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300."""
 PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
 EXECUTED: Final = (
     Cell.PROGRAM, Cell.BLOCK, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.DEPTH, Cell.CALLER, Cell.CALLER_BLOCK, Cell.PASSES,
@@ -94,27 +95,13 @@ def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
         )
 
 
-class Seen(Protocol):
-    """What an axis is at: `axis` from 0, mm and mm/s."""
-
-    def set_mm(self, axis: int) -> float: ...
-    def actual_mm(self, axis: int) -> float: ...
-    def speed_mm_s(self, axis: int) -> float: ...
-    def actual_mm_s(self, axis: int) -> float: ...
-    def struck(self, axis: int, end: int) -> bool: ...
-    def at_limit(self, axis: int) -> tuple[bool, bool]: ...
-    def driven(self, axis: int) -> bool: ...
-    @property
-    def referenced(self) -> list[bool]: ...
-
-
-def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float | None:
+def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
     """The value of such a parameter P; None: it is deleted, or not one of them."""
     if number not in _KNOWN:
         return None
     if number >= P.AXES_FIRST:
         axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
-        return _axis(axis, offset, interpreter, channel, seen)
+        return _axis(axis, offset, channel.executed, axes)
     if number == P.M_WAITS:
         return float(channel.halted)
     if number >= P.SHIFT_ANALYSED:
@@ -122,7 +109,7 @@ def cell(number: int, interpreter: Interpreter, channel: Channel, seen: Seen) ->
     if number >= P.ANALYSED:
         return _analysed(number - P.ANALYSED, interpreter)
     if number >= P.SHIFT_EXECUTED:
-        return channel.in_force.frame.shift[number - P.SHIFT_EXECUTED]
+        return channel.executed.in_force.frame.shift[number - P.SHIFT_EXECUTED]
     return _executed(number - P.EXECUTED, interpreter, channel)
 
 
@@ -153,16 +140,17 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
-    told = channel.in_force
+    executed = channel.executed
+    told = executed.in_force
     if number == Cell.MOTION:
-        return channel.motion
+        return executed.motion
     if number in MODAL:
         return float(MODAL[number](told.modal))
     if number in PLANE:
         return _axis_of_plane(told, number)
-    name, block = channel.block if channel.active else ("", 0)
+    name, block = executed.place if executed.active else ("", 0)
     in_cycle = told.called_by
-    feed, end_feed = channel.feed_mm_min
+    feed, end_feed = executed.feed_mm_min
     match number:
         case Cell.PROGRAM:
             return float((in_cycle or (name, block))[0][1:] or 0)
@@ -186,8 +174,10 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
             return end_feed
         case Cell.SPEED:
             return 60.0 * channel.speed_mm_s
-        case Cell.DWELL | Cell.DWELL_LEFT:
-            return channel.dwell_s[number - Cell.DWELL]
+        case Cell.DWELL:
+            return executed.dwell_s
+        case Cell.DWELL_LEFT:
+            return channel.dwell_left_s
     return float(G.SHIFT) if any(told.frame.shift) else 0.0
 
 
@@ -196,28 +186,17 @@ def _axis_of_plane(told: InForce, number: int) -> float:
     return float((plane.first, plane.second, plane.third)[number - PLANE[0]] + 1)
 
 
-def in_force(interpreter: Interpreter, channel: Channel) -> Frame:
-    """The coordinates of the block that is carried out; without a program those of the last one."""
-    return interpreter.frame if channel.target is None else channel.in_force.frame
-
-
-def shown(axis: int, frame: Frame) -> float:
-    """How much the display is off the machine's coordinates, mm: zero point, G92, tool length."""
-    return frame.zero[axis] + frame.shift[axis] + (frame.length if axis == frame.plane.third else 0.0)
-
-
-def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, seen: Seen) -> float:
-    goal, frame = channel.target, in_force(interpreter, channel)
+def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
+    frame = executed.frame
     if offset in (Axis.SHOWN_PLACE, Axis.PROGRAMMED_PLACE, Axis.DELTA_PLACE):
         axis = frame.order[axis]
-    programmed = (interpreter.program_position if goal is None else goal)[axis]
-    shift = shown(axis, frame)
-    place = seen.set_mm(axis)
+    programmed, shift = executed.target[axis], executed.display_shift_mm(axis)
+    place = axes.set_mm(axis)
     if offset in (Axis.SET_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:
         case Axis.ACTUAL_PLACE:
-            return seen.actual_mm(axis)
+            return axes.actual_mm(axis)
         case Axis.SHOWN_PLACE:
             return place - shift
         case Axis.PROGRAMMED_PLACE:
@@ -227,19 +206,19 @@ def _axis(axis: int, offset: int, interpreter: Interpreter, channel: Channel, se
         case Axis.SHOWN_SHIFT:
             return shift
         case Axis.LAG:
-            return place - seen.actual_mm(axis)
+            return place - axes.actual_mm(axis)
         case Axis.ACTUAL_SPEED:
-            return 60.0 * seen.actual_mm_s(axis)
+            return 60.0 * axes.actual_mm_s(axis)
         case Axis.SPEED_NOW:
-            return 60.0 * seen.speed_mm_s(axis)
+            return 60.0 * axes.speed_mm_s(axis)
         case Axis.STRUCK:
-            return _bytes(seen.struck(axis, 2), seen.struck(axis, 1))
+            return _bytes(axes.struck(axis, 2), axes.struck(axis, 1))
         case Axis.REFERENCED:
-            return _bytes(seen.referenced[axis], seen.struck(axis, 1))
+            return _bytes(axes.referenced[axis], axes.struck(axis, 1))
         case Axis.AT_LIMIT:
-            return _bytes(*seen.at_limit(axis))
+            return _bytes(*axes.at_limit(axis))
         case Axis.DRIVEN:
-            return float(seen.driven(axis))
+            return float(axes.driven(axis))
     return place
 
 

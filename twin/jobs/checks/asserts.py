@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
-from isel_twin.core.spec import TwinCall
 from isel_twin.jobs.checks.watched import Command, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
 from isel_twin.jobs.verdict import halfway
@@ -326,9 +325,8 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
         raise ValueError("no job was played: watched.play(job) first")
     path = golden_file(run.job) if file is None else Path(file)
     origin = seen.twin.origin
-    call = TwinCall(
-        origin.machine.name, origin.controller, origin.plant, origin.seed, origin.scenario, overrides=origin.overrides
-    )
+    machine = origin.as_built
+    call = origin.with_(machine=machine.name)
     now = called(run.golden, call, run.job, path)
     if update:
         path.write_text(dumps(now), encoding="utf-8")
@@ -336,8 +334,8 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
     if not path.is_file():
         raise GoldenError(f"{path}: there is no golden run; make it with isel-twin golden record {run.job}")
     was = load(path)
-    if (path.parent / str(was.call["machine"])).resolve() == origin.machine.folder.resolve():
-        now = called(run.golden, TwinCall(str(origin.machine.folder), *_rest_of(call)), run.job, path)
+    if (path.parent / str(was.call["machine"])).resolve() == machine.folder.resolve():
+        now = called(run.golden, call.with_(machine=str(machine.folder)), run.job, path)
     found = list(differences(was, now, run.spans_ns))
     if found:
         first = found[0]
@@ -415,10 +413,6 @@ def _since_left(free: NDArray[np.bool_], far: NDArray[np.bool_]) -> NDArray[np.b
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         left[begin:end] = np.maximum.accumulate(far[begin:end])
     return left
-
-
-def _rest_of(call: TwinCall) -> tuple[str, str, int, Path | None]:
-    return call.controller, call.plant, call.seed, call.scenario
 
 
 def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str | None]:

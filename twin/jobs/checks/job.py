@@ -44,7 +44,7 @@ from isel_twin.jobs.job import Line, Result, play
 from isel_twin.jobs.verdict import Verdict, judge, lost
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
 LOOK_NS = 5 * MILLISECOND_NS
@@ -258,7 +258,7 @@ class Inspection:
 
 def check_job(
     job: Path,
-    call: TwinCall,
+    call: TwinSpec,
     lines: Sequence[Line],
     bounds: Bounds | None = None,
     begun: Callable[[Inspection], None] | None = None,
@@ -360,7 +360,7 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
     return found
 
 
-def _of_repetitions(call: TwinCall, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
+def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
     from isel_twin.jobs.robust import agree, trials
 
     others = [trial for trial in trials(call, lines, bounds.robust, timeout_s=bounds.timeout_s)]

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
 
 FILE = "isel-twin.toml"
@@ -60,7 +60,7 @@ class Task:
     """A job with all that is to be known for checking it. Small enough to be sent to another process."""
 
     job: Path
-    call: TwinCall = field(default_factory=TwinCall)
+    call: TwinSpec = field(default_factory=TwinSpec)
     bounds: Bounds = field(default_factory=Bounds)
     golden: bool = True
 
@@ -141,7 +141,7 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
     golden = values.pop("golden", True)
-    of_call = {item.name for item in dataclasses.fields(TwinCall)}
-    call = TwinCall(**{key: value for key, value in values.items() if key in of_call})
+    of_call = {item.name for item in dataclasses.fields(TwinSpec)}
+    call = TwinSpec(**{key: value for key, value in values.items() if key in of_call})
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
     return Task(job, call, bounds, golden)

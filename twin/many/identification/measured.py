@@ -52,7 +52,8 @@ from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import FileError, Limits, Place, known, parse_toml, plain, read_text, table, text
-from isel_twin.wiring.scenario import EVENT_KEYS
+from isel_twin.base.toml import toml_line
+from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
 TIME_SIGMA_S = 0.005
@@ -325,8 +326,8 @@ def written(measured: Measured, comments: Mapping[int, str] | None = None) -> st
     """The file as text; comments: one for the readings after a command."""
     lines = [f"gauge_sigma_mm = {measured.gauge_sigma_mm!r}", f"time_sigma_s = {measured.time_sigma_s!r}"]
     for act in measured.acts:
-        lines += ["", "[[act]]", f"recording = {_toml(act.recording)}", f"command = {act.command}"]
-        lines += [f"after_s = {act.after_s!r}", *(f"{key} = {_toml(value)}" for key, value in act.content.items())]
+        values = {"recording": act.recording, "command": act.command, "after_s": act.after_s, **act.content}
+        lines += ["", "[[act]]", *map(toml_line, values, values.values())]
     for reading in measured.readings:
         comment = (comments or {}).get(reading.command)
         lines += ["", *([f"# {comment}"] if comment else []), "[[reading]]", *_lines(reading, _READING)]
@@ -341,19 +342,7 @@ def _lines(item: Any, keys: Sequence[str]) -> list[str]:
     values = [(key, getattr(item, key)) for key in keys]
     left_out: dict[str, Any] = {"push_n": 0.0, "gauge": ""}
     return [
-        f"{key} = {_toml(value)}"
+        toml_line(key, value)
         for key, value in values
         if value is not None and not (key in left_out and value == left_out[key])
     ]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return repr(value)

@@ -13,12 +13,12 @@ roughly.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.many.identification.fit import WEAK, Fit
 from isel_twin.many.identification.unknowns import candidate, changes
@@ -49,25 +49,23 @@ def patch(
         source = f"identified from {', '.join(fitted)}: 95 % {of}{span}"
         for key, value in changes(machine, [item], [estimate.value]).items():
             table, _, last = key.rpartition(".")
-            number = f"{value}" if item.whole else f"{float(f'{value:.6g}')!r}"
+            number = value if item.whole else float(f"{value:.6g}")
             unit = _unit(machine, key, item.unit)
-            entry = (
-                f'{last} = {{ value = {number}, unit = "{unit}", grade = "{grade}", source = {json.dumps(source)} }}'
-            )
-            tables.setdefault(table, []).append(entry)
+            entry = {"value": number, "unit": unit, "grade": grade, "source": source}
+            tables.setdefault(table, []).append(toml_line(last, entry))
     step_ms = _step_ms(result, machine, controller)
     if step_ms is not None:
         source = "as light and stiff as it was found to be, it needs shorter steps"
-        entry = f'mujoco_step = {{ value = {step_ms!r}, unit = "ms", grade = "setting", source = "{source}" }}'
-        tables.setdefault("timing", []).append(entry)
+        entry = {"value": step_ms, "unit": "ms", "grade": "setting", "source": source}
+        tables.setdefault("timing", []).append(toml_line("mujoco_step", entry))
     judged = ""
     if held:
         judged = f"# {', '.join(held)}, held back, predicted {result.times:.1f} times better than before.\n"
     lines = [
         f"# Identified from {', '.join(fitted)}; what the data did not tell is not in here.\n{judged}",
-        f"based_on = {json.dumps(base)}",
-        f"name = {json.dumps(name)}",
-        f"description = {json.dumps(f'{machine.name}, as measured')}",
+        toml_line("based_on", base),
+        toml_line("name", name),
+        toml_line("description", f"{machine.name}, as measured"),
     ]
     for table, entries in tables.items():
         lines += ["", f"[{table}]", *entries]

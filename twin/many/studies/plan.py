@@ -40,20 +40,9 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import (
-    FileError,
-    Limits,
-    Place,
-    hint,
-    known,
-    parse_toml,
-    plain,
-    read_text,
-    rows,
-    table,
-    text,
-)
-from isel_twin.core.spec import TwinCall
+from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, read_toml, rows, table, text
+from isel_twin.base.toml_lines import read_lines
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.job import Bounds
 from isel_twin.jobs.job import JobError, check_controller, decode_job
@@ -61,7 +50,8 @@ from isel_twin.language import SETTINGS_RANGES, create_language
 from isel_twin.machine import LEVELS, Machine, load_machine
 from isel_twin.many.studies.row import OUTCOMES, Work, machine_digest
 from isel_twin.version import VERSION
-from isel_twin.wiring.scenario import EVENT_KEYS, TIME_KEYS
+from isel_twin.wiring import EVENT_KEYS
+from isel_twin.wiring.scenario import TIME_KEYS
 
 SECTIONS = ("machine", "settings", "job", "scenario")
 """Of a plan, beside [sweep]: whose parameters vary."""
@@ -143,7 +133,7 @@ class Plan:
 
     file: Path
     text: str
-    call: TwinCall
+    call: TwinSpec
     """The twin of all rows, but for what varies; its scenario is the file itself."""
     work: Work
     parameters: tuple[Parameter, ...] = ()
@@ -154,56 +144,6 @@ class Plan:
     seeds: tuple[int, ...] = (0,)
 
 
-@dataclass(frozen=True)
-class _PlanPlace(Place):
-    """A place in a plan, which knows its line."""
-
-    lines: tuple[str, ...] = ()
-    path: tuple[str, ...] = ()
-
-    def at(self, key: str) -> Place:
-        """See Place."""
-        return replace(self, key=f"{self.key}.{key}" if self.key else key, path=(*self.path, key))
-
-    def __str__(self) -> str:
-        line = _line(self.lines, self.path)
-        return f"{self.file}:{line}: {self.key}" if line else super().__str__()
-
-
-def _line(lines: Sequence[str], path: Sequence[str]) -> int:
-    """Number of the line in which a key stands, or as near to it as is to be seen; 0: nowhere.
-
-    path: section, key (with dots as it is told), key of the parameter.
-    """
-    if not path:
-        return 0
-    headers = {
-        n: words[1].replace('"', "").replace(" ", "").split(".")
-        for n, line in enumerate(lines, 1)
-        if (words := re.match(r"\s*\[+([^\]]+)\]", line))
-    }
-    begin = next((n for n, keys in headers.items() if keys[0] == path[0]), 0)
-    if not begin:
-        bare = (n for n, line in enumerate(lines, 1) if re.match(rf'\s*"?{re.escape(path[0])}"?\s*[.=]', line))
-        return next(bare, 0)
-    wanted = ".".join(path[1:2])
-    at, prefix = begin, ""
-    for n, line in enumerate(lines, 1):
-        if n in headers:
-            inside = headers[n][0] == path[0]
-            prefix = ".".join(headers[n][1:]) if inside else "-"
-            told = prefix
-        elif prefix != "-" and n > begin and (words := re.match(r'\s*([\w."\- ]+?)\s*=', line)):
-            told = ".".join(part for part in (prefix, words[1].replace('"', "").replace(" .", ".")) if part)
-        else:
-            continue
-        if n >= begin and wanted and (told == wanted or told.startswith(f"{wanted}.")):
-            return n
-        if n >= begin and wanted.startswith(f"{told}.") and told:
-            at = n
-    return at
-
-
 def load_plan(path: str | Path) -> Plan:
     """Read a plan and what it names: job, machine and scenario, as seen from the folder of the plan.
 
@@ -211,13 +151,11 @@ def load_plan(path: str | Path) -> Plan:
     cannot be read.
     """
     file = Path(path)
-    words = read_text(Place(file, PlanError))
-    document = parse_toml(words, Place(file, PlanError))
-    place: Place = _PlanPlace(file, PlanError, lines=tuple(words.splitlines()))
+    document, place = read_lines(file, PlanError)
     known(document, ("sweep", *SECTIONS), place)
     same = table(document.get("sweep", {}), place.at("sweep"))
     call, work = _same(same, place.at("sweep"), file.parent)
-    machine = load_machine(call.machine)
+    machine = call.as_built
     parameters = tuple(
         _parameter(section, key, form, place.at(section).at(key), work, machine)
         for section in SECTIONS
@@ -248,7 +186,7 @@ def load_plan(path: str | Path) -> Plan:
         raise place.at("sweep").wrong(f"{number} points; allowed: up to {MOST_POINTS}")
     return Plan(
         file=file,
-        text=words,
+        text=place.text,
         call=call,
         work=replace(work, parameters=tuple((p.section, p.key, p.unit) for p in parameters)),
         parameters=parameters,
@@ -259,7 +197,7 @@ def load_plan(path: str | Path) -> Plan:
     )
 
 
-def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinCall, Work]:
+def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work]:
     """What stays the same."""
     known(content, KEYS, place)
     for key in _WORDS:
@@ -286,9 +224,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
     machine = load_machine(called)
     start_mm = _triple(content["start_mm"], place.at("start_mm")) if "start_mm" in content else None
     scenario = folder / content["scenario"] if "scenario" in content else None
-    call = TwinCall(
+    call = TwinSpec(
         machine=called,
-        controller=content.get("controller", TwinCall.controller),
+        controller=content.get("controller", TwinSpec.controller),
         plant=content.get("plant", "mujoco"),
         scenario=scenario,
         start_mm=start_mm,
@@ -304,7 +242,7 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinC
         job_name=content.get("job", "moves"),
         job=_job(folder / content["job"], call.controller) if "job" in content else "",
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
-        machine=call.machine,
+        machine=called,
         machine_digest=machine_digest(machine),
         controller=call.controller,
         plant=call.plant,
@@ -328,7 +266,7 @@ def _job(file: Path, controller: str) -> str:
 def _events(file: Path) -> list[dict[str, Any]]:
     """The tables of a scenario as they stand in its file; they are checked when a twin reads them."""
     place = Place(file, PlanError)
-    tables = parse_toml(read_text(place), place).get("event", [])
+    tables = read_toml(place).get("event", [])
     return [dict(entry) for entry in tables if isinstance(entry, dict)] if isinstance(tables, list) else []
 
 

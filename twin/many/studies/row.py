@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import one_line
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.checks.job import Bounds
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
     from isel_twin.jobs.verdict import judge, whole_slips
 
     given = dict(zip(work.parameters, point.values, strict=True))
-    call = TwinCall(
+    call = TwinSpec(
         machine=work.machine,
         controller=work.controller,
         plant=work.plant,
@@ -212,7 +212,7 @@ def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[s
     return [(key, unit, value) for (where, key, unit), value in given.items() if where == section]
 
 
-def _overrides(call: TwinCall, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
+def _overrides(call: TwinSpec, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
     """Overrides of the machine: plain values first, then multiples of what the machine then has."""
     from isel_twin.jobs.robust import called_machine
 
@@ -242,7 +242,7 @@ def _value(tree: Any, key: str) -> float:
 # ---- job -------------------------------------------------------------------------------------------------------------
 
 
-def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinCall) -> list[Line]:
+def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec) -> list[Line]:
     from isel_twin.jobs.job import parse_job
     from isel_twin.jobs.robust import called_machine
     from isel_twin.language import create_language

@@ -27,7 +27,7 @@ from isel_twin.jobs.verdict import judge, lost
 from isel_twin.many.tuning.space import Candidate, Problem
 
 if TYPE_CHECKING:
-    from isel_twin.core.spec import TwinCall
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
 Stop = Callable[[], bool]
@@ -38,7 +38,7 @@ Made = TypeVar("Made")
 class Weather:
     """Where jobs are made: what is the same for all settings. Goes to other processes."""
 
-    call: TwinCall
+    call: TwinSpec
     timeout_s: float
     flash: bytes | None
 
@@ -136,22 +136,9 @@ def make(candidate: Candidate, weather: Weather, number: int, stop: Stop | None 
 
 
 def _twin(weather: Weather, number: int) -> Twin:
-    from isel_twin.core.twin import Twin
-
-    call = weather.call
     if number:
-        return perturbed_twin(call, number, weather.flash)[0]
-    return Twin(
-        call.machine,
-        call.controller,
-        call.plant,
-        call.seed,
-        flash=weather.flash,
-        scenario=call.scenario,
-        line_speed=call.line_speed,
-        overrides=call.overrides,
-        start_mm=call.start_mm,
-    )
+        return perturbed_twin(weather.call, number, weather.flash)[0]
+    return weather.call.with_(flash=weather.flash).build()
 
 
 def _lost(twin: Twin) -> str:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from isel_twin.core.spec import TwinCall
+from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
 
@@ -87,7 +87,7 @@ class Problem:
 
     text: str
     """Of the job file."""
-    call: TwinCall = field(default_factory=TwinCall)
+    call: TwinSpec = field(default_factory=TwinSpec)
     each_move: bool = False
     rapid_hz: int | None = None
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
@@ -240,13 +240,13 @@ class Problem:
         import hashlib
         import json
 
-        from isel_twin.machine import load_machine, with_overrides
+        from isel_twin.machine import with_overrides
 
         def digest(data: bytes) -> str:
             return hashlib.sha256(data).hexdigest()[:16]
 
         call = self.call
-        tree = with_overrides(load_machine(call.machine), call.overrides).tree
+        tree = with_overrides(call.as_built, call.overrides).tree
         return {
             "job": digest(self.text.encode()),
             "machine": digest(json.dumps(tree, sort_keys=True, default=str).encode()),

@@ -13,15 +13,18 @@ An error is kept until the blocks before it have been carried out.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, Protocol
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.contour import Contour
+from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
-from isel_twin.firmware.bwo900.realtime.services import Services
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
 BLOCK_NS: Final = 1_500_000
 """Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
@@ -38,12 +41,16 @@ class Filter(Protocol):
     def flush(self) -> list[PathBlock]: ...
 
 
+def filters(parameters: Parameters) -> list[Filter]:
+    """New filters, in their order: contour, radius correction (P8845)."""
+    return [Contour(), Offset(parameters.get(P.CORNER_ARC) if parameters.loaded(P.CORNER_ARC) else None)]
+
+
 class Ahead:
     """The blocks that wait, and how more of them come."""
 
-    def __init__(self, interpreter: Interpreter, services: Services, filters: Callable[[], Sequence[Filter]]) -> None:
-        """filters: makes new ones, objects with `push(block)` and `flush()`, in their order."""
-        self._interpreter, self._do, self._new_filters = interpreter, services, filters
+    def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
+        self._interpreter, self._around = interpreter, around
         self._filters: Sequence[Filter] = ()
         self.blocks: deque[PathBlock] = deque()
         """Those that wait, the next one first."""
@@ -68,10 +75,11 @@ class Ahead:
 
     def renew_filters(self) -> None:
         """What they have kept back belongs to a path that is not made."""
-        self._filters = self._new_filters()
+        self._filters = filters(self._around.parameters)
 
-    def fill(self, now_ns: int, under_way: int) -> bool:
+    def fill(self, under_way: int) -> bool:
         """Analyse as far as there is room, beside the blocks under way; True: a message asks to stop."""
+        now_ns = self._around.axes.now_ns
         if self.poll_ns is not None and now_ns < self.poll_ns:
             return False
         self.poll_ns = None
@@ -99,7 +107,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-            if self._do.option(P.WITHOUT_MOVING):
+            if int(self._around.parameters.get(P.WITHOUT_MOVING)):
                 block = replace(block, elements=())
             self._through([block], 0)
             if block.stop is Stop.END:
@@ -117,7 +125,7 @@ class Ahead:
         """Messages of the interpreter that do not break off; whether one of them stops."""
         notes = self._interpreter.notes
         for note in notes:
-            self._do.say(note)
+            self._around.say(note)
         stops = any(note.effect is Effect.STOP for note in notes)
         notes.clear()
         return stops

@@ -14,15 +14,16 @@ from typing import Final
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
-from isel_twin.firmware.bwo900.messages import Code
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis
 from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
 from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
-from isel_twin.firmware.bwo900.realtime.path import Limits, positive
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
 
 AXES: Final = 3
+NAMES: Final = "XYZ"
 INCREMENTS_PER_MM: Final = 1_000.0
 """P12012 over P12013 where nobody has set them."""
 SETTLE_MS: Final = 3_000.0
@@ -34,7 +35,7 @@ PULSES: Final = 5_000
 
 
 class Axes:
-    """The axes of the machine as the control knows them; a `status.Seen`."""
+    """The axes of the machine as the control knows them."""
 
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
         """levels: of the inputs, limit switches among them, which someone else keeps up to date."""
@@ -47,7 +48,7 @@ class Axes:
         self._base: tuple[int, ...] = (0,) * AXES
         self.now_ns = 0
         self._watch = LagWatch(parameters)
-        self._known: tuple[int, Limits] | None = None
+        self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters that they are of."""
 
     # Where they are
@@ -133,11 +134,11 @@ class Axes:
 
     # How far and how well
 
-    def limits(self) -> Limits:
+    def limits(self) -> MotionLimits:
         """What axes and path can, as the parameters are now."""
         revision = self._parameters.revision
         if self._known is None or self._known[0] != revision:
-            self._known = revision, Limits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
+            self._known = revision, MotionLimits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
         return self._known[1]
 
     def _resolution(self, axis: int) -> float:
@@ -182,8 +183,8 @@ class Axes:
         """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""
         return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
 
-    def allowed(self, block: PathBlock) -> str:
-        """Software limits (P12030, P12031), and struck switches: a message's number and axis, or none."""
+    def obstacle(self, block: PathBlock) -> ProgramError | None:
+        """Why the path of a block must not be made: a software limit (P12030, P12031), or a struck switch."""
         p = self._parameters
         for axis in range(AXES):
             extents = [element.extent(axis) for element in block.elements]
@@ -193,11 +194,11 @@ class Axes:
             here = block.elements[0].start[axis]
             highest, lowest = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
             if p.loaded(highest) and high > p.get(highest):
-                return f"{Code.SOFTWARE_LIMIT_HIGH} {'XYZ'[axis]}"
+                return ProgramError(Code.SOFTWARE_LIMIT_HIGH, NAMES[axis])
             if p.loaded(lowest) and low < p.get(lowest):
-                return f"{Code.SOFTWARE_LIMIT_LOW} {'XYZ'[axis]}"
+                return ProgramError(Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
             if high > here and self.struck(axis, 2):
-                return f"{Code.HARDWARE_LIMIT_HIGH} {'XYZ'[axis]}"
+                return ProgramError(Code.HARDWARE_LIMIT_HIGH, NAMES[axis])
             if low < here and self.struck(axis, 1):
-                return f"{Code.HARDWARE_LIMIT_LOW} {'XYZ'[axis]}"
-        return ""
+                return ProgramError(Code.HARDWARE_LIMIT_LOW, NAMES[axis])
+        return None

@@ -5,16 +5,14 @@ Both wait for the power of the drives: `wants` and `direction` say what is to be
 
 from __future__ import annotations
 
-from isel_twin.controller import CounterSet
 from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime import overrides
-from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.homing import Homing
 from isel_twin.firmware.bwo900.realtime.jog import Jog
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
-from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 
 
 class Hand:
@@ -34,15 +32,20 @@ class Hand:
         """What moves."""
         return self.homing or self.jog
 
-    def advance(self, now_ns: int) -> None:
+    @property
+    def next_ns(self) -> int | None:
+        """When `advance` is due."""
+        return None if self.move is None else self.move.next_ns
+
+    def advance(self) -> None:
         """Let time pass, or a switch change."""
         if self.homing is not None:
-            self.homing.advance(now_ns)
+            self.homing.advance()
             self._axes.follow(self.homing.run)
             if not self.homing.active:
                 self._homed()
         if self.jog is not None:
-            self.jog.advance(now_ns)
+            self.jog.advance()
             self._axes.follow(self.jog.run)
             if self.jog.over:
                 self.jog = None
@@ -54,29 +57,29 @@ class Hand:
             self.homing = None
         self.jog, self.direction = None, 0
 
-    def brake(self, now_ns: int) -> None:
+    def brake(self) -> None:
         """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
         self.direction, self.wants = 0, []
-        self.release(now_ns, everything=True)
+        self.release(everything=True)
         if self.homing is not None:
-            self.homing.brake(now_ns)
+            self.homing.brake()
 
     # Keys of an axis
 
-    def release(self, now_ns: int, *, everything: bool = False) -> None:
+    def release(self, *, everything: bool = False) -> None:
         """The key is released; everything: a step ends, too."""
         if self.jog is not None:
-            self.jog.release(now_ns, everything=everything)
+            self.jog.release(everything=everything)
 
-    def scale(self, override: float, now_ns: int) -> None:
+    def scale(self, override: float) -> None:
         """Another override, for the key that is held and for steps."""
         if self.jog is not None:
-            self.jog.scale(override, now_ns)
+            self.jog.scale(override)
 
-    def press(self, key: int, now_ns: int, *, free: bool) -> bool:
+    def press(self, key: int, *, free: bool) -> bool:
         """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program let it. Returns whether one is to begin."""
         if self.jog is not None:
-            self.release(now_ns)
+            self.release()
             self._axes.follow(self.jog.run)
         if key not in (1, 2) or self.jog is not None:
             return False
@@ -86,19 +89,18 @@ class Hand:
         self.direction = 1 if key == 1 else -1
         return True
 
-    def begin_jog(self, now_ns: int) -> None:
+    def begin_jog(self) -> None:
         """The move of the key that waits."""
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
-            override = overrides.factor(self._parameters, AXES)
-            jog = Jog(self._parameters, axes.limits(), axes.counts, sign, PERIOD_NS, now_ns, override=override)
+            jog = Jog(self._parameters, axes, sign, overrides.factor(self._parameters, AXES))
         except ProgramError as error:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
         if axes.struck(jog.axis, 2 if sign > 0 else 1):
             self._say(
-                message(Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW, detail="XYZ"[jog.axis])
+                message(Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW, detail=NAMES[jog.axis])
             )
             return
         self.jog = jog
@@ -117,34 +119,20 @@ class Hand:
         self.wants.append(axis)
         return True
 
-    def begin_homing(self, axes: list[int], now_ns: int) -> None:
+    def begin_homing(self, axes: list[int]) -> None:
         """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
         for axis in axes:
             self._axes.forget(axis)
         self._parameters.write(P.ALL_REFERENCED, 0.0)
-        self.homing = Homing(
-            sorted(axes, reverse=True),
-            AXES,
-            PERIOD_NS,
-            now_ns,
-            struck=self._at_motor,
-            to_pulse=self._axes.to_pulse,
-            done=self._at_reference,
-        )
+        self.homing = Homing(sorted(axes, reverse=True), self._axes, self._outgoing)
         self._axes.follow(self.homing.run)
-
-    def _at_motor(self, axis: int) -> bool:
-        return self._axes.struck(axis, 1)
-
-    def _at_reference(self, axis: int) -> None:
-        self._outgoing.add(CounterSet(axis, self._axes.place(axis)))
 
     def _homed(self) -> None:
         """All have been, or one has found no switch."""
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:
-            self._say(message(Code.APPROACH_REFERENCE, detail="XYZ"[failed]))
+            self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
             self._outgoing.fault = True
         for number in (P.ALL_REFERENCED, P.REFERENCED):
             self._parameters.write(number, float(all(self._axes.referenced)))

@@ -10,54 +10,47 @@ One axis after the other, Z first. What the drives report decides; no switch wit
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from typing import Final
 
+from isel_twin.controller import CounterSet
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
-FAST, SLOW = 10_000.0, 2_000.0
-"""Increments a second."""
-ACCELERATION: Final = 100_000.0
-SEARCH: Final = 1_200_000
+FAST_HZ, SLOW_HZ = 10_000.0, 2_000.0
+ACCELERATION_HZ_S = 100_000.0
+SEARCH = 1_200_000
 """Increments after which a search ends without a switch."""
-FREE: Final = 40_000
+FREE = 40_000
+"""Increments after which the switch must have been left."""
 
 
-class _Step(Enum):
+class Leg(Enum):
+    """Of a reference run."""
+
     SEARCH = "towards the switch"
-    BRAKE = "the switch is struck"
+    BRAKE = "the switch is struck: brake"
     FREE = "off the switch"
-    PULSE = "to the zero pulse"
-    DONE = ""
+    BRAKE_FREE = "the switch is free: brake"
+    PULSE = "on to the zero pulse"
+    STOP = "broken off: brake"
 
 
 class Homing:
     """Reference runs of some axes, one after the other. `advance` after everything that happens."""
 
-    def __init__(
-        self,
-        axes: list[int],
-        count: int,
-        period_ns: int,
-        now_ns: int,
-        *,
-        struck: Callable[[int], bool],
-        to_pulse: Callable[[int], int],
-        done: Callable[[int], None],
-    ) -> None:
-        """count: of all axes. struck: whether an axis' switch is. to_pulse: increments to its next zero pulse. done:
-        called with an axis that stands at its reference point."""
-        self._axes, self._count, self._period_ns = list(axes), count, period_ns
-        self._struck, self._to_pulse, self._done = struck, to_pulse, done
+    def __init__(self, order: list[int], axes: Axes, outgoing: Outgoing) -> None:
+        """order: the axes that are to make one, the first one first."""
+        self._order, self._axes, self._outgoing = order, axes, outgoing
         self._serial = 0
-        self._step = _Step.DONE
+        self._leg = Leg.STOP
         self.run: SetPointRun | None = None
         self.failed: int | None = None
         """The axis that has found no switch."""
-        self._next(now_ns)
+        self._next()
 
     @property
     def active(self) -> bool:
@@ -69,96 +62,74 @@ class Homing:
         """When `advance` is due."""
         return None if self.run is None else self.run.end_ns
 
-    def advance(self, now_ns: int) -> None:
+    def advance(self) -> None:
         """Let time pass, or a switch change."""
-        while self.run is not None and self._go_on(now_ns):
+        while self.run is not None and self._go_on():
             pass
 
     def stop(self) -> None:
         """It ends here."""
-        self.run, self._axes = None, []
+        self.run, self._order = None, []
 
-    def brake(self, now_ns: int) -> None:
+    def brake(self) -> None:
         """The axis brakes, and that is the end."""
         if self.run is not None:
-            self._brake(self._axes[0], now_ns)
-            self._step = _Step.DONE
+            self._brake(self._order[0], Leg.STOP)
 
-    def _next(self, now_ns: int) -> None:
-        if not self._axes:
+    def _next(self) -> None:
+        """The next axis begins."""
+        if not self._order:
             self.run = None
             return
-        axis = self._axes[0]
-        plan = at_rest(self._count, self._period_ns, ACCELERATION, ("homing", self._serial, axis))
+        axis = self._order[0]
+        plan = at_rest(AXES, PERIOD_NS, ACCELERATION_HZ_S, ("homing", self._serial, axis))
         self._serial += 1
-        self.run = SetPointRun(plan, self._period_ns, now_ns)
-        if self._struck(axis):
-            self._to(axis, now_ns, FREE, SLOW)
-            self._step = _Step.FREE
+        self.run = SetPointRun(plan, PERIOD_NS, self._axes.now_ns)
+        if self._axes.struck(axis, 1):
+            self._move(axis, FREE, SLOW_HZ, Leg.FREE)
         else:
-            self._to(axis, now_ns, -SEARCH, FAST)
-            self._step = _Step.SEARCH
+            self._move(axis, -SEARCH, FAST_HZ, Leg.SEARCH)
 
-    def _go_on(self, now_ns: int) -> bool:
-        """One step further; whether there may be another one now."""
+    def _go_on(self) -> bool:
+        """Look at the present leg; True if another one has begun, which is to be looked at, too."""
         assert self.run is not None
-        axis, stands = self._axes[0], now_ns >= self.run.end_ns
-        match self._step:
-            case _Step.SEARCH:
-                if self._struck(axis):
-                    self._brake(axis, now_ns)
-                    self._step = _Step.BRAKE
-                    return True
-                if stands:
-                    self.failed, self.run, self._axes = axis, None, []
-            case _Step.BRAKE:
-                if stands:
-                    self._to(axis, now_ns, FREE, SLOW)
-                    self._step = _Step.FREE
-                    return True
-            case _Step.FREE:
-                if not self._struck(axis):
-                    self._to_here(axis, now_ns)
-                    self._step = _Step.PULSE
-                    return True
-                if stands:
-                    self.failed, self.run, self._axes = axis, None, []
-            case _Step.DONE:
-                if stands:
-                    self.stop()
-            case _Step.PULSE:
-                if stands:
-                    left = self._to_pulse(axis)
-                    if self._waits_for_pulse and left:
-                        self._waits_for_pulse = False
-                        self._to(axis, now_ns, left, SLOW)
-                        return True
-                    self._done(axis)
-                    self._axes.pop(0)
-                    self._next(now_ns)
-                    return True
-        return False
+        axis, stands, leg = self._order[0], self._axes.now_ns >= self.run.end_ns, self._leg
+        struck = self._axes.struck(axis, 1)
+        if leg is Leg.SEARCH and struck:
+            self._brake(axis, Leg.BRAKE)
+        elif leg is Leg.FREE and not struck:
+            self._brake(axis, Leg.BRAKE_FREE)
+        elif not stands:
+            return False
+        elif leg in (Leg.SEARCH, Leg.FREE):
+            self.failed = axis
+            self.stop()
+        elif leg is Leg.STOP:
+            self.stop()
+        elif leg is Leg.BRAKE:
+            self._move(axis, FREE, SLOW_HZ, Leg.FREE)
+        elif leg is Leg.BRAKE_FREE and (left := self._axes.to_pulse(axis)):
+            self._move(axis, left, SLOW_HZ, Leg.PULSE)
+        else:
+            self._outgoing.add(CounterSet(axis, self._axes.place(axis)))
+            self._order.pop(0)
+            self._next()
+        return True
 
-    _waits_for_pulse = False
+    def _move(self, axis: int, way: float, speed_hz: float, leg: Leg) -> None:
+        plan, k = self._plan()
+        self._begin(plan.to(axis, k, plan.displacement(k)[axis] + way, speed_hz), leg)
 
-    def _to_here(self, axis: int, now_ns: int) -> None:
-        """Brake; from where it stands the zero pulse is approached."""
-        self._brake(axis, now_ns)
-        self._waits_for_pulse = True
+    def _brake(self, axis: int, leg: Leg) -> None:
+        plan, k = self._plan()
+        self._begin(plan.braked(axis, k), leg)
 
-    def _to(self, axis: int, now_ns: int, way: float, speed: float) -> None:
-        plan, k = self._plan(now_ns)
-        self._replace(plan.to(axis, k, plan.displacement(k)[axis] + way, speed), now_ns)
-
-    def _brake(self, axis: int, now_ns: int) -> None:
-        plan, k = self._plan(now_ns)
-        self._replace(plan.braked(axis, k), now_ns)
-
-    def _plan(self, now_ns: int) -> tuple[Indexer, int]:
+    def _plan(self) -> tuple[Indexer, int]:
+        """The plan under way, and its next tick."""
         assert self.run is not None
         assert isinstance(self.run.plan, Indexer)
-        return self.run.plan, max(0, -((self.run.start_ns - now_ns) // self._period_ns))
+        return self.run.plan, max(0, -((self.run.start_ns - self._axes.now_ns) // PERIOD_NS))
 
-    def _replace(self, plan: Indexer, now_ns: int) -> None:
+    def _begin(self, plan: Indexer, leg: Leg) -> None:
         assert self.run is not None
-        self.run = replace(self.run, plan=plan)
+        self.run, self._leg = replace(self.run, plan=plan), leg

@@ -7,14 +7,14 @@ P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
-from isel_twin.firmware.bwo900.realtime.path import Limits
+from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
+from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest
 
@@ -51,93 +51,79 @@ def step_on(parameters: Parameters) -> None:
 class Jog:
     """A move in HAND."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        limits: Limits,
-        counts: Sequence[int],
-        sign: int,
-        period_ns: int,
-        now_ns: int,
-        *,
-        override: float = 1.0,
-    ) -> None:
-        """counts: where the axes stand, increments. sign: +1, -1. override: of the speed, 0: it waits.
+    def __init__(self, parameters: Parameters, axes: Axes, sign: int, override: float) -> None:
+        """sign: +1, -1. override: of the speed; 0: it waits.
 
         Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
         """
-        p, self._period_ns = parameters, period_ns
+        p, limits, counts = parameters, axes.limits(), axes.counts
         axis = int(p.given(P.HAND_AXIS, 1.0)) - 1
-        if not 0 <= axis < len(counts):
-            raise ProgramError(Code.UNKNOWN_AXIS, f"P8751 is {axis + 1}; allowed: 1 to {len(counts)}")
+        if not 0 <= axis < AXES:
+            raise ProgramError(Code.UNKNOWN_AXIS, f"P8751 is {axis + 1}; allowed: 1 to {AXES}")
         kind = int(p.given(P.HAND_KIND, 1.0))
         if kind not in (CONTINUOUS, STEP):
             raise ProgramError(Code.NOT_IN_HAND, f"P8750 is {kind}; there are 1 continuous and 2 step")
-        self.axis, self._kind = axis, kind
         per_mm = limits.increments_per_mm[axis]
-        high, low = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
-        edge = high if sign > 0 else low
+        edge = of_axis(axis, Axis.LIMIT_HIGH if sign > 0 else Axis.LIMIT_LOW)
         far = p.get(edge) if p.loaded(edge) else sign * FURTHEST_MM
         here = counts[axis] / per_mm
         way = far - here if kind == CONTINUOUS else sign * step_mm(p)
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
-            raise ProgramError(Code.SOFTWARE_LIMIT_HIGH if sign > 0 else Code.SOFTWARE_LIMIT_LOW, "XYZ"[axis])
+            raise ProgramError(Code.SOFTWARE_LIMIT_HIGH if sign > 0 else Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
         fastest = min(p.given(P.HAND_FASTEST, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
-        speed = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
-        self._parameters, self._speed, self._per_mm = p, speed, per_mm
-        self._acceleration, self._axes = limits.rapid_acceleration[axis] * per_mm, len(counts)
+        self.axis, self._kind = axis, kind
+        self._parameters, self._axes, self._per_mm = p, axes, per_mm
+        self._speed_mm_s = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
+        self._acceleration = limits.rapid_acceleration[axis] * per_mm
         self._left = float(round(way * per_mm))
         """Way that is left where the present run began."""
         self._override = 0.0
+        self._released = False
+        """The key is released: it brakes."""
         self.over = False
         """It has come to its end."""
         self.run: SetPointRun | None = None
-        self.scale(override, now_ns)
+        self.scale(override)
 
     @property
     def next_ns(self) -> int | None:
         """When `advance` is due."""
         return None if self.run is None else self.run.end_ns
 
-    def advance(self, now_ns: int) -> None:
+    def advance(self) -> None:
         """Let time pass."""
         run = self.run
-        if run is not None and now_ns >= run.end_ns:
+        if run is not None and self._axes.now_ns >= run.end_ns:
             self._left -= float(run.displacement(run.end_ns)[self.axis])
             self.run, self.over = None, self._released or self._override > 0.0
 
-    _released = False
-
-    def scale(self, override: float, now_ns: int) -> None:
+    def scale(self, override: float) -> None:
         """Another override: the axis goes on at that speed; 0 holds it."""
         if self._released:
             return
         self._override = override
-        self._parameters.write(P.HAND_FEED_NOW, override * self._speed * 60.0)
-        speed, run = override * self._speed * self._per_mm, self.run
-        if run is None:
-            if override > 0.0:
-                plan = at_rest(self._axes, self._period_ns, self._acceleration, ("jog", now_ns, self.axis))
-                self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), self._period_ns, now_ns)
-            return
-        assert isinstance(run.plan, Indexer)
-        tick = self._tick(run, now_ns)
-        changed = (
-            run.plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else run.plan.braked(self.axis, tick)
-        )
-        self.run = replace(run, plan=changed)
+        self._parameters.write(P.HAND_FEED_NOW, override * self._speed_mm_s * 60.0)
+        speed, now_ns = override * self._speed_mm_s * self._per_mm, self._axes.now_ns
+        if self.run is not None:
+            plan, tick = self._plan(self.run)
+            plan = plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else plan.braked(self.axis, tick)
+            self.run = replace(self.run, plan=plan)
+        elif override > 0.0:
+            plan = at_rest(AXES, PERIOD_NS, self._acceleration, ("jog", now_ns, self.axis))
+            self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), PERIOD_NS, now_ns)
 
-    def _tick(self, run: SetPointRun, now_ns: int) -> int:
-        return max(0, -((run.start_ns - now_ns) // self._period_ns))
-
-    def release(self, now_ns: int, *, everything: bool = False) -> None:
+    def release(self, *, everything: bool = False) -> None:
         """The key is released: brake, unless it is a step; everything: a step as well."""
-        run = self.run
         if self._kind == STEP and not everything:
             return
         self._released = True
-        if run is None:
+        if self.run is None:
             self.over = True
             return
+        plan, tick = self._plan(self.run)
+        self.run = replace(self.run, plan=plan.braked(self.axis, tick))
+
+    def _plan(self, run: SetPointRun) -> tuple[Indexer, int]:
+        """The plan under way, and its next tick."""
         assert isinstance(run.plan, Indexer)
-        self.run = replace(run, plan=run.plan.braked(self.axis, self._tick(run, now_ns)))
+        return run.plan, max(0, -((run.start_ns - self._axes.now_ns) // PERIOD_NS))

@@ -52,7 +52,7 @@ SLOWEST: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class MotionLimits:
     """What the axes and the path can, from the parameters; one value an axis."""
 
     increments_per_mm: tuple[float, ...]
@@ -87,7 +87,7 @@ class Limits:
     """P12010 of an axis: ramps are sin^2. They take as long as linear ones, and are pi/2 steeper in their middle."""
 
     @classmethod
-    def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> Limits:
+    def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
         fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
@@ -137,7 +137,7 @@ def circumradius(a: Point, b: Point, c: Point) -> float:
     return chord / (2.0 * sine) if sine > STRAIGHT else math.inf
 
 
-def feed_factor(arc: Arc, correction: Correction, limits: Limits) -> float:
+def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float:
     """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
 
     An arc around an outer corner has no contour of its own: 1.
@@ -183,10 +183,10 @@ def corner_factor(cosine: float, exponent: float) -> float:
     return min(max(cosine, 0.0), 1.0) ** exponent
 
 
-class Path:
+class PieceMaker:
     """Makes pieces of blocks, one block after the other; remembers where the last one ended, and how."""
 
-    def __init__(self, limits: Limits, position: Point) -> None:
+    def __init__(self, limits: MotionLimits, position: Point) -> None:
         """position: where the axes stand, mm."""
         self.limits = limits
         self._place = self._increments(position)
@@ -311,7 +311,6 @@ class _Curve:
         self._arc, self._begin, self._per_mm = arc, np.array(begin, dtype=np.float64), np.array(per_mm)
 
     def displacement(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `Curve.displacement`."""
         arc = self._arc
         share = s / arc.length_mm
         start, end = np.array(arc.start), np.array(arc.end)

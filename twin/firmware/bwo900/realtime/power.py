@@ -9,10 +9,12 @@ E-stop, the loss of the supply and a fault of a drive switch off.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.messages import Code
+from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
 POWER_NS: Final = 500 * MILLISECOND_NS
@@ -21,10 +23,10 @@ POWER_NS: Final = 500 * MILLISECOND_NS
 class Power:
     """Whether the drives have power, and may have it."""
 
-    def __init__(self, levels: dict[str, bool], axes: int, outgoing: Outgoing) -> None:
-        """levels: of the inputs, which someone else keeps up to date."""
+    def __init__(self, levels: Mapping[str, bool], outgoing: Outgoing) -> None:
+        """levels: of the inputs, kept up to date by the caller."""
         self._levels, self._outgoing = levels, outgoing
-        self.faulty = [False] * axes
+        self.faulty = [False] * AXES
         """Drives that have switched themselves off."""
         self.on = False
         self.until_ns: int | None = None

@@ -12,15 +12,14 @@ knows nothing of what has been made (`MOST_PIECES`): the same set points in boun
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Point
-from isel_twin.firmware.bwo900.realtime.path import Limits, Path
-from isel_twin.firmware.bwo900.realtime.services import Services
+from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.joined import Joined, Pieces, joined
 
@@ -45,7 +44,7 @@ class Stretch:
         self.run: SetPointRun | None = None
         """Set points, while there are any."""
         self._plan: Joined | None = None
-        self._path: Path | None = None
+        self._pieces: PieceMaker | None = None
         self._entries: deque[_Entry] = deque()
         self._made = 0
         """Pieces of the stretch that were made in earlier runs of it."""
@@ -133,37 +132,37 @@ class Stretch:
 
     # ---- what happens to it -----------------------------------------------------------------------------------------
 
-    def stand(self, limits: Limits, position: Point) -> None:
+    def stand(self, limits: MotionLimits, position: Point) -> None:
         """The next path begins here, mm."""
-        self._path = Path(limits, position)
+        self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
         """There is none any more."""
         self._entries.clear()
         self._plan, self.run = None, None
 
-    def begin(self, blocks: Sequence[PathBlock], limits: Limits, scale: float, now_ns: int) -> None:
-        """A stretch begins with these blocks. scale: the override. Raises ProgramError, see Path.pieces."""
-        assert self._path is not None
-        self._path.limits = limits
+    def begin(self, blocks: Sequence[PathBlock], limits: MotionLimits, scale: float, now_ns: int) -> None:
+        """A stretch begins with these blocks. scale: the override. Raises ProgramError, see PieceMaker.pieces."""
+        assert self._pieces is not None
+        self._pieces.limits = limits
         self._entries.clear()
         self._made = 0
-        self._path.stop()
+        self._pieces.stop()
         pieces = self._enter(blocks)
         self._serial += 1
         self._plan = joined(pieces, PERIOD_NS, sine=limits.sine, scale=scale, identity=self._serial)
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
     def append(self, blocks: Sequence[PathBlock], now_ns: int) -> None:
-        """It goes on with these. Raises ProgramError, see Path.pieces."""
+        """It goes on with these. Raises ProgramError, see PieceMaker.pieces."""
         pieces = self._enter(blocks)
         if len(pieces):
             self.replan(now_ns, append=pieces)
             self._hand_over(now_ns)
 
     def _enter(self, blocks: Sequence[PathBlock]) -> Pieces:
-        assert self._path is not None
-        pieces, counts = self._path.pieces(blocks)
+        assert self._pieces is not None
+        pieces, counts = self._pieces.pieces(blocks)
         done = self._entries[-1].until if self._entries else 0
         for block, count in zip(blocks, counts, strict=True):
             done += count
@@ -228,37 +227,3 @@ class Stretch:
         self._plan = plan.forgetting(max(tick - 1, run.first))
         start_ns = run.start_ns + (tick - run.first) * PERIOD_NS
         self.run = SetPointRun(self._plan, PERIOD_NS, start_ns, first=tick)
-
-
-def breaks_after(block: PathBlock, halts: bool) -> bool:
-    """Whether the axes stand at its end, and something is waited for. halts: single block stops there."""
-    return block.stands or any(function.halt for function in block.post) or halts
-
-
-def joins(block: PathBlock, following: PathBlock, halts: bool, next_halts: bool) -> bool:
-    """Whether a block belongs to the stretch of the one before it. halts, next_halts: single block stops after them."""
-    return (
-        not breaks_after(block, halts)
-        and not any(function.halt for function in following.pre)
-        and following.override == block.override
-        and not (not following.elements and breaks_after(following, next_halts))
-    )
-
-
-def joining(
-    waiting: deque[PathBlock], last: PathBlock | None, halts: Callable[[PathBlock], bool], services: Services
-) -> list[PathBlock]:
-    """Take the waiting blocks that belong to the stretch behind its last block; None: the first of them begins it.
-
-    halts: whether single block stops after a block.
-    """
-    chosen: list[PathBlock] = []
-    while waiting:
-        block = waiting[0]
-        if last is not None and not joins(last, block, halts(last), halts(block)):
-            break
-        if last is not None and (services.allowed(block) or not services.room()):
-            break
-        chosen.append(waiting.popleft())
-        last = block
-    return chosen

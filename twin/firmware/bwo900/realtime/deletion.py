@@ -13,66 +13,63 @@ P12045   byte 1, 2 = 1: released in +, in -; byte 4, bit 0: while the probe is o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte, of_axis
+from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
+from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 PROBE: Final = "e0.6"
 """Terminal of the probe."""
 
 
-class Watch:
-    """What is watched for, and what it leaves behind."""
+class DeletionWatch:
+    """Looks for the signal that deletes a path, and keeps where the axes were."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        levels: Mapping[str, bool],
-        places_mm: Callable[[], Sequence[tuple[float, float]]],
-        block: Callable[[], tuple[str, int]],
-    ) -> None:
-        """levels: of inputs. places_mm: of each axis, measured: in the machine, on the display. block: in execution."""
-        self._parameters, self._levels, self._places_mm, self._block = parameters, levels, places_mm, block
+    def __init__(self, parameters: Parameters, levels: Mapping[str, bool], axes: Axes, executed: Executed) -> None:
+        """levels: of the inputs, kept up to date by the caller."""
+        self._parameters, self._levels, self._axes, self._executed = parameters, levels, axes, executed
 
     def begins(self) -> None:
         """A block with M26 begins."""
         self._parameters.write(P.DELETED, -1.0)
-        for axis, _ in enumerate(self._places_mm()):
+        for axis in range(AXES):
             self._state(axis, taken=False)
 
     def deletes(self, block: PathBlock) -> bool:
-        """Whether the signal is there that deletes the path or the dwell of a block with M26."""
+        """True if the path or the dwell of a block with M26 is to be deleted: P8715, or the probe."""
         return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
         """A path or a dwell has been deleted."""
-        self._parameters.write(P.DELETED, float(self._block()[1]))
+        self._parameters.write(P.DELETED, float(self._executed.place[1]))
         self.keep()
 
     def keep(self) -> None:
-        """Where the axes are is kept."""
+        """Keep where the axes are."""
         p = self._parameters
         mask, shown = int(p.get(P.KEEP_MASK)), bool(byte(p.get(P.MEASURED_DISPLAY), 1))
-        for axis, (machine_mm, display_mm) in enumerate(self._places_mm()):
+        for axis in range(AXES):
             if mask <= 0 or mask >> axis & 1:
-                p.write(of_axis(axis, Axis.MEASURED_PLACE), display_mm if shown else machine_mm)
+                shift_mm = self._executed.display_shift_mm(axis) if shown else 0.0
+                p.write(of_axis(axis, Axis.MEASURED_PLACE), self._axes.actual_mm(axis) - shift_mm)
                 self._state(axis, taken=True)
 
     def written(self, number: int, value: float | None) -> None:
-        """A parameter P was written: some are signals."""
+        """A parameter P was written: P8715 and P8716 are signals."""
         if number == P.DELETE and not value:
             self._parameters.write(P.DELETED, 0.0)
         elif number == P.KEEP:
             if value == 1.0:
                 self.keep()
-            self._parameters.write(P.KEPT, float(self._block()[1]) if value == 1.0 else 0.0)
+            self._parameters.write(P.KEPT, float(self._executed.place[1]) if value == 1.0 else 0.0)
 
     def touched(self) -> None:
-        """The probe has changed."""
-        for axis, _ in enumerate(self._places_mm()):
+        """The probe has changed: P12181 tells its level."""
+        for axis in range(AXES):
             self._state(axis, taken=bool(int(self._parameters.get(of_axis(axis, Axis.MEASURED))) & 1))
 
     def _state(self, axis: int, *, taken: bool) -> None:
@@ -80,10 +77,10 @@ class Watch:
         self._parameters.write(of_axis(axis, Axis.MEASURED), float(taken | probe << 8))
 
     def _probed(self, block: PathBlock) -> bool:
-        """Whether the probe is as an axis that the block moves is released for; without a path any axis counts."""
+        """True if the probe acts for an axis in the direction the block moves it; without a path any axis counts."""
         probe = self._levels.get(PROBE, False)
         ways = [b - a for a, b in zip(block.elements[0].start, block.finish, strict=True)] if block.elements else []
-        for axis, _ in enumerate(self._places_mm()):
+        for axis in range(AXES):
             forth, back, opens = self._logic(axis)
             if probe is opens:
                 continue
@@ -93,7 +90,7 @@ class Watch:
         return False
 
     def _logic(self, axis: int) -> tuple[bool, bool, bool]:
-        """Released in +, in -; and whether it acts while it is off."""
+        """P12045 of an axis: the probe acts in +, in -; True if it acts while it is off."""
         number = of_axis(axis, Axis.PROBE_LOGIC)
         if not self._parameters.loaded(number):
             return True, True, False

@@ -1,0 +1,158 @@
+"""viser's server behind the panel's own socket, pages and gate: nothing else of it can be reached.
+
+    listener, bound before anything else starts  --> gate --> GET: the panel's pages
+                                                        '---> WebSocket: /operate, or viser's scene
+
+viser has no door for this: it opens a port of its own and lets everybody in. So, while it starts, the name
+`websockets` in its module is exchanged for a `_Front`, which hands on what viser asks for and changes one call. That
+name is private, and a later viser may do without it. Therefore the start ends with a proof: viser serves at the panel's
+own port, and whoever names a foreign host or comes from a foreign page is refused there. Without it the panel does not
+start. What nobody here wants, to share a scene through a server of viser's makers, is taken out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import http
+import http.client
+import io
+import logging
+import socket
+from collections.abc import Awaitable, Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+import viser
+import viser.infra._infra as viser_infra
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from isel_twin.base.errors import CallError
+
+MESSAGE_BYTES = 1 << 20
+"""Longest message of a browser."""
+
+FAREWELL_S = 1.0
+"""Longest wait for a browser that is let go to say so."""
+
+PROOF_S = 60.0
+"""Longest wait for the answer of the panel's own server at its start: far more than the busiest computer needs."""
+
+FOREIGN = "elsewhere.invalid"
+"""A host that nobody has (RFC 2606)."""
+
+_quiet = logging.getLogger("isel_twin.panel.web")
+_quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+Respond = Callable[[ServerConnection, Request], Response | None]
+
+
+class UnguardedError(CallError):
+    """This viser cannot be kept behind the gate."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(
+            f"panel: not started, as this viser ({viser.__version__}) cannot be guarded: {why}; "
+            "pip install 'isel-twin[panel]' takes one that can",
+            option=True,
+        )
+
+
+def start(
+    listener: socket.socket, respond: Respond, operate: Handler
+) -> tuple[viser.ViserServer, asyncio.AbstractEventLoop]:
+    """viser's server at `listener`, in a thread of its own, and the loop in that thread.
+
+    respond: answers each request before a WebSocket begins; None lets it begin. operate: serves those at /operate.
+    Raises UnguardedError if it is not proved that `respond` decides who is let in.
+    """
+    front = _Front(listener, respond, operate)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser greets on the standard output
+        with front:
+            server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            if front.loop is None or server.get_port() != listener.getsockname()[1]:
+                raise UnguardedError("it opens a port of its own")
+            _prove(listener)
+        except BaseException:
+            server.stop()
+            raise
+    server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # by a public server
+    return server, front.loop
+
+
+def _prove(listener: socket.socket) -> None:
+    """Ask as a foreign host and as a foreign page, for the page and for a WebSocket; each must be refused."""
+    socket_words = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "aXNlbC10d2luIHByb29mIQ==",
+    }
+    address, port = listener.getsockname()[:2]
+    address = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(address, address)
+    for words in ({}, socket_words):
+        for foreign in ({"Host": FOREIGN}, {"Host": f"localhost:{port}", "Origin": f"http://{FOREIGN}"}):
+            connection = http.client.HTTPConnection(address, port, timeout=PROOF_S)
+            try:
+                connection.request("GET", "/", headers=words | foreign)
+                status = connection.getresponse().status
+            except (OSError, http.client.HTTPException) as error:
+                raise UnguardedError(f"its server does not answer ({error})") from None
+            finally:
+                connection.close()
+            if status != http.HTTPStatus.FORBIDDEN:
+                raise UnguardedError("it lets a foreign page in")
+
+
+class _Front:
+    """What viser takes for the package `websockets` while it starts. Nobody else's websockets are touched."""
+
+    def __init__(self, listener: socket.socket, respond: Respond, operate: Handler) -> None:
+        self._listener, self._respond, self._operate = listener, respond, operate
+        self._real: Any = None
+        self.loop: asyncio.AbstractEventLoop | None = None
+        """The loop in which viser serves, once it does."""
+
+    def __enter__(self) -> None:
+        try:
+            self._real = viser_infra.websockets
+        except AttributeError:
+            raise UnguardedError("its server has no such door") from None
+        viser_infra.websockets = self  # type: ignore[assignment]
+
+    def __exit__(self, *_: object) -> None:
+        viser_infra.websockets = self._real
+
+    @property
+    def asyncio(self) -> _Front:
+        """`websockets.asyncio`, and what is in it that viser calls."""
+        return self
+
+    @property
+    def server(self) -> _Front:
+        """`websockets.asyncio.server`."""
+        return self
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._real, name)
+
+    def serve(self, scene: Handler, _host: str, _port: int, **options: Any) -> Any:
+        """`websockets.asyncio.server.serve`, as viser calls it."""
+        self.loop = asyncio.get_running_loop()
+
+        async def handle(connection: ServerConnection) -> None:
+            assert connection.request is not None
+            own = urlsplit(connection.request.path).path == "/operate"
+            await (self._operate(connection) if own else scene(connection))
+
+        options |= {
+            "process_request": self._respond,
+            "max_size": MESSAGE_BYTES,
+            "close_timeout": FAREWELL_S,
+            "logger": _quiet,
+        }
+        return websockets.asyncio.server.serve(handle, sock=self._listener, **options)

@@ -1,0 +1,74 @@
+"""What a browser gets by GET: the page, viser's client for the scene, the recording; and what these may load.
+
+A policy in each answer keeps browsers from asking anybody else for anything.
+"""
+
+from __future__ import annotations
+
+import http
+import importlib.resources
+from pathlib import Path
+
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+FILE_BYTES = 1 << 28
+"""Longest recording that goes through the page; all of it is in memory for a moment."""
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+"""What the page may load, and from whom: from here alone."""
+
+SCENE_POLICY = (
+    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-ancestors 'self'; "
+    "base-uri 'none'; form-action 'none'"
+)
+"""The same for viser's client, which is one file with everything in it, compressed."""
+
+HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"
+"""Of viser's client, what the page has itself."""
+
+
+def pages() -> dict[str, tuple[str, bytes]]:
+    """Kind and content of what can be had by GET."""
+    page = importlib.resources.files("isel_twin.bridge.operate.panel") / "page"
+    client = importlib.resources.files("viser") / "client" / "build" / "index.html"
+    scene = client.read_text(encoding="utf-8").replace("</head>", f"{HIDDEN}</head>", 1)
+    html, style, script = "text/html; charset=utf-8", "text/css; charset=utf-8", "text/javascript; charset=utf-8"
+    return {
+        "/": (html, (page / "panel.html").read_bytes()),
+        "/panel.css": (style, (page / "panel.css").read_bytes()),
+        "/panel.js": (script, (page / "panel.js").read_bytes()),
+        "/scene": (html, scene.encode()),
+    }
+
+
+def response(
+    status: http.HTTPStatus, data: bytes, kind: str = "text/plain; charset=utf-8", policy: str = POLICY
+) -> Response:
+    headers = Headers()
+    headers["Content-Type"] = kind
+    headers["Content-Length"] = str(len(data))
+    headers["Content-Security-Policy"] = policy
+    headers["X-Content-Type-Options"] = "nosniff"
+    headers["Referrer-Policy"] = "no-referrer"
+    headers["Cross-Origin-Resource-Policy"] = "same-origin"
+    headers["Cache-Control"] = "no-store"
+    return Response(status.value, status.phrase, headers, data)
+
+
+def file_response(path: Path) -> Response:
+    """What there is of a file that is being written."""
+    try:
+        if path.stat().st_size > FILE_BYTES:
+            return response(http.HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"{path} is too large: copy it there\n".encode())
+        data = path.read_bytes()
+    except OSError as error:
+        return response(http.HTTPStatus.NOT_FOUND, f"{path.name}: {error.strerror}\n".encode())
+    answer = response(http.HTTPStatus.OK, data, "application/octet-stream")
+    answer.headers["Content-Disposition"] = "attachment"
+    return answer

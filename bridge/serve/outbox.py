@@ -1,0 +1,37 @@
+"""Replies on their way to a host or client that may be slow."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+
+log = logging.getLogger("isel_twin")
+
+OUTBOX_BYTES = 65_536
+"""Replies kept for a host that does not read. What is beyond is lost, as on a serial line without flow control."""
+
+
+class Outbox:
+    """Bytes on their way to a host that may be slow: bounded, never blocking."""
+
+    def __init__(self, write: Callable[[bytes], int]) -> None:
+        self._write = write
+        self._waiting = bytearray()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, data: bytes) -> None:
+        """Take all of `data` or, when the host has not read for too long, nothing. Raises OSError as `write` does."""
+        if len(self._waiting) + len(data) > OUTBOX_BYTES:
+            log.warning("the host does not read: %d reply bytes are lost", len(data))
+            return
+        self._waiting += data
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what the host takes now."""
+        with suppress(BlockingIOError):
+            while self._waiting:
+                del self._waiting[: self._write(bytes(self._waiting))]

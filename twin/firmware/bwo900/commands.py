@@ -1,0 +1,121 @@
+"""Parameters that are keys: what the line, a key of the panel or the program asks for by writing one (manual 8.4).
+
+    written(P8684, 1) --> keys.wish --> START --> operating.py
+                                        STOP, ABORT, MODE, MOVE, REFERENCE, OVERRIDE ...
+
+What a program asks for waits until the channel has come to rest (`answer`).
+"""
+
+from __future__ import annotations
+
+from isel_twin.controller import Reply
+from isel_twin.firmware.bwo900 import keys
+from isel_twin.firmware.bwo900.execution import Execution
+from isel_twin.firmware.bwo900.keys import Wish
+from isel_twin.firmware.bwo900.messages import Code, Effect, ProgramError, message
+from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.operating import Operating
+from isel_twin.firmware.bwo900.programs.stored import Store
+from isel_twin.firmware.bwo900.realtime import overrides
+from isel_twin.firmware.bwo900.realtime.axes import AXES
+from isel_twin.firmware.bwo900.realtime.jog import step_on
+from isel_twin.firmware.bwo900.status import NUMBERS
+from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
+
+WITH_STATUS = 5
+"""P11181: parameters are put out with their status."""
+
+
+class Commands:
+    """Carries out what a written parameter asks for."""
+
+    def __init__(self, operating: Operating, execution: Execution, store: Store) -> None:
+        self._operating, self._execution, self._store = operating, execution, store
+        self._parameters = execution.parameters
+
+    def answer(self) -> None:
+        """Do what the program has asked for."""
+        asked = self._execution.asked
+        while asked:
+            self.written(*asked.pop(0), "P", 1)
+
+    def written(self, number: int, value: float | None, area: str, channel: int) -> None:
+        """A parameter has been written: some are keys. Those are named by their P; as q they are part of a backup."""
+        p = self._parameters
+        if area == "P" and channel == 1:
+            self._execution.deletion.written(number, value)
+            self._execution.interpreter.command(number, value, in_hand=self._operating.mode is Mode.HAND)
+        known = p.of_channel(number) if area == "q" else number if channel == 1 else None
+        wanted = None if known is None else keys.wish(known, value, AXES)
+        if wanted is None or (area == "q" and wanted[0] is not Wish.OVERRIDE):
+            return
+        wish, given = wanted
+        if wish in (Wish.PUT_OUT, Wish.REFERENCE):
+            p.write(number, 0.0)
+        self._carry_out(wish, given)
+        if wish in (Wish.ABORT, Wish.CLEAR):
+            p.write(number, 0.0)
+
+    def _carry_out(self, wish: Wish, given: float) -> None:
+        operating, p = self._operating, self._parameters
+        match wish:
+            case Wish.MODE:
+                operating.set_mode(int(given))
+            case Wish.START:
+                operating.start()
+            case Wish.STOP:
+                operating.stop()
+            case Wish.ABORT:
+                operating.abort()
+            case Wish.MOVE:
+                operating.move(int(given))
+            case Wish.PUT_OUT:
+                self._put_out(int(given))
+            case Wish.CLEAR:
+                self._execution.hardware.outgoing.acknowledge()
+            case Wish.OVERRIDE:
+                overrides.written(p, int(given))
+                operating.override_changed()
+            case Wish.FUNCTION:
+                operating.send_function(int(given))
+            case Wish.NEXT_STEP:
+                step_on(p)
+            case Wish.LOCK:
+                operating.lock()
+            case Wish.FEED:
+                self._execution.channel.path.set_feed(given)
+            case Wish.MAP:
+                p.write(P.MAP_Q, self._mapped(int(given)))
+            case Wish.REFERENCE:
+                operating.refer(int(given))
+
+    def _mapped(self, number: int) -> float | None:
+        """P8553: the q that a P is; None: there is no such P."""
+        try:
+            return float(self._parameters.address("P", number))
+        except ProgramError:
+            return None
+
+    def _put_out(self, kind: int) -> None:
+        """All parameters as a file, 5 with their status."""
+        p = self._parameters
+        assert p.live is not None
+        self._execution.rest()
+        for number in NUMBERS:
+            p.write(number, p.live(number))
+        self._reply(parameter_file(p, status=kind == WITH_STATUS))
+
+    def put_out_programs(self, number: int) -> None:
+        """A program P as a file, 0: all programs and cycles in one."""
+        names = [f"P{number}"] if number else sorted(self._store)
+        if number and names[0] not in self._store:
+            self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
+            return
+        self._reply("".join(self._store[name].file for name in names))
+
+    def _reply(self, text: str) -> None:
+        """A file goes out."""
+        sign = bytes([end_of_file(self._parameters)])
+        file = b"\r\n" + text.encode("latin-1", errors="replace") + sign + b"\r\n"
+        self._execution.hardware.outgoing.add(Reply(file))

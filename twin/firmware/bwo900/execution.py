@@ -1,0 +1,169 @@
+"""The program in execution: how it begins, what its blocks do to the control, how it ends (manual 7.5).
+
+Start --> begin: feeder.py, interpreter, restart --> channel --> ended: where it was broken off, an image for the flash
+"""
+
+from __future__ import annotations
+
+from isel_twin.controller import FlashWrite, Remark, Step
+from isel_twin.firmware.bwo900 import keys, status
+from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
+from isel_twin.firmware.bwo900.analysis.restart import find
+from isel_twin.firmware.bwo900.feeder import Feeder
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.hardware import Hardware
+from isel_twin.firmware.bwo900.memory import Memory
+from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.parameters import byte
+from isel_twin.firmware.bwo900.programs.stored import Store
+from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.realtime.axes import AXES
+from isel_twin.firmware.bwo900.realtime.channel import Channel
+from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
+from isel_twin.firmware.bwo900.realtime.executed import Executed
+
+POSITIONED = "P0"
+"""The program whose first block a positioning block is."""
+
+
+class Execution:
+    """Programs and the channel that carries them out; the `Surroundings` of that channel."""
+
+    def __init__(self, hardware: Hardware, store: Store, memory: Memory) -> None:
+        self.hardware, self._store, self._memory = hardware, store, memory
+        self.parameters, self.axes, self.plc = hardware.parameters, hardware.axes, hardware.plc
+        self.parameters.live = self._value
+        self.interpreter = Interpreter(self.parameters, store)
+        self.interpreter.on_write = self._ask
+        self.executed = Executed(self.interpreter)
+        self.deletion = DeletionWatch(self.parameters, hardware.levels, self.axes, self.executed)
+        self.channel = Channel(self.interpreter, self)
+        self.feeder = Feeder(self.parameters, store)
+        self.mode = Mode.HAND
+        self.asked: list[tuple[int, float | None]] = []
+        """Parameters that the program has written, and that are keys: they act once the channel has come to rest."""
+        self._began_at: tuple[float, ...] = (0.0,) * AXES
+        """Where the axes stood as the last program was started, mm."""
+        self._broken = ""
+        """Where the last program was broken off, for people; empty: it was not."""
+
+    # ---- what the channel asks for ----------------------------------------------------------------------------------
+
+    @property
+    def single(self) -> bool:
+        return self.mode is Mode.SINGLE
+
+    def write(self, number: int, value: float | None) -> None:
+        self.parameters.write(number, value)
+        self.deletion.written(number, value)
+        self._ask(number, value)
+
+    def say(self, said: Message) -> None:
+        self.hardware.say(said)
+
+    def show(self, text: Text) -> None:
+        program, block = self.executed.place
+        if text.text:
+            self.hardware.outgoing.add(Remark(f"{program} N{block}: {text.text}"))
+
+    def begun(self, t_ns: int, block: PathBlock) -> None:
+        text = self._store.text(block.program, block.number)
+        counts = self.axes.counts_at(t_ns)
+        plane = (block.plane.first, block.plane.second)
+        self.hardware.outgoing.add(Step(t_ns, f"{block.program} N{block.number}", text, counts, plane, block.tool_mm))
+
+    def ended(self, broken: tuple[str, int] | None) -> None:
+        p = self.parameters
+        if broken is not None:
+            self.plc.forget()
+        self.feeder.end()
+        if p.get(P.RESTART_STATE):
+            p.write(P.RESTART_STATE, 0.0)
+        self.rest()
+        name, block = broken or ("", 0)
+        self._broken = f"{name} N{block} is broken off" if broken else ""
+        for number, value in (
+            (P.BROKEN_PROGRAM, name[1:]),
+            (P.BROKEN_BLOCK, block),
+            (P.ABORTED_PROGRAM, name[1:]),
+            (P.ABORTED_BLOCK, block),
+        ):
+            p.write(number, float(value or 0))
+        self.keep()
+
+    def _ask(self, number: int, value: float | None) -> None:
+        """The program has written a parameter P: one that is a key waits to be answered."""
+        if keys.wish(number, value, AXES) is not None:
+            self.asked.append((number, value))
+
+    # ---- the program ------------------------------------------------------------------------------------------------
+
+    @property
+    def program(self) -> str:
+        """The program that Start begins."""
+        return f"P{int(self.parameters.get(P.PROGRAM))}"
+
+    @property
+    def unfinished(self) -> str:
+        """Why the last program has not come to its end; empty: it has."""
+        if self.channel.held:
+            program, number = self.executed.place
+            wanted = "Start" if self.channel.path.override > 0.0 else "an override above 0 %"
+            if self.channel.path.locked:
+                wanted = "its release (P8701, P8702)"
+            return f"{program} N{number} waits for {wanted}"
+        return self._broken
+
+    @property
+    def hand_is_free(self) -> bool:
+        """Axes may be moved without a program."""
+        return self.mode is Mode.HAND and not self.channel.active and not self.channel.path.locked
+
+    def begin(self) -> None:
+        """The program of P8800 begins, or the positioning block."""
+        p = self.parameters
+        positioning = self.mode is Mode.POSITIONING
+        name = POSITIONED if positioning else self.program
+        block = None if positioning else int(p.get(P.START_BLOCK)) or None
+        self.hardware.outgoing.fault = False
+        try:
+            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM))
+            if not positioning:
+                self.feeder.start(name, from_the_middle=again or block is not None)
+            self._began_at = self._began_at if again else self.axes.position
+            self.interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
+            if again:
+                find(
+                    self.interpreter,
+                    f"P{int(p.get(P.BROKEN_PROGRAM))}",
+                    int(p.get(P.BROKEN_BLOCK)),
+                    self.axes.position,
+                    p.write,
+                )
+        except ProgramError as error:
+            self.say(message(error.number, program=name, detail=error.detail))
+            return
+        self._broken = ""
+        self.channel.start()
+
+    def rest(self) -> None:
+        """Without a program HAND has coordinates of its own."""
+        if self.hand_is_free:
+            self.interpreter.hand(self.axes.position)
+
+    def keep(self) -> None:
+        """Programs and parameters go into the flash."""
+        self.hardware.outgoing.add(FlashWrite(self._memory.image()))
+
+    def locked(self, name: str) -> bool:
+        """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
+        if not self.channel.active:
+            return False
+        only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1
+        return name in (self.interpreter.open if only_open else self.interpreter.opened)
+
+    def _value(self, number: int) -> float | None:
+        """Of a parameter that is worked out when it is asked for."""
+        return status.value(number, self.interpreter, self.channel, self.axes)

@@ -1,0 +1,35 @@
+"""What the control is wired to, and what it tells: inputs, axes, power, PLC, outputs and messages."""
+
+from __future__ import annotations
+
+from isel_twin.firmware.bwo900.machine_plc import MachinePlc
+from isel_twin.firmware.bwo900.messages import Message
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.realtime.axes import Axes
+from isel_twin.firmware.bwo900.realtime.hand import Hand
+from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
+from isel_twin.firmware.bwo900.realtime.power import Power
+
+
+class Hardware:
+    """One of each; `axes.now_ns` is the time of all of them."""
+
+    def __init__(self, parameters: Parameters, plc: str | None) -> None:
+        """plc: STEP 5 text in place of the default program."""
+        self.parameters = parameters
+        self.plc = MachinePlc(plc)
+        self.levels: dict[str, bool] = {}
+        """Of the inputs, by terminal."""
+        self.outgoing = Outgoing(parameters)
+        self.axes = Axes(parameters, self.levels)
+        self.power = Power(self.levels, self.outgoing)
+        self.hand = Hand(parameters, self.axes, self.outgoing)
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the control."""
+        return self.axes.now_ns
+
+    def say(self, said: Message) -> None:
+        """A message comes up now."""
+        self.outgoing.say(self.now_ns, said)

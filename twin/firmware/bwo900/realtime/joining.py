@@ -1,0 +1,52 @@
+"""Which of the waiting blocks run into each other without a stop, and so make one stretch of path."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
+
+ONLY_REAL_TIME: Final = 0x1010
+"""Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
+
+
+def halts(block: PathBlock, around: Surroundings) -> bool:
+    """True if single block stops after it."""
+    if not around.single:
+        return False
+    p = around.parameters
+    if not (block.main or int(p.get(P.SINGLE_EVERY))):
+        return False
+    return not int(p.get(P.START_FLAGS_1)) & ONLY_REAL_TIME or block.in_real_time
+
+
+def breaks_after(block: PathBlock, around: Surroundings) -> bool:
+    """True if the axes stand at its end and something is waited for."""
+    return block.stands or any(function.halt for function in block.post) or halts(block, around)
+
+
+def joins(block: PathBlock, following: PathBlock, around: Surroundings) -> bool:
+    """True if a block goes on in the stretch of the one before it."""
+    return (
+        not breaks_after(block, around)
+        and not any(function.halt for function in following.pre)
+        and following.override == block.override
+        and not (not following.elements and breaks_after(following, around))
+    )
+
+
+def joining(waiting: deque[PathBlock], last: PathBlock | None, around: Surroundings) -> list[PathBlock]:
+    """Take the waiting blocks that belong to the stretch behind `last`, its last block; None: a stretch begins."""
+    chosen: list[PathBlock] = []
+    while waiting:
+        block = waiting[0]
+        if last is not None and (
+            not joins(last, block, around) or around.axes.obstacle(block) is not None or not around.plc.room
+        ):
+            break
+        chosen.append(waiting.popleft())
+        last = block
+    return chosen

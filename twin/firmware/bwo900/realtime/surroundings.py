@@ -1,0 +1,79 @@
+"""What the channel needs around it: PLC, axes, parameters, messages, and somebody who begins and ends programs.
+
+Channel --- Surroundings ---> Execution (bwo900/execution.py)
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
+from isel_twin.firmware.bwo900.machine_plc import MachinePlc
+from isel_twin.firmware.bwo900.messages import Message
+from isel_twin.firmware.bwo900.numbers import P
+from isel_twin.firmware.bwo900.parameters import Parameters
+from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.realtime.axes import Axes
+from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
+from isel_twin.firmware.bwo900.realtime.executed import Executed
+
+
+class Surroundings(Protocol):
+    """The control as its channel sees it."""
+
+    parameters: Parameters
+    plc: MachinePlc
+    axes: Axes
+    executed: Executed
+    deletion: DeletionWatch
+
+    @property
+    def single(self) -> bool:
+        """Single block: the channel stops after every block."""
+
+    def write(self, number: int, value: float | None) -> None:
+        """Write a parameter P of a block that is carried out."""
+
+    def say(self, said: Message) -> None: ...
+
+    def show(self, text: Text) -> None:
+        """Show a text of the program to the operator."""
+
+    def begun(self, t_ns: int, block: PathBlock) -> None:
+        """A block of a program has begun at t_ns."""
+
+    def ended(self, broken: tuple[str, int] | None) -> None:
+        """The program has ended by itself (None), or was broken off in a block of a program."""
+
+
+def mute(around: Surroundings) -> bool:
+    """P8813: programs are carried out without M functions."""
+    return bool(int(around.parameters.get(P.WITHOUT_M)))
+
+
+def send(around: Surroundings, functions: tuple[Machine, ...]) -> None:
+    """Send M functions to the PLC, unless programs are carried out without."""
+    if functions and not mute(around):
+        for function in functions:
+            around.plc.function(around.axes.now_ns, function.code)
+
+
+def enter(around: Surroundings, block: PathBlock, t_ns: int) -> None:
+    """A block begins, or has begun at t_ns."""
+    if around.executed.enter(block):
+        around.begun(t_ns, block)
+
+
+def speak(around: Surroundings, block: PathBlock) -> None:
+    """Do what a block does as it begins: parameters, S, T, text, M functions, in this order (manual 3.6)."""
+    if block.watched:
+        around.deletion.begins()
+    for number, value in block.parameters:
+        around.write(number, value)
+    for spindle, speed in block.speeds.items():
+        around.plc.speed(spindle, speed)
+    if block.tool is not None:
+        around.plc.tool(block.tool)
+    if block.text is not None:
+        around.show(block.text)
+    send(around, block.pre)

@@ -1,0 +1,344 @@
+"""A machine as numbers for the compiled loop: its MuJoCo model, and the arrays of memory.py filled for it.
+
+    Machine, thresholds, start --- build ---> Built: model, data, Parts and what it takes to change them later
+
+Nut and carriage start in balance: an axis that gravity pulls hangs on the flank of its backlash from the beginning.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.drives.dynamics import OPEN, axis_parameters
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.servo import servo_parameters
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.shaft import axis_states
+from isel_twin.drives.stage import Stage
+from isel_twin.machine import Axis, Machine, MachineError
+from isel_twin.plant import Threshold, kernel, memory
+from isel_twin.plant.cutting import CUT
+from isel_twin.plant.feed import supply_state
+from isel_twin.plant.glide import gliding
+from isel_twin.plant.lead import no_leads
+from isel_twin.plant.margin import SPEEDS, available_torque
+from isel_twin.plant.memory import Parts
+from isel_twin.plant.model import left_of_x, reach, tool_motion
+from isel_twin.plant.thread import SCREW, feel
+
+REST_TIME_S = 0.025
+"""Standstill before the plant is frozen; a swinging joint is slow only at its turning points, never this long."""
+LARGEST_STEP_RATIO = 1.9
+"""Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above
+2 the exchange of forces feeds what swings, and sticking and sliding in turn can (decision P3)."""
+NEAR_M = 1e-9
+"""The loop compares a carriage with its position switches from this far before them on; rounding is far below."""
+
+_LEAST_V = 5.0
+"""A stage is not defined below this supply (Stage.supply_v): what a motor can do there is taken from here."""
+_QUANTITIES = {"position": memory.POSITION, "lag": memory.LAG, "fault": memory.FAULT}
+_LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")
+"""Names of the library of the mujoco package on Linux, macOS and Windows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A machine put together for the loop. Arrays change in place and none may be replaced: the loop has addresses."""
+
+    machine: Machine
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    parts: Parts
+    memory: NDArray[np.void]
+    """MEMORY [1] of the parts."""
+    dof: NDArray[np.int64]
+    """int64 [3], place of the joint of X, Y and Z in qpos and qvel."""
+    shape_mm: NDArray[np.float64]
+    """float64 [3, nv], what a metre of each joint moves the tool over the table along X, Y and Z, mm."""
+    reach: Mapping[str, NDArray[np.float64]]
+    """By place, see `isel_twin.plant.model.reach`."""
+    left: float
+    """See `isel_twin.plant.model.left_of_x`."""
+    closed: NDArray[np.bool_]
+    """bool [3], which axes have servo drives."""
+    coulomb_nm: NDArray[np.float64]
+    """float64 [3], dry friction of each shaft with its brake released."""
+    brake_nm: NDArray[np.float64]
+    """float64 [3], what the brake adds when it holds."""
+    inertia: NDArray[np.float64]
+    """float64 [nv, nv], kg."""
+    mobility: NDArray[np.float64]
+    """float64 [nv, nv], its inverse."""
+    weight: NDArray[np.float64]
+    """float64 [nv], N."""
+
+    def split(self, joints_n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces on the joints [nv] as forces on the nuts [3] that accelerate the carriages alike, and the rest [nv].
+
+        Returns the rest first: sub-steps know carriages and nuts alone, MuJoCo all joints.
+        """
+        nuts_n = (self.mobility @ joints_n)[self.dof] / self.parts.axes["mobility_per_kg"]
+        joints_n = joints_n.copy()
+        joints_n[self.dof] -= nuts_n
+        return joints_n, nuts_n
+
+
+def build(
+    machine: Machine, thresholds: Sequence[Threshold], start_mm: NDArray[np.float64], axes: int, model: mujoco.MjModel
+) -> Built:
+    """Arguments and errors: `isel_twin.plant.mujoco.MujocoPlant`."""
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION  # the motors are those of the drives
+    data = mujoco.MjData(model)
+    dof = np.array([model.joint(name).dofadr[0] for name in CARRIAGES])
+    drives = np.concatenate([_drive(machine, axis, machine.timing.substep_ns * 1e-9) for axis in machine.axes])
+    data.qpos[dof] = np.asarray(start_mm) * 1e-3
+    mujoco.mj_forward(model, data)
+    scratch = mujoco.MjData(model)
+    parts = _parts(machine, model, data, drives, thresholds, max(axes, memory.AXES), scratch)
+    built = Built(
+        machine=machine,
+        model=model,
+        data=data,
+        parts=parts,
+        memory=memory.memory_of(parts),
+        dof=dof,
+        shape_mm=1e3 * tool_motion(machine, model),
+        reach=reach(machine, model, scratch),
+        left=left_of_x(machine, model, scratch),
+        closed=np.array([axis.closed_loop for axis in machine.axes]),
+        coulomb_nm=drives["coulomb_nm"].copy(),
+        brake_nm=np.array([axis.brake_n for axis in machine.axes]) * drives["travel_m_per_rad"],
+        inertia=np.zeros((model.nv, model.nv)),
+        mobility=np.zeros((model.nv, model.nv)),
+        weight=np.zeros(model.nv),
+    )
+    _fill_axes(machine, parts.axes, dof)
+    weigh(built, data)
+    pull_n = -built.weight[dof].round(6)
+    parts.axes["zero_m"] = data.qpos[dof] - np.sign(pull_n) * drives["half_backlash_m"]
+    parts.plant["uneven"] = _lay_screws(machine, parts)
+    _check_steps(built)
+    find_available(built, 1.0)
+    for switch in parts.thresholds:
+        if switch["quantity"] == memory.POSITION:
+            switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
+    find_free(parts)
+    kernel.begin_window(built.memory)
+    return built
+
+
+def weigh(built: Built, data: mujoco.MjData) -> None:
+    """Fill in what follows from the masses. data: MuJoCo's, after `mj_forward` at the present place."""
+    model, parts, dof = built.model, built.parts, built.dof
+    mujoco.mj_fullM(model, data, built.inertia)
+    built.weight[:] = data.qfrc_bias
+    built.mobility[:] = np.linalg.inv(built.inertia)
+    parts.axes["mobility_per_kg"] = np.diagonal(built.mobility)[dof]
+    stiffness = model.jnt_stiffness[model.dof_jntid]
+    parts.springs[:] = -np.stack([built.mobility[dof] * of for of in (stiffness, model.dof_damping)])
+    pulls = [built.split(way) for way in (built.reach["tool"] + built.reach["table"])[:2]]
+    joints, nuts = (np.array(part) for part in zip(*pulls, strict=True))
+    parts.cut_joints[:], parts.cut_nuts[:] = joints, nuts
+
+
+def find_available(built: Built, left: float) -> None:
+    """Fill in the torque that the stepper motors have with this part of their supply voltage."""
+    for i, axis in enumerate(built.machine.axes):
+        if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
+            stage = axis.stage
+            if left != 1.0:
+                stage = replace(stage, supply_v=max(left * stage.supply_v, _LEAST_V))
+            built.parts.available[i] = available_torque(axis.motor, stage)
+
+
+def find_free(parts: Parts) -> None:
+    """Fill in between which positions no switch of an axis changes: only beyond them the loop looks at each."""
+    parts.axes["free_low_m"], parts.axes["free_high_m"] = -math.inf, math.inf
+    for t in parts.thresholds[parts.thresholds["quantity"] == memory.POSITION]:
+        axis = parts.axes[t["axis"]]
+        end_m = t["limit"] - t["sense"] * (t["hysteresis"] if t["passed"] else 0.0)
+        if (t["sense"] > 0.0) == (t["passed"] == 0):
+            axis["free_high_m"] = min(axis["free_high_m"], end_m - NEAR_M)
+        else:
+            axis["free_low_m"] = max(axis["free_low_m"], end_m + NEAR_M)
+
+
+def _parts(
+    machine: Machine,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    drives: NDArray[np.void],
+    thresholds: Sequence[Threshold],
+    commands: int,
+    scratch: mujoco.MjData,
+) -> Parts:
+    """All arrays of the loop; the axes, and what follows from the masses, are still empty."""
+    nv, step_s = model.nv, machine.timing.mujoco_step_ns * 1e-9
+    joints_law, mobility = gliding(model, scratch)
+    parts = Parts(
+        plant=np.zeros(1, memory.PLANT),
+        axes=np.zeros(memory.AXES, memory.AXIS),
+        drives=drives,
+        screws=np.zeros(memory.AXES, SCREW),
+        states=axis_states(memory.AXES),
+        thresholds=np.concatenate([np.zeros(0, memory.THRESHOLD), *map(_threshold, thresholds)]),
+        commanded=np.zeros(commands, dtype=np.int64),
+        leads=no_leads(commands),
+        available=np.zeros((memory.AXES, SPEEDS)),
+        joints_law=joints_law,
+        mobility=mobility,
+        push=np.zeros((2, nv)),
+        springs=np.zeros((2, memory.AXES, nv)),
+        cut=np.zeros(1, CUT),
+        cut_nuts=np.zeros((2, memory.AXES)),
+        cut_joints=np.zeros((2, nv)),
+        supply=supply_state(machine.supply, [axis.stage for axis in machine.axes], step_s),
+        before=data.qpos.copy(),
+        rates=data.qvel.copy(),
+        samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands + memory.AXES))),
+        place=data.qpos.copy(),
+        qpos=data.qpos,
+        qvel=data.qvel,
+        qacc=data.qacc,
+        qacc_smooth=data.qacc_smooth,
+        qfrc=data.qfrc_applied,
+    )
+    plant = parts.plant
+    plant["substep_ns"] = machine.timing.substep_ns
+    plant["window"] = machine.timing.mujoco_step_ns // machine.timing.substep_ns
+    plant["rest_windows"] = math.ceil(REST_TIME_S / step_s)
+    plant["mj_step"] = _mj_step_address()
+    plant["model"] = model._address
+    plant["data"] = data._address
+    plant["lost_dof"] = -1
+    plant["sample_at"] = kernel.NEVER
+    plant["watched"] = (parts.thresholds["quantity"] != memory.POSITION).any()
+    return parts
+
+
+def _fill_axes(machine: Machine, axes: NDArray[np.void], dof: NDArray[np.int64]) -> None:
+    """What the machine says of its axes."""
+    axes["dof"] = dof
+    axes["friction_n"] = [axis.guide_friction_n for axis in machine.axes]
+    axes["phases"] = OPEN
+    axes["fraction"] = 1.0
+    axes["idle_fraction"] = 1.0
+    for i, axis in enumerate(machine.axes):
+        if isinstance(axis.stage, Stage):  # the current of a servo motor is what its drive needs
+            axes["idle_fraction"][i] = axis.stage.idle_current_fraction
+            axes["idle_delay"][i] = round(axis.stage.idle_delay_s / (machine.timing.substep_ns * 1e-9))
+            axes["full_steps"][i] = 1.0 / axis.stage.microsteps
+    axes["margin"] = 1.0
+    axes["resistance_ohm"] = [axis.motor.resistance_ohm + axis.stage.extra_resistance_ohm for axis in machine.axes]
+    axes["inductance_h"] = [axis.motor.inductance_h for axis in machine.axes]
+    axes["own_w"] = [axis.stage.quiescent_w for axis in machine.axes]
+    axes["supply_factor"] = [axis.stage.supply_factor for axis in machine.axes]
+    axes["steps_per_rad"] = np.array([axis.steps_per_rev for axis in machine.axes]) / (2.0 * math.pi)
+
+
+def _lay_screws(machine: Machine, parts: Parts) -> bool:
+    """Fill in the screws and tell the drives of them; returns whether one is not everywhere the same."""
+    screws, laid = [axis.screw for axis in machine.axes], parts.screws
+    laid["start_m"] = parts.axes["zero_m"]
+    laid["travel_m_per_rad"] = parts.drives["travel_m_per_rad"]
+    laid["cyclic_m"] = [screw.cyclic_error_m for screw in screws]
+    laid["soft_m_per_n"] = [screw.bearing_m_per_n for screw in screws]
+    laid["free_m"] = [screw.free_length_m for screw in screws]
+    laid["rod_n"] = [screw.rod_n for screw in screws]
+    uneven = any(screw.cyclic_error_m or screw.rod_n < math.inf for screw in screws)
+    if uneven:
+        feel(laid, parts.axes, parts.drives, parts.states)
+    return uneven
+
+
+def _check_steps(built: Built) -> None:
+    """Refuse a MuJoCo step in which the machine would swing too far on its springs."""
+    machine, model = built.machine, built.model
+    stiffness = model.jnt_stiffness[model.dof_jntid]
+    stiffness[built.dof] = [_stiffest_n_per_m(axis) for axis in machine.axes]
+    step_s = machine.timing.mujoco_step_ns * 1e-9
+    highest_rad_s, strain = _highest(built.inertia, stiffness)
+    if step_s * highest_rad_s <= LARGEST_STEP_RATIO:
+        return
+    dof = int(np.argmax(strain))
+    keys = {name: f"axes.{name}.stiffness" for name in CARRIAGES}
+    name = model.joint(int(model.dof_jntid[dof])).name
+    key = keys.get(name, f"structure.{name}.stiffness")
+    least, most = 0.0, float(stiffness[dof])
+    while most - least > 1e-3 * most:  # which stiffness would do, the others as they are
+        stiffness[dof] = 0.5 * (least + most)
+        holds = step_s * _highest(built.inertia, stiffness)[0] <= LARGEST_STEP_RATIO
+        least, most = (float(stiffness[dof]), most) if holds else (least, float(stiffness[dof]))
+        if most < 1e3:
+            break
+    softer = f", or {key} up to {math.floor(least / 1e4) / 100:g} N/um" if least > 1e4 else ""
+    raise MachineError(
+        f"{machine.file}: timing.mujoco_step: {step_s * 1e3:g} ms is too long for {key} and "
+        f"{1.0 / built.mobility[dof, dof]:.3g} kg; "
+        f"allowed: up to {math.floor(1e5 * LARGEST_STEP_RATIO / highest_rad_s) / 100:g} ms{softer}"
+    )
+
+
+def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Highest frequency in rad/s of masses [nv, nv] on springs [nv], and the energy in each spring as it swings so."""
+    half = np.linalg.inv(np.linalg.cholesky(inertia))
+    squares, shapes = np.linalg.eigh(half @ np.diag(stiffness) @ half.T)
+    return math.sqrt(max(squares[-1], 0.0)), stiffness * (half.T @ shapes[:, -1]) ** 2
+
+
+def _stiffest_n_per_m(axis: Axis) -> float:
+    """Stiffness of the screw where its nut is nearest to the fixed bearing."""
+    return axis.screw.stiffness_at(-1e-3 * axis.stop_margin_mm)
+
+
+def _drive(machine: Machine, axis: Axis, substep_s: float) -> NDArray[np.void]:
+    """One record of AXIS_PARAMETERS, shape [1], with the screw where it is stiffest. Raises MachineError."""
+    stiffest = replace(
+        axis.screw, stiffness_n_per_m=_stiffest_n_per_m(axis), rod_n=math.inf, free_length_m=0.0, middle_m=0.0
+    )
+    try:
+        if isinstance(axis.stage, ServoDrive) and isinstance(axis.motor, ServoMotor):
+            return servo_parameters(axis.motor, axis.stage, stiffest, substep_s)
+        if isinstance(axis.stage, Stage) and isinstance(axis.motor, Motor):
+            return axis_parameters(axis.motor, axis.stage, stiffest, substep_s)
+        raise ValueError("motor and stage of two kinds")
+    except ValueError as error:
+        raise MachineError(f"{machine.file}: axes.{axis.name}: {error}") from None
+
+
+def _threshold(threshold: Threshold) -> NDArray[np.void]:
+    """One record of memory.THRESHOLD, shape [1]; a position has still to be compared with the carriage."""
+    record = np.zeros(1, memory.THRESHOLD)
+    record["quantity"] = _QUANTITIES[threshold.quantity]
+    record["axis"] = threshold.axis
+    record["sense"] = threshold.sense
+    scale = 1e-3 if threshold.quantity == "position" else 1.0
+    record["limit"] = threshold.limit * scale
+    record["hysteresis"] = threshold.hysteresis * scale if threshold.quantity != "fault" else 0.0
+    record["passed"] = threshold.quantity == "lag" and threshold.limit < 0.0
+    return record
+
+
+def library(folder: Path) -> Path:
+    """The library in the folder of the mujoco package. Raises FileNotFoundError if there is none."""
+    for pattern in _LIBRARIES:
+        for path in sorted(folder.glob(pattern)):
+            return path
+    raise FileNotFoundError(f"{folder}: no library of MuJoCo here ({', '.join(_LIBRARIES)})")
+
+
+@cache
+def _mj_step_address() -> int:
+    """Address of mj_step in the library that the mujoco package has loaded."""
+    found = library(Path(mujoco.__file__).parent)
+    return ctypes.cast(ctypes.CDLL(str(found)).mj_step, ctypes.c_void_p).value or 0
