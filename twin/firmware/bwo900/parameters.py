@@ -35,6 +35,10 @@ FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST
 CHANNEL_SIZE: Final = Q.CHANNEL_1
 """Of a channel's descriptor: q100, q200 ..."""
 
+_FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
+_CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
+"""Bound once: every access asks for them, and a name of the module is found sooner than one of a class."""
+
 
 def descriptor(letter: str, physical: int, index: int = 0) -> float:
     """The value of q110 .. q141 for an axis: letter, index 1 to 8 or 0, number of the physical axis (manual, 8.3)."""
@@ -92,20 +96,20 @@ class Parameters:
 
     def _of_channel(self, number: int, channel: int) -> int | None:
         base = CHANNEL_SIZE * channel
-        if not 1 <= channel <= max(int(self._values.get(Q.CHANNELS, 1)), 1):
+        if not 1 <= channel <= max(int(self._values.get(_CHANNELS, 1)), 1):
             raise ProgramError(Code.NO_CHANNEL, f"channel {channel}")
         values = self._values
-        first, size = int(values.get(base + Descriptor.USER_1, 0)), int(values.get(base + Descriptor.SIZE_1, 0))
+        first, size = int(values.get(base + _USER_1, 0)), int(values.get(base + _SIZE_1, 0))
         if not (first >= 0 and size >= 0 and first + size + FIXED <= LARGEST_Q + 1):
-            first, size = int(FACTORY[CHANNEL_SIZE + Descriptor.USER_1]), int(FACTORY[CHANNEL_SIZE + Descriptor.SIZE_1])
-        if 0 <= number < min(size, P.FIXED_FIRST):
+            first, size = int(FACTORY[CHANNEL_SIZE + _USER_1]), int(FACTORY[CHANNEL_SIZE + _SIZE_1])
+        if 0 <= number < min(size, _FIXED_FIRST):
             return first + number
-        if P.FIXED_FIRST <= number <= P.FIXED_LAST:
-            return first + size + number - P.FIXED_FIRST
-        if P.COMMON_FIRST <= number <= P.COMMON_LAST:
-            return number - P.COMMON_FIRST + Q.COMMON_FIRST
-        if P.AXES_FIRST <= number < P.AXES_FIRST + AXIS_SIZE * MOST_AXES:
-            axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
+        if _FIXED_FIRST <= number <= _FIXED_LAST:
+            return first + size + number - _FIXED_FIRST
+        if _COMMON_FIRST <= number <= _COMMON_LAST:
+            return number - _COMMON_FIRST + Q.COMMON_FIRST
+        if _AXES_FIRST <= number < _AXES_FIRST + AXIS_SIZE * MOST_AXES:
+            axis, offset = divmod(number - _AXES_FIRST, AXIS_SIZE)
             physical = byte(values.get(base + Descriptor.AXES + axis, 0.0), 3) or axis + 1
             return Q.AXES_FIRST + AXIS_SIZE * (physical - 1) + offset
         for block, start in ((Descriptor.USER_2, P.BLOCK_2), (Descriptor.USER_3, P.BLOCK_3)):
