@@ -9,9 +9,9 @@
 the number of s >= 1, and a parameter is told as not identified if its interval stays wider than NOT_IDENTIFIED of the
 prior's.
 
-**Steps of the differences.** The model is not smooth in the small: counters are whole steps of 3 um, the backlash is a
-dead zone, dry friction lets a carriage rest anywhere in a band of 1 to 3 um, a stall comes in bands of speed. A step
-of 1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
+**Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
+is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of
+1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
 So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
 Jacobian are central, free of the curvature; those between only lead downhill, and go one way.
 
@@ -37,20 +37,20 @@ from isel_twin.many.identification.session import MISSED, Datum, Session, predic
 from isel_twin.many.identification.unknowns import Unknown, candidate
 
 STEP = 0.8
-"""Of the differences, in standard deviations of the prior."""
+"""Step of the differences, in standard deviations of the prior."""
 CLIFF = 5.0
-"""Ratio of the differences of two steps, one either way, from which on one of them is no slope."""
+"""If the differences of a step up and a step down are in a larger ratio, one of them is no slope."""
 CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
 BOUND = 3.0
-"""Standard deviations from the prior beyond which nothing is searched."""
+"""The search stays within so many standard deviations of the prior."""
 NOT_IDENTIFIED = 0.9
-"""Standard deviation afterwards over that of the prior from which on nothing has been learnt."""
+"""Standard deviation afterwards over that of the prior: from here on nothing has been learnt,"""
 WEAK = 0.5
-"""And from which on it is said to be known only roughly."""
+"""and from here on the parameter is known only roughly."""
 NORMAL_95 = 1.96
 TOLD = 0.3
-"""Part of a direction from which on a parameter is named as one of those in it."""
+"""A parameter with this part of a direction or more is named in it."""
 ENOUGH = 0.01
 """Relative change of cost and place at which the search ends: less than the scatter of the model makes."""
 MOST_CALLS = 8
@@ -187,14 +187,14 @@ def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) ->
 
 @dataclass(frozen=True)
 class Prospect:
-    """What the data can tell, before anything is fitted."""
+    """What the data can tell, known before the fit."""
 
     singular: tuple[float, ...]
     """Of the Jacobian, from the largest; in standard deviations of the data for one of the prior."""
     remaining: tuple[float, ...]
     """By parameter: expected standard deviation afterwards over that of the prior."""
     lines: tuple[str, ...]
-    """What to tell people."""
+    """In words."""
     jacobian: Floats = field(repr=False)
 
     @property
@@ -242,12 +242,12 @@ class Estimate:
 
     @property
     def identified(self) -> bool:
-        """Something has been learnt."""
+        """True if the data have narrowed it down."""
         return self.remaining < NOT_IDENTIFIED
 
     @property
     def note(self) -> str:
-        """Why the interval is as wide as it is, if it is."""
+        """Why the interval is wide, if it is."""
         if not self.identified:
             return "not identified: the data say no more than the prior"
         if self.remaining >= WEAK:
@@ -280,7 +280,7 @@ class Fit:
 
     @property
     def worse(self) -> bool:
-        """It predicts what was held back worse than the prior does."""
+        """True if what was held back is predicted worse than by the prior."""
         return bool(self.before) and self.after["all"] > self.before["all"]
 
     @property
