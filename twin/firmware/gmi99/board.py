@@ -4,7 +4,7 @@ settings   what a host sets             images   inputs, outputs, flags     even
 stored     what survives the mains      store    programs                   struck   limit switches
 offsets    zero points                  path_run, drives_run   motion in execution, and how far the ended ones went
 
-    Board <- Path <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
+    Board <- Interpolator <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import DIGITAL, STATIC_BYTES
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.logic import CardPlc
-from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.store import DEPTH
@@ -25,9 +25,9 @@ class Card(Board):
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         super().__init__(flash, override_pot_percent, plc)
         self.queue = Queue(self)
-        self.path = Path(self)
-        self.drives = DriveBank(self, self.path, self.queue, turn)
-        self.plc = CardPlc(self, self.path, self.drives, self.queue)
+        self.interpolator = Interpolator(self)
+        self.drives = DriveBank(self, self.interpolator, self.queue, turn)
+        self.plc = CardPlc(self, self.interpolator, self.drives, self.queue)
         self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -53,12 +53,12 @@ class Card(Board):
     def parameters_changed(self) -> None:
         """N parameters have changed."""
         self.arrange_images()
-        self.path.speeds_changed()
+        self.interpolator.speeds_changed()
 
     def abort(self) -> None:
         """#0, M0.1: everything under way brakes and is forgotten."""
         self.queue.drop()
-        self.path.break_off()
+        self.interpolator.break_off()
         self.drives.brake()
 
     def call(self, number: int) -> None:
@@ -88,7 +88,7 @@ class Card(Board):
         flags.set_flag(images.PROGRAM_RUNS, self.in_program)
         if self.analog_asked:
             self.put_analog_outputs()
-        self.path.speeds_changed()
+        self.interpolator.speeds_changed()
 
     # ---- what there is to see ----------------------------------------------------------------------------------------
 
@@ -100,7 +100,7 @@ class Card(Board):
     @property
     def busy(self) -> bool:
         """A command or program is being carried out."""
-        return self.queue.busy or not self.path.at_rest or not self.drives.at_rest
+        return self.queue.busy or not self.interpolator.at_rest or not self.drives.at_rest
 
     @property
     def information(self) -> int:

@@ -18,12 +18,12 @@ from importlib import resources
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
-from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
-from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
+from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 SAFETY = "safety.awl"
@@ -54,14 +54,14 @@ def _rights() -> Rights:
 class CardPlc:
     """See the module."""
 
-    def __init__(self, board: Board, path: Path, drives: DriveBank, queue: Queue) -> None:
+    def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
         self.board = board
-        self.path = path
+        self.interpolator = interpolator
         self.drives = drives
         self.queue = queue
         images = board.images
         self._outputs = bytearray(images.outputs)
-        self._memory = Memory(images.inputs, self._outputs, images.flags, images.data)
+        self._memory = PlcMemory(images.inputs, self._outputs, images.flags, images.data)
         self._plc = Plc(_rights(), {EXTENDED: self._extended}, PERIOD_NS)
         self._download = bytearray()
         self._seen = b""
@@ -153,7 +153,7 @@ class CardPlc:
 
     def entry(self, block: int) -> int | None:
         """Where block OB `block` begins in the image; None if there is none."""
-        program: Program | None = self._plc.program
+        program: PlcProgram | None = self._plc.program
         return None if program is None else program.entries.get(("OB", block))
 
     def code(self, offset: int, count: int) -> bytes:
@@ -172,7 +172,7 @@ class CardPlc:
 
     # ---- FB 254 -----------------------------------------------------------------------------------------------------
 
-    def _extended(self, number: int, argument: int, memory: Memory) -> tuple[int, int]:
+    def _extended(self, number: int, argument: int, memory: PlcMemory) -> tuple[int, int]:
         """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""
         axis = number - 0x110
         if 0 <= axis < SLOTS:
@@ -196,7 +196,7 @@ def _images(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1):
         plc.board.image_mode = mode
         plc.board.arrange_images()
-        plc.path.speeds_changed()
+        plc.interpolator.speeds_changed()
     return 2, mode
 
 

@@ -33,7 +33,7 @@ class Sequencer:
         waiting = self._card.queue.waiting
         moves = sum(entry.is_move for _, entry in waiting)
         if instruction.is_move:
-            return moves + self._card.path.host_moves >= MOVES
+            return moves + self._card.interpolator.host_moves >= MOVES
         return len(waiting) - moves >= OTHERS
 
     def put(self, data: bytes, instruction: Instruction) -> None:
@@ -75,17 +75,18 @@ class Sequencer:
             return True
         kind = command_of(instruction).kind(instruction)
         if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
-            if not card.path.accepts or not card.drives.at_rest or (card.in_program and card.path.moves >= MOVES):
+            full = card.in_program and card.interpolator.moves >= MOVES
+            if full or not card.interpolator.accepts or not card.drives.at_rest:
                 return False
             queue.take()
             if kind is Kind.MOVE and not card.drives.ready:
                 card.refuse("a move while the indexer is not ready")
             elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch where they stand
-                card.path.on_the_way(lambda: self._begin(instruction))
+                card.interpolator.on_the_way(lambda: self._begin(instruction))
             else:
                 self._begin(instruction)
             return True
-        if not card.path.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
+        if not card.interpolator.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
             return False
         queue.take()
         self._begin(instruction)
@@ -94,7 +95,7 @@ class Sequencer:
     def _return(self) -> bool:
         """A program has ended: go on with its caller; the main program is over when the last motion has ended."""
         card = self._card
-        if card.queue.depth == 1 and not (card.path.at_rest and card.drives.at_rest):
+        if card.queue.depth == 1 and not (card.interpolator.at_rest and card.drives.at_rest):
             return False
         card.queue.close()
         return True

@@ -16,7 +16,7 @@ from isel_twin.firmware.imc.moves import ANY_SPEED, speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
-from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, Settings, default_settings
+from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Settings, StoredProgram, default_settings
 
 A_AXIS = 8
 
@@ -297,4 +297,4 @@ def _put_in_force(device: Device, settings: Settings) -> None:
 def erase(device: Device) -> Activity:
     """`@0k`: forget the stored program, whatever state it is in (2.2.17)."""
     yield Pause(device.profile.erase_ms * MILLISECOND_NS)
-    device.store(program=Program())
+    device.store(program=StoredProgram())

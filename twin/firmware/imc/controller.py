@@ -353,7 +353,7 @@ class Imc:
         signal_error(self._device, error=False)
         self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
-    def _require_sound(self, program: settings.Program) -> None:
+    def _require_sound(self, program: settings.StoredProgram) -> None:
         """Raise Refusal(G) unless this firmware would store every line: the image may come from another one."""
         try:
             for code, values in program.lines:

@@ -26,7 +26,7 @@ from dataclasses import replace
 
 from isel_twin.firmware.imc import commands, grammar, replies, retiming
 from isel_twin.firmware.imc.profile import Profile, load_profile
-from isel_twin.firmware.imc.reading import LF, OK, Form, Mode
+from isel_twin.firmware.imc.reading import LF, OK, AnswerForm, ReadingState
 from isel_twin.firmware.imc.wording import line_words
 from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, encoded, integers, readable
 
@@ -67,10 +67,10 @@ class ImcLanguage:
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
         self._unanswered: deque[bytes] = deque(maxlen=MOST_UNANSWERED)
-        self._told, self._ahead = Mode(), Mode()
+        self._told, self._ahead = ReadingState(), ReadingState()
         self._answer = bytearray()
         self._answered = b""
-        self._form = Form()
+        self._form = AnswerForm()
 
     # ---- what a host says -------------------------------------------------------------------------------------------
 
@@ -164,7 +164,7 @@ class ImcLanguage:
         """What was sent before is not answered any more; the axes are not set, the number is 0."""
         self._begun = b""
         self._unanswered.clear()
-        self._told, self._ahead = Mode(), Mode()
+        self._told, self._ahead = ReadingState(), ReadingState()
 
     def _answers(self, data: bytes) -> list[Message]:
         messages = []
@@ -180,7 +180,7 @@ class ImcLanguage:
 
     def _begin_answer(self, byte: int) -> None:
         """Find out what the answer that begins with this byte is to, and how long it is."""
-        self._form, self._answered = Form(), b""
+        self._form, self._answered = AnswerForm(), b""
         while self._unanswered:
             form = self._told.form(self._unanswered[0])
             if form is None:  # that line was for another device

@@ -84,7 +84,7 @@ EMPTY, INCOMPLETE, VALID = "empty", "incomplete", "valid"
 
 
 @dataclass(frozen=True)
-class Program:
+class StoredProgram:
     """A stored program: lines of (code, values). `incomplete`: begun and not ended, or spoiled; only erasing helps."""
 
     state: str = EMPTY
@@ -98,7 +98,7 @@ class Flash:
     """Content of the flash."""
 
     settings: Settings
-    program: Program = field(default_factory=Program)
+    program: StoredProgram = field(default_factory=StoredProgram)
 
 
 def encode(flash: Flash) -> bytes:
@@ -147,7 +147,7 @@ def decode(image: bytes) -> Flash | None:
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
         flash = Flash(
             _build(Settings, tree["settings"]),
-            Program(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
+            StoredProgram(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
         )
     except (ValueError, TypeError, KeyError, RecursionError):
         return None

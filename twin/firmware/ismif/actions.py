@@ -25,7 +25,7 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Event, Output, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
-from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Command, Target
+from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Instruction, Target
 from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import line
@@ -71,19 +71,19 @@ class Actions:
         self._known = [False for _ in AXES]
         self._pen = 0
 
-    def carry_out(self, command: Command) -> Activity | None:
+    def carry_out(self, instruction: Instruction) -> Activity | None:
         """Do what a stored command says, or return the activity that does."""
-        match command.code:
+        match instruction.code:
             case "L":
-                return self._vector(*command.arguments)
+                return self._vector(*instruction.arguments)
             case "$H":
-                return self._reference_run(*command.arguments)
+                return self._reference_run(*instruction.arguments)
             case "W":
-                return self._wait(*command.arguments)
+                return self._wait(*instruction.arguments)
             case "A":
-                self._set_signal(*command.arguments)
+                self._set_signal(*instruction.arguments)
             case code if code in SETTINGS:
-                self._configure(command)
+                self._configure(instruction)
         return None
 
     # ---- what takes time --------------------------------------------------------------------------------------------
@@ -194,11 +194,11 @@ class Actions:
         self._put("power_request", 1)
         self._put("power_request", 0)
 
-    def _configure(self, command: Command) -> None:
-        self.configuration.set(command)
-        if command.code in ("T", "F"):
+    def _configure(self, instruction: Instruction) -> None:
+        self.configuration.set(instruction)
+        if instruction.code in ("T", "F"):
             self._put_drive_signals()
-        elif command.code == "Z":
+        elif instruction.code == "Z":
             self._set_pen(0)
 
     def _set_signal(self, on: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from isel_twin.firmware.ismif.commands import TABLE_SIZE, Command
+from isel_twin.firmware.ismif.commands import TABLE_SIZE, Instruction
 
 SETTINGS = ("T", "F", "Z", "#S", "#E", "#R", "#D", "#O")
 """Commands that change the configuration and do nothing else."""
@@ -38,7 +38,7 @@ class Configuration:
         """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (S4)."""
         return 2 if self.full_step and not self.clock else 1
 
-    def set(self, command: Command) -> None:
+    def set(self, command: Instruction) -> None:
         """Carry out one of SETTINGS."""
         match command.code, command.arguments:
             case "T", (clock,):

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from isel_twin.firmware.activity import Unfinished
 from isel_twin.firmware.ismif.actions import Actions, Failure, Standing, failed
-from isel_twin.firmware.ismif.commands import LINE_LIMIT, Command, CommandError, parse
+from isel_twin.firmware.ismif.commands import LINE_LIMIT, CommandError, Instruction, parse
 from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
 
 ACKNOWLEDGED, READY, FULL = b"", b"\x02", b"\x03"
@@ -71,7 +71,7 @@ class Jobs:
             if line:
                 self._reply(FULL if self._memory.full else ACKNOWLEDGED)
 
-    def _checked(self, line: bytes) -> Command | None:
+    def _checked(self, line: bytes) -> Instruction | None:
         """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
         command = None
         try:
@@ -187,7 +187,7 @@ class Jobs:
         return self.paused or not (self.in_progress or self._waiting_lines)
 
 
-def read(line: bytes) -> Command:
+def read(line: bytes) -> Instruction:
     """Read a line; one that has reached LINE_LIMIT has lost its end. Raises CommandError."""
     if len(line) >= LINE_LIMIT:
         raise CommandError(f"a line of {LINE_LIMIT} bytes or more")

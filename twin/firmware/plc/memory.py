@@ -13,7 +13,7 @@ DATA_BYTES: Final = 256
 
 
 @dataclass(slots=True)
-class Memory:
+class PlcMemory:
     """Bytes by area, named as in programs. Words have their low byte first: MW n = MB n + 256 MB(n + 1)."""
 
     e: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
@@ -25,9 +25,9 @@ class Memory:
     d: bytearray = field(default_factory=lambda: bytearray(DATA_BYTES))
     """Data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 
-    def copy(self) -> Memory:
+    def copy(self) -> PlcMemory:
         """Another one with the same bytes."""
-        return Memory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
+        return PlcMemory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
 
     def areas(self) -> Iterator[bytearray]:
         """The areas that a program may write, outputs, flags, data: always in this order."""

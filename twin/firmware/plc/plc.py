@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.base.units import MICROSECOND_NS
-from isel_twin.firmware.plc.image import ImageError, Program
-from isel_twin.firmware.plc.memory import Memory, Rights
+from isel_twin.firmware.plc.image import ImageError, PlcProgram
+from isel_twin.firmware.plc.memory import PlcMemory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
 
 INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
@@ -37,8 +37,8 @@ AT_POWER_ON: Final = ("OB", 22)
 class _Made:
     """A pass that has been made and is not over yet: the memory it began with, and as it left it."""
 
-    before: Memory
-    after: Memory
+    before: PlcMemory
+    after: PlcMemory
     begin_ns: int
     end_ns: int
     repeats: bool
@@ -63,9 +63,9 @@ class Plc:
         """Why it has stopped by itself; empty if it has not."""
 
     @property
-    def program(self) -> Program | None:
+    def program(self) -> PlcProgram | None:
         """The program that is loaded."""
-        return Program.read(self.image) if self.image else None
+        return PlcProgram.read(self.image) if self.image else None
 
     @property
     def running(self) -> bool:
@@ -85,7 +85,7 @@ class Plc:
 
     def load(self, image: bytes) -> None:
         """Take a program over, at rest. Raises ImageError and changes nothing if it is none."""
-        program = Program.read(image)
+        program = PlcProgram.read(image)
         if program.block(*CYCLIC) is None:
             raise ImageError("there is no OB 1")
         self.stop()
@@ -96,7 +96,7 @@ class Plc:
         self.stop()
         self.image, self._processor = b"", None
 
-    def start(self, t_ns: int, memory: Memory, power_on: bool = False) -> bool:
+    def start(self, t_ns: int, memory: PlcMemory, power_on: bool = False) -> bool:
         """Begin with the start-up block, if there is one, and the first pass; False if there is no program."""
         if self._processor is None:
             return False
@@ -122,7 +122,7 @@ class Plc:
             made.begin_ns, made.end_ns = begin, begin + length
         self._touched = True
 
-    def end_pass(self, t_ns: int, memory: Memory) -> bool:
+    def end_pass(self, t_ns: int, memory: PlcMemory) -> bool:
         """At `next_ns`: write what the pass has changed to `memory`; whether anything is different now.
 
         Exchange outputs and inputs after it, then call `begin_pass`.
@@ -135,7 +135,7 @@ class Plc:
             self._made = None
         return changed
 
-    def begin_pass(self, t_ns: int, memory: Memory) -> None:
+    def begin_pass(self, t_ns: int, memory: PlcMemory) -> None:
         """After `end_pass`, at the same time: the next one, if it has not stopped."""
         if self._made is not None:
             self._begin(t_ns, memory)
@@ -145,7 +145,7 @@ class Plc:
         length = made.end_ns - made.begin_ns
         return max(made.end_ns, made.begin_ns - (made.begin_ns - t_ns) // length * length)
 
-    def _begin(self, t_ns: int, memory: Memory, start_up: tuple[str, int] | None = None) -> None:
+    def _begin(self, t_ns: int, memory: PlcMemory, start_up: tuple[str, int] | None = None) -> None:
         assert self._processor is not None
         self._touched = False
         before, after = memory.copy(), memory.copy()
@@ -162,7 +162,7 @@ class Plc:
         repeats = repeats and all(a == b for a, b in zip(before.areas(), after.areas(), strict=True))
         self._made = _Made(before, after, t_ns, t_ns + max(length, self._shortest_ns), repeats)
 
-    def _carry_over(self, made: _Made, memory: Memory) -> bool:
+    def _carry_over(self, made: _Made, memory: PlcMemory) -> bool:
         """Write what the pass has changed; whether anything is different now."""
         changed = False
         for before, after, now in zip(made.before.areas(), made.after.areas(), memory.areas(), strict=True):

@@ -54,7 +54,7 @@ class _Circle:
     centre: dict[int, int] | None = None
 
 
-class Path:
+class Interpolator:
     """See the module."""
 
     def __init__(self, board: Board) -> None:
@@ -176,7 +176,7 @@ class Path:
                 way[axis] = way[source]
         return tuple(way)
 
-    def _append(self, made: planner.Move, start: Position, way: Position, *, from_host: bool) -> None:
+    def _append(self, made: planner.PreparedMove, start: Position, way: Position, *, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
             onto = self._board.struck_ahead(way)
