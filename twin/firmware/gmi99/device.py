@@ -19,7 +19,7 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 
 
 class Card(Board):
-    """See the module."""
+    """The whole card, as commands and controller see it."""
 
     def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
@@ -51,7 +51,7 @@ class Card(Board):
     # ---- what happens ------------------------------------------------------------------------------------------------
 
     def parameters_changed(self) -> None:
-        """N parameters have changed."""
+        """Put changed N parameters in force."""
         self.arrange_images()
         self.interpolator.speeds_changed()
 
@@ -121,7 +121,7 @@ class Card(Board):
         return self.reduced | blocked << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
-        """Flags of the firmware, and the output that tells of motion, show what is."""
+        """Bring the flags of the firmware and the output `moving` up to date."""
         if self.moving != self._moving_told:
             self._moving_told = self.moving
             self.output("moving", int(self.moving))
@@ -133,5 +133,5 @@ class Card(Board):
         set_flag(images.FROZEN, bool(self.settings.motion_off))
 
     def ask_drives(self) -> None:
-        """Flags that only the drives know are as they are now: before somebody looks at them."""
+        """Bring the flag I2T up to date, which only the drives know: before somebody looks at it."""
         self.images.set_flag(images.I2T, any(map(self.drives.is_overloaded, range(SLOTS))))

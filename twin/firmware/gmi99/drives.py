@@ -120,7 +120,7 @@ class DriveBank:
         )
 
     def blocked(self, slot: int) -> bool:
-        """No current: the stages are off, or this drive has switched itself off."""
+        """True without current: the stages are off, or this drive has switched itself off."""
         return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
@@ -144,7 +144,7 @@ class DriveBank:
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def set_input(self, terminal: str, level: bool) -> None:
-        """A level changes; those at power-on come the same way, before anything else."""
+        """A level changes; the levels at power-on come the same way, first."""
         if terminal == "slot0.estop":
             self._estop = not level
             if self._estop:

@@ -52,7 +52,7 @@ def _rights() -> Rights:
 
 
 class CardPlc:
-    """See the module."""
+    """The PLC of the card; FB 254 reaches its parts."""
 
     def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
         self.board = board

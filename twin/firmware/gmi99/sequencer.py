@@ -13,7 +13,7 @@ from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.commands import Kind, command_of
 from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
-from isel_twin.firmware.gmi99.programming import BEGIN, END, PROGRAM
+from isel_twin.firmware.gmi99.programming import Do, Of
 
 MOVES = 100
 OTHERS = 100
@@ -21,7 +21,7 @@ _NOT_IN_PROGRAMS = "rs"
 
 
 class Sequencer:
-    """See the module."""
+    """Carries out commands in their order."""
 
     def __init__(self, card: Card) -> None:
         self._card = card
@@ -38,8 +38,8 @@ class Sequencer:
 
     def put(self, data: bytes, instruction: Instruction) -> None:
         """A command of the host that there is room for."""
-        if instruction.code == ord("p") and instruction.p1 == PROGRAM and instruction.p2 in (BEGIN, END):
-            self._card.queue.recording = instruction.p2 == BEGIN
+        if _is_p(instruction, Of.PROGRAM) and instruction.p2 in (Do.BEGIN, Do.END):
+            self._card.queue.recording = instruction.p2 == Do.BEGIN
         self._card.queue.waiting.append((data, instruction))
 
     def put_drive(self, slot: int, *, run: bool) -> None:
@@ -102,14 +102,14 @@ class Sequencer:
 
     def _record(self, data: bytes, instruction: Instruction) -> None:
         card = self._card
-        is_p = instruction.code == ord("p")
-        if is_p and instruction.p1 == PROGRAM and instruction.p2 == END:
+        of_program = _is_p(instruction, Of.PROGRAM)
+        if of_program and instruction.p2 == Do.END:
             card.store.end()
             card.keep(programs=card.store.kept)
         elif (
             chr(instruction.code) in _NOT_IN_PROGRAMS
-            or (is_p and instruction.p1 == 1)
-            or (is_p and instruction.p1 == PROGRAM and instruction.p2 == BEGIN)
+            or _is_p(instruction, Of.PLC)
+            or (of_program and instruction.p2 == Do.BEGIN)
         ):
             card.store.error = True
         elif not card.store.record(data, instruction):
@@ -123,3 +123,7 @@ class Sequencer:
             return
         if steps is not None:
             self._card.queue.start(steps)
+
+
+def _is_p(instruction: Instruction, of: Of) -> bool:
+    return instruction.code == ord("p") and instruction.p1 == of

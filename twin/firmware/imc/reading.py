@@ -30,7 +30,7 @@ class AnswerForm:
     """What an answer (without a code before it) to a query with these parameters means; None: it is only a code."""
 
     def whole(self, answer: bytes | bytearray) -> bool:
-        """Nothing more belongs to this answer."""
+        """True if the answer is complete."""
         if self.code_last:
             last = answer.rpartition(LF)[2]
             return len(last) == 1 and chr(last[0]) in replies.WORDS
@@ -39,13 +39,13 @@ class AnswerForm:
         return len(answer) > self.digits and answer.count(LF) >= self.lines
 
     def fits(self, byte: int) -> bool:
-        """The byte may be the next one of an answer begun."""
+        """True if the byte can continue an answer."""
         return not self.digits or chr(byte) in "0123456789ABCDEF"
 
 
 @dataclass
 class ReadingState:
-    """What changes how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
+    """What decides how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
 
     axes: int = 0
     number: int = 0

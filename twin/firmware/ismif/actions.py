@@ -1,7 +1,6 @@
-"""What the iSMIF's stored commands do, and what they do it with: settings, counters, signals, the reference input.
+"""What the iSMIF's stored commands do, and the settings, counters, signals and reference input they work on.
 
-A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13), as
-`_reference_axis` says it again in Python:
+A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13):
 
     position   switch  |  travel ->
                #########
@@ -59,7 +58,7 @@ class Failure(Unfinished):
 
 
 class Actions:
-    """See the module. Counters count half steps of the stage, whatever F says (S4)."""
+    """The interface as a machine. Counters count half steps of the stage, whatever F says (S4)."""
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
         """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
@@ -130,7 +129,7 @@ class Actions:
         self._known[axis] = True
 
     def _travel(self, steps: tuple[int, int, int], index: int, search: Search | None = None) -> Activity:
-        """Along a straight line of `steps`, or to the change of the input. Raises Failure if that does not come."""
+        """Move straight by `steps`, with `search` to the change of the input. Raises Failure if that does not come."""
         settings = self.configuration
         straight = line((*steps, 0))
         path = FullSteps(straight) if settings.half_steps == 2 else straight
@@ -164,7 +163,7 @@ class Actions:
             self.settle()
 
     def settle(self) -> None:
-        """A motion that has been stopped or cut and has nothing left to make is over in this very call."""
+        """End a motion that has been stopped or cut and has no tick left, within this call."""
         if self.executor.stopping and self.executor.due:
             self.executor.tick()
 
@@ -243,7 +242,7 @@ class Actions:
 
 
 def failed(parked: Parked) -> bool:
-    """Has this command been set aside with a search at the end of its way, and nothing found?"""
+    """True if this command was set aside in a search that has come to the end of its way without finding the switch."""
     request, result = parked.request, parked.result
     return (
         isinstance(request, Travel)

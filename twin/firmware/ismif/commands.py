@@ -1,7 +1,7 @@
 """The iSMIF's command language: one line of text becomes one command, or is refused.
 
-Goal: what a line means is decided here and nowhere else; what a command does is not this module's business. All twenty
-commands of the manual stand in `COMMANDS`, with their parameters:
+What a line means is decided here and nowhere else. All twenty commands of the manual stand in `COMMANDS`, with their
+parameters:
 
     #E25,400 + CR   ->   Instruction("#E", (25, 400))
     L1,x-50,Y100    ->   Instruction("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
@@ -37,7 +37,7 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True)
 class Target:
-    """Where a vector takes one axis (0 X .. 2 Z): `steps` from the zero point, or from where it stands if relative."""
+    """Where a vector takes an axis (0 X .. 2 Z): `steps` from the zero point, or from the position if relative."""
 
     axis: int
     relative: bool
@@ -59,7 +59,7 @@ class Instruction:
 
 @dataclass(frozen=True)
 class Command:
-    """What a command looks like: section of the manual, meaning, and a reader for each comma-separated parameter.
+    """A row of the table: section of the manual, meaning, and a reader for each comma-separated parameter.
 
     The last reader takes up to `repeat` parameters.
     """

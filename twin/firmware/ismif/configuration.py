@@ -23,7 +23,7 @@ class ReferenceSettings:
 
 @dataclass
 class Configuration:
-    """The settings; they keep nothing without power (S13)."""
+    """The settings; they are lost without power (S13)."""
 
     clock: bool = False
     full_step: bool = False
@@ -39,7 +39,7 @@ class Configuration:
         return 2 if self.full_step and not self.clock else 1
 
     def set(self, command: Instruction) -> None:
-        """Carry out one of SETTINGS."""
+        """Carry out one of the commands SETTINGS."""
         match command.code, command.arguments:
             case "T", (clock,):
                 self.clock = clock == 1

@@ -25,7 +25,7 @@ class Halted(Unfinished):
 
 
 class Jobs:
-    """See the module; `reply(data)` sends a reply and its CR to the host."""
+    """Stores and carries out commands; `reply(data)` sends a reply and its CR to the host."""
 
     def __init__(self, actions: Actions, reply: Callable[[bytes], None]) -> None:
         self.error = False
@@ -147,12 +147,12 @@ class Jobs:
             self._actions.settle()
 
     def _stands(self) -> None:
-        """A search that came to the end of its way while it slowed down has failed, in the pause or not."""
+        """The pause has been reached. A search that came to the end of its way while it slowed down has failed."""
         if self._executor.parked is not None and failed(self._executor.parked):
             self._executor.resume()
 
     def halt(self) -> None:
-        """6.15: this motion is over, the next command follows; a waiting time of the job is not a motion."""
+        """6.15: end this motion and go on with the next command. A waiting time is no motion and stays."""
         parked = self._executor.parked
         purpose = self._executor.purpose if parked is None else parked.request.purpose
         if purpose is Standing.WAITING:
@@ -178,12 +178,12 @@ class Jobs:
 
     @property
     def in_progress(self) -> bool:
-        """Something released has not been carried out yet."""
+        """A released command has not been carried out yet."""
         return self._entry is not None or self._memory.released > 0
 
     @property
     def idle(self) -> bool:
-        """Nothing will happen before the host or the operator does something; a pause counts as idle."""
+        """True if nothing will happen before host or operator act; a pause counts as idle."""
         return self.paused or not (self.in_progress or self._waiting_lines)
 
 

@@ -21,7 +21,6 @@ from isel_twin.firmware.plc.elements import MOST, bcd, from_bcd
 from isel_twin.firmware.plc.image import ImageError, PlcBlock, PlcProgram
 from isel_twin.firmware.plc.processor import instructions_by_word
 
-_BLOCK_WORDS = {"OB": "organisation", "PB": "program", "FB": "function", "SB": "step"}
 _LABEL = re.compile(r"([A-Z_][A-Z0-9_]*)\s*:(?!=)\s*(.*)", re.DOTALL)
 _MNEMONICS = sorted({mnemonic for mnemonic, _ in FORMS}, key=len, reverse=True)
 _AREAS = {m: sorted({a for n, a in FORMS if n == m}, key=len, reverse=True) for m in _MNEMONICS}

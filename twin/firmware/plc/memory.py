@@ -26,7 +26,7 @@ class PlcMemory:
     """Data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 
     def copy(self) -> PlcMemory:
-        """Another one with the same bytes."""
+        """A copy with bytes of its own."""
         return PlcMemory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
 
     def areas(self) -> Iterator[bytearray]:
@@ -42,7 +42,7 @@ class Rights:
     may_reset: bytes = b"\xff" * FLAG_BYTES
 
     def allowed(self, number: int, before: int, wanted: int) -> int:
-        """The flag byte `number`, which was `before`, after somebody has wanted it to be `wanted`."""
+        """The flag byte `number` after a program has tried to change it from `before` to `wanted`."""
         set_bits = wanted & ~before & self.may_set[number]
         reset_bits = before & ~wanted & self.may_reset[number]
         return (before | set_bits) & ~reset_bits & 0xFF

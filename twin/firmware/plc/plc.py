@@ -7,9 +7,9 @@
 Only what a pass has *changed* is carried over: a flag that a host sets while a pass runs is not undone by a program
 that has seen it as it was before. At the end outputs go out, inputs come in (manual of the card, section 6).
 
-A pass that changes nothing, and asks for nothing that changes by itself, is followed by passes that do the same, until
-somebody touches the memory or a timer runs out. They are not made: the PLC sleeps through them and wakes on the grid
-that they would have made, so that it costs nothing and differs in nothing.
+A pass that changes nothing, and asks for nothing that changes by itself, would be repeated unchanged until somebody
+touches the memory or a timer runs out. The PLC skips those passes and wakes on the grid they would have had: the result
+is the same and costs nothing.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ AT_POWER_ON: Final = ("OB", 22)
 
 @dataclass(slots=True)
 class _Made:
-    """A pass that has been made and is not over yet: the memory it began with, and as it left it."""
+    """A pass that has been computed and lasts until later: the memory it began with, and as it left it."""
 
     before: PlcMemory
     after: PlcMemory
     begin_ns: int
     end_ns: int
     repeats: bool
-    """Another one would do just the same."""
+    """The next pass would do just the same."""
 
 
 class Plc:
@@ -53,7 +53,7 @@ class Plc:
         multiple of it, at least one."""
         self._rights, self._functions, self._shortest_ns = rights, functions, shortest_ns
         self.image = b""
-        """Of the program; empty: there is none."""
+        """Image of the program; empty: none."""
         self._processor: Processor | None = None
         self._elements = Elements()
         self._made: _Made | None = None
@@ -74,7 +74,7 @@ class Plc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the pass that runs; None at rest, and while nothing that it could do would differ."""
+        """End of the pass that runs; None at rest, and while passes would only repeat the last one."""
         made = self._made
         if made is None:
             return None
@@ -114,7 +114,7 @@ class Plc:
         self._stops = True
 
     def touch(self, t_ns: int) -> None:
-        """Inputs, flags or data are changed by somebody else at t_ns, or may be: the next pass sees them."""
+        """Somebody else may have changed inputs, flags or data at t_ns: the next pass sees it."""
         made = self._made
         if made is not None and made.repeats and not self._touched and t_ns >= made.end_ns:  # those slept through
             length = made.end_ns - made.begin_ns
@@ -163,7 +163,7 @@ class Plc:
         self._made = _Made(before, after, t_ns, t_ns + max(length, self._shortest_ns), repeats)
 
     def _carry_over(self, made: _Made, memory: PlcMemory) -> bool:
-        """Write what the pass has changed; whether anything is different now."""
+        """Write what the pass has changed; return whether the memory is different now."""
         changed = False
         for before, after, now in zip(made.before.areas(), made.after.areas(), memory.areas(), strict=True):
             if before == after:

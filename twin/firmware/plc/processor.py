@@ -81,7 +81,7 @@ def instructions_by_word(block: PlcBlock) -> list[Instruction | None]:
 
 
 class Pass:
-    """A pass while it is made, and what it tells afterwards."""
+    """A pass while it is computed, and what is known of it afterwards."""
 
     def __init__(
         self,
@@ -94,9 +94,9 @@ class Pass:
         self.executed = 0
         """Instructions."""
         self.changed = False
-        """A timer or counter is not what it was: the next pass may differ."""
+        """A timer or counter has changed: the next pass may differ."""
         self.live = False
-        """It has asked for something that changes by itself: a built-in function, what is left of a timer."""
+        """It has used something that changes by itself: a built-in function, the rest of a timer."""
         self._blocks, self._functions = blocks, functions
         self._memory, self._elements, self._now_ns = memory, elements, now_ns
         self._accumulator = (0, 0)
@@ -232,7 +232,7 @@ class Pass:
         self._join("O" if joined_by_or else "U", value)
 
     def _or(self) -> None:
-        """`O` alone: what is so far, or the group that follows."""
+        """`O` alone: the result so far, or the group that follows."""
         if not self._first:
             self._earlier, self._group = self._earlier or self._group, True
             self._vke = self._earlier
