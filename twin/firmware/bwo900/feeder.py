@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.stored import Store
 
-FED, START_FLAGS, HANDSHAKE = 8_811, 8_807, 11_176
 AT_START: Final = 0x10
 """Bit of P8807: a program is fed from Start on, not from the change of mode."""
 XON, XOFF = b"\x11", b"\x13"
@@ -34,7 +34,7 @@ class Feeder:
     @property
     def wanted(self) -> bool:
         """P8811: programs are fed."""
-        return self._parameters.get(FED) == 1.0
+        return self._parameters.get(P.FED) == 1.0
 
     @property
     def clear_to_send(self) -> bool:
@@ -54,7 +54,7 @@ class Feeder:
 
     def automatic(self, name: str) -> None:
         """The mode has become AUTO or SINGLE; name: of the program that Start begins."""
-        if self.wanted and not int(self._parameters.get(START_FLAGS)) & AT_START:
+        if self.wanted and not int(self._parameters.get(P.START_FLAGS_2)) & AT_START:
             self._arm(name)
 
     def start(self, name: str, *, from_the_middle: bool) -> None:
@@ -63,7 +63,7 @@ class Feeder:
             self.end()
             return
         if from_the_middle:
-            raise ProgramError(1269, f"{name} is fed: it begins at its first block")
+            raise ProgramError(Code.NOT_WHILE_FED, f"{name} is fed: it begins at its first block")
         self._arm(name)
 
     def end(self) -> None:
@@ -82,7 +82,7 @@ class Feeder:
 
     @property
     def _by_characters(self) -> bool:
-        return self._parameters.get(HANDSHAKE) == 1.0
+        return self._parameters.get(P.HANDSHAKE) == 1.0
 
     def _arm(self, name: str) -> None:
         feed = self._store.feed

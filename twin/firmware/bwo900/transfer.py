@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import P, Q
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE
@@ -23,7 +24,6 @@ from isel_twin.firmware.bwo900.programs.stored import Builder, Store, program_na
 
 EOT: Final = 0x04
 """End of a file, unless P11177 says otherwise."""
-OPTIONS: Final = 11_178
 PROTECTED: Final = 0x01
 """Bit of P11178: programs are not overwritten (M1107)."""
 LINE_MODE: Final = 0x01
@@ -94,7 +94,7 @@ class Receiver:
         text, self._line = self._line.decode("latin-1"), bytearray()
         self._number += 1
         if len(text) > MOST_LINE:
-            yield self._skip(1113, f"line {self._number}: more than {MOST_LINE} characters")
+            yield self._skip(Code.LINE_TOO_LONG, f"line {self._number}: more than {MOST_LINE} characters")
             return
         word = text.strip(BLANK)
         if not word:
@@ -120,10 +120,12 @@ class Receiver:
                 feed.begun = True
                 self._kind, self._builder = feed.name, feed
             else:
-                lines = int(self._parameters.get(41, 0.0, "q")) & LINE_MODE
+                lines = int(self._parameters.get(Q.LINE_MODE, 0.0, "q")) & LINE_MODE
                 self._kind, self._builder = name, Builder(name, numbered=not lines and name != UNNUMBERED)
         else:
-            yield self._skip(1110, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D")
+            yield self._skip(
+                Code.WRONG_FILE, f"line {self._number}: {word[:20]!r}; a file begins with P or Z and a number, or D"
+            )
 
     def _skip(self, number: int, detail: str, infos: tuple[float, ...] = ()) -> ProgramError:
         if isinstance(self._builder, Feed):
@@ -148,18 +150,18 @@ class Receiver:
             yield error
             return
         if self._locked(kind):
-            yield ProgramError(1105, f"{kind} is being carried out")
+            yield ProgramError(Code.PROGRAM_BUSY, f"{kind} is being carried out")
             return
         if kind in self._store:
-            if int(self._parameters.get(OPTIONS)) & PROTECTED:
-                yield ProgramError(1107, kind)
+            if int(self._parameters.get(P.TRANSFER_OPTIONS)) & PROTECTED:
+                yield ProgramError(Code.PROGRAM_KEPT, kind)
                 return
-            yield ProgramError(1106, kind)
+            yield ProgramError(Code.PROGRAM_OVERWRITTEN, kind)
         self._store[kind] = program
         self.changed = True
 
     def _wrong(self, what: str) -> ProgramError:
-        return ProgramError(1111, f"line {self._number}: {what}", infos=(self._number,))
+        return ProgramError(Code.WRONG_LINE, f"line {self._number}: {what}", infos=(self._number,))
 
     def _parameter(self, word: str) -> Iterator[ProgramError]:
         match = _LINE.fullmatch(word)
@@ -185,8 +187,8 @@ class Receiver:
                 status = int(match["status"], 16) | (LOADED if value is not None else 0)
                 self._parameters.set_status(number, status, area, channel, add=match["how"] == "|")
         except ProgramError as error:
-            no_channel = error.number == 1305
-            yield ProgramError(1112, error.detail, infos=(self._number,)) if no_channel else error
+            no_channel = error.number == Code.NO_CHANNEL
+            yield ProgramError(Code.NO_FILE_CHANNEL, error.detail, infos=(self._number,)) if no_channel else error
             return
         self.changed = True
         self._written(number, value, area, channel)
@@ -200,7 +202,7 @@ def _ends(sign: int, other: int) -> re.Pattern[bytes]:
 
 def end_of_file(parameters: Parameters) -> int:
     """The character that a file ends with (P11177)."""
-    return int(parameters.given(11_177, float(EOT))) & 0xFF
+    return int(parameters.given(P.END_OF_FILE, float(EOT))) & 0xFF
 
 
 def parameter_file(parameters: Parameters, status: bool = True) -> str:

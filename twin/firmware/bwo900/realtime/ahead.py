@@ -21,6 +21,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.contour import Contour
 from isel_twin.firmware.bwo900.geometry.offset import Offset
 from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
@@ -30,7 +31,6 @@ AHEAD: Final = 400
 """Blocks that are analysed ahead of the one that is made."""
 REFILL: Final = 200
 """Analysis goes on when no more than these wait."""
-WITHOUT_MOVING: Final = 8_812
 
 
 class Filter(Protocol):
@@ -42,7 +42,7 @@ class Filter(Protocol):
 
 def filters(parameters: Parameters) -> list[Filter]:
     """New filters, in their order: contour, radius correction (P8845)."""
-    return [Contour(), Offset(parameters.get(8_845) if parameters.loaded(8_845) else None)]
+    return [Contour(), Offset(parameters.get(P.CORNER_ARC) if parameters.loaded(P.CORNER_ARC) else None)]
 
 
 class Ahead:
@@ -106,7 +106,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-            if int(self._around.parameters.get(WITHOUT_MOVING)):
+            if int(self._around.parameters.get(P.WITHOUT_MOVING)):
                 block = replace(block, elements=())
             self._through([block], 0)
             if block.stop is Stop.END:

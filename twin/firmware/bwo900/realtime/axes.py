@@ -14,8 +14,9 @@ from typing import Final
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.controller import Drives
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
-from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis
+from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
 from isel_twin.firmware.bwo900.realtime.lag import LagWatch, window_mm
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, positive
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
@@ -94,7 +95,7 @@ class Axes:
     def at_limit(self, axis: int) -> tuple[bool, bool]:
         """True if an axis stands at its software limit + (P12030), - (P12031), or beyond."""
         p, place = self._parameters, self.set_mm(axis)
-        high, low = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+        high, low = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
         return p.loaded(high) and place >= p.get(high), p.loaded(low) and place <= p.get(low)
 
     def driven(self, axis: int) -> bool:
@@ -116,7 +117,7 @@ class Axes:
     def place(self, axis: int) -> int:
         """An axis stands at its reference point: its position is P12040. Returns it in increments."""
         self.follow(None)
-        value = round(self._parameters.axis(axis, 40, 0.0) * self.limits().increments_per_mm[axis])
+        value = round(self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis])
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
         self.referenced[axis] = True
         return value
@@ -124,7 +125,7 @@ class Axes:
     def forget(self, axis: int) -> None:
         """An axis loses its reference point."""
         self.referenced[axis] = False
-        self._parameters.write(12_180 + AXIS_SIZE * axis, 0.0)
+        self._parameters.write(of_axis(axis, Axis.REFERENCED), 0.0)
 
     def to_pulse(self, axis: int) -> int:
         """Increments to the next zero pulse."""
@@ -143,7 +144,9 @@ class Axes:
     def _resolution(self, axis: int) -> float:
         """Increments per mm: P12012 / P12013, or the default where that makes no sense."""
         p = self._parameters
-        per_mm = positive(p.axis(axis, 12, 0.0), INCREMENTS_PER_MM) / positive(p.axis(axis, 13, 0.0), 1.0)
+        per_mm = positive(p.axis(axis, Axis.INCREMENTS, 0.0), INCREMENTS_PER_MM) / positive(
+            p.axis(axis, Axis.INCREMENTS_PER, 0.0), 1.0
+        )
         return per_mm if COARSEST <= per_mm <= FINEST else INCREMENTS_PER_MM
 
     def unsettled(self) -> list[int]:
@@ -160,7 +163,7 @@ class Axes:
 
     def settling_ns(self, axis: int) -> int:
         """How long an axis may take to reach its window: P12018."""
-        return round(min(positive(self._parameters.axis(axis, 18, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
+        return round(min(positive(self._parameters.axis(axis, Axis.SETTLING_MS, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
 
     def late(self) -> int | None:
         """Watch the following error while something moves; returns an axis that does not follow."""
@@ -189,13 +192,13 @@ class Axes:
                 continue
             low, high = min(e[0] for e in extents), max(e[1] for e in extents)
             here = block.elements[0].start[axis]
-            highest, lowest = 12_030 + AXIS_SIZE * axis, 12_031 + AXIS_SIZE * axis
+            highest, lowest = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
             if p.loaded(highest) and high > p.get(highest):
-                return ProgramError(2103, NAMES[axis])
+                return ProgramError(Code.SOFTWARE_LIMIT_HIGH, NAMES[axis])
             if p.loaded(lowest) and low < p.get(lowest):
-                return ProgramError(2104, NAMES[axis])
+                return ProgramError(Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
             if high > here and self.struck(axis, 2):
-                return ProgramError(2101, NAMES[axis])
+                return ProgramError(Code.HARDWARE_LIMIT_HIGH, NAMES[axis])
             if low < here and self.struck(axis, 1):
-                return ProgramError(2102, NAMES[axis])
+                return ProgramError(Code.HARDWARE_LIMIT_LOW, NAMES[axis])
         return None

@@ -5,7 +5,8 @@ Both wait for the power of the drives: `wants` and `direction` say what is to be
 
 from __future__ import annotations
 
-from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
@@ -83,7 +84,7 @@ class Hand:
         if key not in (1, 2) or self.jog is not None:
             return False
         if not free or self.homing is not None:
-            self._say(message(1321, detail="a key of an axis"))
+            self._say(message(Code.NOT_IN_HAND, detail="a key of an axis"))
             return False
         self.direction = 1 if key == 1 else -1
         return True
@@ -98,7 +99,8 @@ class Hand:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
         if axes.struck(jog.axis, 2 if sign > 0 else 1):
-            self._say(message(2101 if sign > 0 else 2102, detail=NAMES[jog.axis]))
+            number = Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW
+            self._say(message(number, detail=NAMES[jog.axis]))
             return
         self.jog = jog
         axes.follow(jog.run)
@@ -108,10 +110,10 @@ class Hand:
     def refer(self, axis: int, *, free: bool) -> bool:
         """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
         if not free or self.jog is not None:
-            self._say(message(1321, detail="a reference run"))
+            self._say(message(Code.NOT_IN_HAND, detail="a reference run"))
             return False
         if self.homing is not None:
-            self._say(message(1321, detail="a reference run is under way"))
+            self._say(message(Code.NOT_IN_HAND, detail="a reference run is under way"))
             return False
         self.wants.append(axis)
         return True
@@ -120,7 +122,7 @@ class Hand:
         """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
         for axis in axes:
             self._axes.forget(axis)
-        self._parameters.write(8_579, 0.0)
+        self._parameters.write(P.ALL_REFERENCED, 0.0)
         self.homing = Homing(sorted(axes, reverse=True), self._axes, self._outgoing)
         self._axes.follow(self.homing.run)
 
@@ -129,9 +131,9 @@ class Hand:
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:
-            self._say(message(2110, detail=NAMES[failed]))
+            self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
             self._outgoing.fault = True
-        for number in (8_579, 8_709):
+        for number in (P.ALL_REFERENCED, P.REFERENCED):
             self._parameters.write(number, float(all(self._axes.referenced)))
 
     def _say(self, said: Message) -> None:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.firmware.bwo900.numbers import Axis
 from isel_twin.firmware.bwo900.parameters import MACHINE_AXES, Parameters
 from isel_twin.firmware.bwo900.realtime.path import KV_1_S, positive
 
@@ -28,7 +29,7 @@ OFF: Final = -1.0
 
 def window_mm(parameters: Parameters, axis: int, per_mm: float) -> float:
     """The fine exact-stop window of an axis: P12016, or the square root of one increment in mm."""
-    return positive(parameters.axis(axis, 16, 0.0), math.sqrt(1.0 / per_mm))
+    return positive(parameters.axis(axis, Axis.WINDOW_FINE, 0.0), math.sqrt(1.0 / per_mm))
 
 
 class LagWatch:
@@ -54,10 +55,10 @@ class LagWatch:
                 p.revision,
                 [
                     (
-                        positive(p.axis(axis, 20, 0.0), KV_1_S),
-                        positive(p.axis(axis, 24, 0.0), MORE_PERCENT),
-                        p.axis(axis, 25, 0.0),
-                        positive(p.axis(axis, 17, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
+                        positive(p.axis(axis, Axis.KV, 0.0), KV_1_S),
+                        positive(p.axis(axis, Axis.LAG_PERCENT, 0.0), MORE_PERCENT),
+                        p.axis(axis, Axis.LAG_MS, 0.0),
+                        positive(p.axis(axis, Axis.WINDOW_COARSE, 0.0), COARSE * window_mm(p, axis, per_mm[axis])),
                     )
                     for axis in range(MACHINE_AXES)
                 ],

@@ -12,18 +12,18 @@ from typing import Final
 
 from isel_twin.controller import Event, Output, Remark
 from isel_twin.firmware.bwo900.messages import Effect, Message
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, Parameters
+from isel_twin.firmware.bwo900.numbers import Axis, P
+from isel_twin.firmware.bwo900.parameters import MACHINE_AXES, Parameters, of_axis
 
 CELLS: Final[Mapping[Effect, int]] = {
-    Effect.SYSTEM_ABORT: 8_500,
-    Effect.CHANNEL_ABORT: 8_501,
-    Effect.STOP: 8_502,
-    Effect.SHOWN: 8_503,
+    Effect.SYSTEM_ABORT: P.MESSAGE_SYSTEM,
+    Effect.CHANNEL_ABORT: P.MESSAGE_HIGH,
+    Effect.STOP: P.MESSAGE_LOW,
+    Effect.SHOWN: P.MESSAGE_SHOWN,
 }
 INTERPOLATOR: Final = (20, 21)
 """Messages of these hundreds are about an axis."""
-OF_AXIS, NUMBER_OF_AXIS = 8_504, 12_197
-INFOS: Final = (8_505, 8_506, 8_507)
+INFOS: Final = (P.MESSAGE_INFO_1, P.MESSAGE_INFO_2, P.MESSAGE_INFO_3)
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
@@ -68,14 +68,14 @@ class Outgoing:
         self._parameters.write(CELLS[said.effect], float(said.number))
         if said.number // 100 in INTERPOLATOR and said.detail[:1] and said.detail[:1] in "XYZ":
             axis = "XYZ".index(said.detail[0])
-            self._parameters.write(OF_AXIS, axis + 1.0)
-            self._parameters.write(NUMBER_OF_AXIS + AXIS_SIZE * axis, float(said.number))
+            self._parameters.write(P.MESSAGE_AXIS, axis + 1.0)
+            self._parameters.write(of_axis(axis, Axis.MESSAGE), float(said.number))
         for number, info in zip(INFOS, (*said.infos, 0.0, 0.0, 0.0), strict=False):
             if info or self._parameters.get(number):
                 self._parameters.write(number, float(info))
         if said.program:
-            self._parameters.write(8_910, float(said.program[1:]))
-            self._parameters.write(8_911, float(said.block))
+            self._parameters.write(P.FAULTY_PROGRAM, float(said.program[1:]))
+            self._parameters.write(P.FAULTY_BLOCK, float(said.block))
         if said.effect is not Effect.SHOWN:
             self.fault = True
         self.output("message", said.number)
@@ -84,7 +84,7 @@ class Outgoing:
     def acknowledge(self) -> None:
         """The operator has read the messages that stand."""
         self.standing.clear()
-        cells = (*CELLS.values(), OF_AXIS, *(NUMBER_OF_AXIS + AXIS_SIZE * axis for axis in range(MACHINE_AXES)))
+        cells = (*CELLS.values(), P.MESSAGE_AXIS, *(of_axis(axis, Axis.MESSAGE) for axis in range(MACHINE_AXES)))
         for number in cells:
             self._parameters.write(number, 0.0)
 

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.pieces import Pieces
 
@@ -89,32 +90,35 @@ class MotionLimits:
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
-        fastest = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, fastest, strict=True))
+        fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
+        first = tuple(
+            v / (1e-3 * positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS))
+            for a, v in zip(axes, fastest, strict=True)
+        )
         second = tuple(
-            min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
+            min(v / (1e-3 * ms), f) if (ms := p.axis(a, Axis.DYNAMICS_2, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, fastest, first, strict=True)
         )
         hand = tuple(_slope(p, a, v) for a, v in enumerate(fastest))
-        speed = tuple(min(v, positive(p.axis(a, 120, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
-        exponent = p.get(8_851) if p.loaded(8_851) else 1.0
+        speed = tuple(min(v, positive(p.axis(a, Axis.HAND_SPEED, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
+        exponent = p.get(P.CORNER_DYNAMICS) if p.loaded(P.CORNER_DYNAMICS) else 1.0
         return cls(
             increments_per_mm=tuple(increments_per_mm),
             speed=speed,
             acceleration=second,
             rapid_acceleration=first,
             hand=hand,
-            rapid=positive(p.get(8_816), max(fastest) * MINUTE_S) / MINUTE_S,
+            rapid=positive(p.get(P.RAPID), max(fastest) * MINUTE_S) / MINUTE_S,
             corner=exponent if exponent > 0.0 or exponent == -1.0 else 1.0,
-            deviation_mm=max(p.get(8_852), 0.0),
-            kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
-            test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
-            feed_share=positive(p.get(8_818), 100.0) / 100.0,
-            contour_mm=max(p.get(8_857), 0.0),
-            convex=_share(p.get(8_848)),
-            concave=_share(p.get(8_849)),
-            reference_mm=max(p.get(8_850), 0.0),
-            sine=any(p.axis(a, 10, 0.0) == 1.0 for a in axes),
+            deviation_mm=max(p.get(P.CIRCLE_DYNAMICS), 0.0),
+            kv=min(positive(p.axis(a, Axis.KV, 0.0), KV_1_S) for a in axes),
+            test_feed=max(p.get(P.TEST_FEED), 0.0) / MINUTE_S or None,
+            feed_share=positive(p.get(P.FEED_SHARE), 100.0) / 100.0,
+            contour_mm=max(p.get(P.CONTOUR_DYNAMICS), 0.0),
+            convex=_share(p.get(P.CONVEX)),
+            concave=_share(p.get(P.CONCAVE)),
+            reference_mm=max(p.get(P.FEED_DYNAMICS), 0.0),
+            sine=any(p.axis(a, Axis.DYNAMICS_KIND, 0.0) == 1.0 for a in axes),
         )
 
 
@@ -155,7 +159,7 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
     """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
-    asked = p.axis(axis, 136, 0.0)
+    asked = p.axis(axis, Axis.SLOPE, 0.0)
     most = fastest
     for number, share in ((1, 0.1), (2, 0.2)):
         if byte(asked, number) & 1:
@@ -234,7 +238,7 @@ class PieceMaker:
     def _increments(self, place: Point) -> tuple[int, ...]:
         exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
         if not all(abs(value) <= FURTHEST for value in exact):
-            raise ProgramError(1202, "a place that no counter holds")
+            raise ProgramError(Code.TOO_LARGE, "a place that no counter holds")
         return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
@@ -251,7 +255,7 @@ class PieceMaker:
             wanted = limits.rapid / max(direction)
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
-                raise ProgramError(1230)
+                raise ProgramError(Code.NO_FEED)
             wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
@@ -274,7 +278,7 @@ class PieceMaker:
                 acceleration = min(acceleration, able[axis] / share)
         if limits.deviation_mm:
             if limits.deviation_mm > radius:
-                raise ProgramError(1237, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
+                raise ProgramError(Code.CIRCLE_DYNAMICS, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
             speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
         return speed, acceleration
 

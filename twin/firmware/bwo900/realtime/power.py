@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.firmware.bwo900.messages import Code
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
@@ -44,7 +45,7 @@ class Power:
     @property
     def missing(self) -> int:
         """The message that says why it is not ready."""
-        return 3001 if not self._levels.get("estop", True) else 3002
+        return Code.EMERGENCY_STOP if not self._levels.get("estop", True) else Code.DRIVES_OFF
 
     def request(self, now_ns: int) -> None:
         """Ask the cabinet to close its relay, and reset drives with a fault."""
