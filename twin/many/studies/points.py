@@ -27,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.errors import CallError
-from isel_twin.many.studies.plan import Plan, between
+from isel_twin.many.studies.parameters import between
+from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.row import Point
 
 
