@@ -24,11 +24,11 @@ import dataclasses
 import difflib
 import sys
 import tomllib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 GRADES = ("measured", "datasheet", "estimate", "setting")
 """How far a number can be trusted; a setting is what people choose."""
@@ -61,6 +61,11 @@ class Place:
 
     def __str__(self) -> str:
         return f"{self.file}: {self.key}" if self.key else str(self.file)
+
+
+def _once(of: Callable[[type[Any]], T]) -> Callable[[type[Any]], T]:
+    """What is found of a class is found once."""
+    return cast(Callable[[type[Any]], T], lru_cache(128)(of))
 
 
 # Fields --------------------------------------------------------------------------------------------------------------
@@ -126,7 +131,7 @@ def check(instance: Any) -> None:
                 raise ValueError(f"{what}: {item.name} must be a whole number, not {value!r}")
 
 
-@lru_cache(128)
+@_once
 def _rules(cls: type[Any]) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
     """Fields that have a rule, and the rule."""
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
@@ -173,7 +178,7 @@ def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, 
     return values
 
 
-@lru_cache(128)
+@_once
 def _fields(cls: type[Any]) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
     """Key in files and field, of those that files have."""
     named = ((item.metadata.get("key", item.name), item) for item, _ in _rules(cls))
