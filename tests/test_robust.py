@@ -148,7 +148,7 @@ def test_a_job_that_fails_always_is_not_called_robust(run: Any) -> None:
 
 @pytest.mark.slow
 def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
-    code, out, _ = run(NEAR_STALL, "--machine", "m36", "--robust", "20", "--json", "--jobs", "2")
+    code, out, _ = run(NEAR_STALL, "--machine", "m36", "--robust", "20", "--json", "--workers", "2")
     *lines, last = (json.loads(line) for line in out)
     assert code == 1
     assert last["robust"] is False
@@ -209,7 +209,7 @@ def command(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedP
 def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> None:
     """In other processes too, which have no standard input of it."""
     (tmp_path / "job.txt").write_text(SOUND)
-    words = ("--robust", "2", "--jobs", "2", "--json")
+    words = ("--robust", "2", "--workers", "2", "--json")
     from_file, from_input = command(tmp_path, "job.txt", *words), command(tmp_path, "-", *words, stdin=SOUND)
     assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
     assert from_file.stdout == from_input.stdout
@@ -230,7 +230,7 @@ def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None
 def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
     """As `| head -1` does: no traceback, no thousand repetitions, and no success."""
     (tmp_path / "job.txt").write_text(SOUND)
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs, "--json"]
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs, "--json"]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(words, cwd=tmp_path, **pipes) as child:
         assert child.stdout is not None
@@ -249,7 +249,7 @@ def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
 def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(tmp_path: Path, jobs: str) -> None:
     """A terminal sends it to all processes of the command; so many repetitions would take minutes."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs]
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
         assert command.stdout is not None
@@ -301,7 +301,7 @@ def test_other_processes_give_up_what_they_are_at() -> None:
             "--robust: the kinematic plant loses no step whatever",
         ),
         (("--robust", "-1"), "--robust -1: must be a number of repetitions"),
-        (("--robust", "3", "--jobs", "0"), "--jobs 0: must be a number of processes from 1"),
+        (("--robust", "3", "--workers", "0"), "--workers 0: must be a number of processes from 1"),
     ],
 )
 def test_a_call_that_makes_no_sense_is_refused_before_anything_runs(run: Any, words: Any, said: str) -> None:

@@ -24,11 +24,11 @@ import dataclasses
 import difflib
 import sys
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 GRADES = ("measured", "datasheet", "estimate", "setting")
 """How far a number can be trusted; a setting is what people choose."""
@@ -61,11 +61,6 @@ class Place:
 
     def __str__(self) -> str:
         return f"{self.file}: {self.key}" if self.key else str(self.file)
-
-
-def _once(of: Callable[[type[Any]], T]) -> Callable[[type[Any]], T]:
-    """What is found of a class is found once."""
-    return cast(Callable[[type[Any]], T], lru_cache(128)(of))
 
 
 # Fields --------------------------------------------------------------------------------------------------------------
@@ -118,8 +113,9 @@ def flag(default: Any = MISSING) -> Any:
 
 def check(instance: Any) -> None:
     """Raise ValueError unless all numbers and words of a dataclass are what their fields allow."""
-    what = type(instance).__name__.lower()
-    for item, rule in _rules(type(instance)):
+    kind: Any = type(instance)
+    what = kind.__name__.lower()
+    for item, rule in _rules(kind):
         value = getattr(instance, item.name)
         if isinstance(rule, tuple) and rule and value not in rule:
             raise ValueError(f"{what}: {item.name} must be one of {_listed(rule)}, not {value!r}")
@@ -131,8 +127,8 @@ def check(instance: Any) -> None:
                 raise ValueError(f"{what}: {item.name} must be a whole number, not {value!r}")
 
 
-@_once
-def _rules(cls: type[Any]) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
+@lru_cache(128)
+def _rules(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
     """Fields that have a rule, and the rule."""
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
 
@@ -145,7 +141,7 @@ def _same(value: Any, default: Any) -> bool:
 # Sections: dataclasses from tables -----------------------------------------------------------------------------------
 
 
-def keys(cls: type[Any]) -> tuple[str, ...]:
+def keys(cls: Any) -> tuple[str, ...]:
     """Keys under which files have the fields of a dataclass."""
     return tuple(key for key, _ in _fields(cls))
 
@@ -161,7 +157,7 @@ def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
         raise place.wrong(str(error)) from None
 
 
-def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, Any]:
+def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
     """Values by name of the field, for those fields of the dataclass that files have; other keys are left alone."""
     values: dict[str, Any] = {}
     for key, item in _fields(cls):
@@ -178,8 +174,8 @@ def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, 
     return values
 
 
-@_once
-def _fields(cls: type[Any]) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
+@lru_cache(128)
+def _fields(cls: Any) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
     """Key in files and field, of those that files have."""
     named = ((item.metadata.get("key", item.name), item) for item, _ in _rules(cls))
     return tuple((key, item) for key, item in named if key)

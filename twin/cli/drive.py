@@ -18,11 +18,12 @@ from isel_twin.cli.interruption import interruption
 from isel_twin.cli.options import (
     Interval,
     MachineName,
+    Overrides,
     PlantName,
     ScenarioFile,
     Seed,
     check_seconds,
-    parse_override,
+    parse_overrides,
 )
 from isel_twin.cli.recording import RecordPath
 from isel_twin.core.spec import MACHINE, TwinSpec
@@ -49,7 +50,7 @@ def drive(
     plant: PlantName = TwinSpec.plant,
     seed: Seed = TwinSpec.seed,
     start: Annotated[str, Parameter(help="Where the machine stands: X,Y,Z in mm from the motor-end switches.")] = "",
-    set: Annotated[tuple[str, ...], Parameter(help="Machine parameters: axes.all.steps_per_rev=3200.")] = (),
+    set: Overrides = (),
     scenario: ScenarioFile = None,
     edge: Annotated[Literal["rising", "falling", "both"], Parameter(help="Which edge of step is a step.")] = "rising",
     reverse: Annotated[str, Parameter(help="Axes whose direction is turned round: x,z.")] = "",
@@ -89,7 +90,7 @@ def drive(
             raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
     files = Files(steps, vcd, trace, report, record, interval)
     files.check(capture, scenario)
-    overrides = dict(parse_override(text) for text in set)
+    overrides = parse_overrides(set)
     call = TwinSpec(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
     reading = {"edge": edge, "time_unit": time_unit, "sample_rate_hz": sample_rate, "reverse": reverse}
     ticks = _read(capture, map, limits_us, reading)

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError
 from isel_twin.cli import outputs
-from isel_twin.cli.options import check_writable
+from isel_twin.cli.options import check_kind, check_writable
 from isel_twin.cli.recording import begin, check_record, keep
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ MOST_SAMPLES = 100_000_000
 
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
-TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")]
+TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,21 @@ class Files:
 
     def check(self, *kept: Path | None) -> None:
         """Raise CallError unless all of them can be written, without replacing a file that the call needs (`kept`)."""
-        if self.trace is not None:
-            _need_pyarrow()
+        self.kinds()
         if self.report is not None and self.report.suffix.lower() == ".png" and find_spec("matplotlib") is None:
             raise CallError(
                 f"report {self.report}: a picture needs matplotlib: pip install 'isel-twin[report]'", option=True
             )
         check_record(self.record)
         check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
+
+    def kinds(self) -> tuple[str, str, str]:
+        """The kinds of steps, vcd and trace, as their names say. Raises CallError."""
+        return (
+            check_kind("steps", self.steps, ".npz"),
+            check_kind("vcd", self.vcd, ".vcd"),
+            check_kind("trace", self.trace, ".parquet", ".csv"),
+        )
 
     def begin(self, twin: Twin, said: Mapping[str, str], stack: ExitStack) -> Writing:
         """Begin to keep what the twin does. said: what a recording says of itself. Raises CallError."""
@@ -92,7 +99,7 @@ class Writing:
         failures: list[CallError] = []
         from isel_twin.recordings.write import write_trace
 
-        for path, kind in ((files.steps, ".npz"), (files.vcd, ".vcd"), (files.trace, ".parquet")):
+        for path, kind in zip((files.steps, files.vcd, files.trace), files.kinds(), strict=True):
             if path is not None:
                 with outputs.put_off(failures, path):
                     write_trace(path, self.twin, self.recorder, kind)
@@ -104,12 +111,3 @@ class Writing:
                 page(files.report, self.recorder)
         outputs.tell(failures)
         return whole
-
-
-def _need_pyarrow() -> None:
-    from isel_twin.recordings.write import check_kind
-
-    try:
-        check_kind(".parquet", "trace")
-    except ValueError as error:
-        raise CallError(str(error), option=True) from None

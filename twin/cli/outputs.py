@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -52,6 +52,17 @@ def console() -> Console:
 
     here = Console()
     return here if here.is_terminal else Console(width=WIDE)
+
+
+def names(of: Iterable[str], json: bool) -> int:
+    """Print names, one a line, or as a list of JSON; return the exit code."""
+    if json:
+        from json import dumps
+
+        print(dumps(list(of)))
+    else:
+        print("\n".join(of))
+    return 0
 
 
 def many(number: int, what: str) -> str:

@@ -20,20 +20,20 @@ from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPa
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import check_names, job_name, read_job
 from isel_twin.cli.options import (
-    ControllerName,
-    FlashPath,
+    DEFAULT_TWIN,
     Interval,
-    MachineName,
-    PlantName,
-    ScenarioFile,
-    Seed,
+    Robust,
+    Timeout,
+    TwinOptions,
+    Workers,
     check_seconds,
+    check_workers,
     is_standard_input,
 )
 from isel_twin.cli.recording import RecordPath
-from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
+    from isel_twin.core.spec import TwinSpec
     from isel_twin.jobs.golden import Golden
     from isel_twin.jobs.job import Line
     from isel_twin.jobs.playing import Played
@@ -45,12 +45,7 @@ def run(
     job: Annotated[Path, Parameter(help='Controller commands, one a line, or a program; "-" is standard input.')],
     /,
     *,
-    machine: MachineName = MACHINE,
-    controller: ControllerName = TwinSpec.controller,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
-    flash: FlashPath = None,
-    scenario: ScenarioFile = None,
+    twin: TwinOptions = DEFAULT_TWIN,
     steps: StepsPath = None,
     vcd: VcdPath = None,
     trace: TracePath = None,
@@ -59,9 +54,9 @@ def run(
     ] = None,
     record: RecordPath = None,
     interval: Interval = 0.01,
-    timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
-    robust: Annotated[int, Parameter(help="Repeat the job so many times on slightly different machines.")] = 0,
-    jobs: Annotated[int, Parameter(help="Processes that share the repetitions of --robust.")] = 1,
+    timeout: Timeout = 3600.0,
+    robust: Robust = 0,
+    workers: Workers = 1,
     json: Annotated[bool, Parameter(help="One line of JSON a command, then one with the summary.")] = False,
 ) -> int:
     """Run a file of controller commands, or a program of the controller's, in virtual time.
@@ -85,33 +80,33 @@ def run(
     """
     check_seconds("interval", interval, 1e-9)
     check_seconds("timeout", timeout, 0.0)
-    lines = read_job(job, controller)
+    lines = read_job(job, twin.controller)
     files = Files(steps, vcd, trace, report, record, interval)
     if files.sampled:
         _check_samples(lines, interval)
-    files.check(job, flash, scenario)
-    call = TwinSpec(machine, controller, plant, seed, scenario, flash)
+    files.check(job, *twin.files)
+    call = twin.spec()
     golden = None if report is None else _golden(job)
-    repeat = _repetitions(call, lines, robust, jobs, timeout)
+    repeat = _repetitions(call, lines, robust, workers, timeout)
     with ExitStack() as stack:
-        twin = call.build(keep_motions=None if files.needs_stream else 1)
+        made_on = call.build(keep_motions=None if files.needs_stream else 1)
 
         from isel_twin.core.warm import told_of_compiling
         from isel_twin.jobs.checks.job import Bounds, Inspection
         from isel_twin.jobs.playing import played
 
-        check_names(job, lines, twin)
+        check_names(job, lines, made_on)
         stack.enter_context(told_of_compiling())
-        writing = files.begin(twin, {"job": job_name(job)}, stack)
+        writing = files.begin(made_on, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
-        show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(twin, lines))
-        inspection = None if report is None else Inspection(twin, Bounds(timeout_s=timeout))
+        show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))
+        inspection = None if report is None else Inspection(made_on, Bounds(timeout_s=timeout))
         watchers = [show.result] if inspection is None else [show.result, inspection.take]
         with interruption() as stopped:
-            made = played(twin, lines, watchers, timeout, lambda: bool(stopped))
+            made = played(made_on, lines, watchers, timeout, lambda: bool(stopped))
         if not made.whole:
             outputs.say(f"{job_name(job)}: {_why_it_ended(made, timeout)}")
-        verdict, called = made.verdict, {"controller": controller, "plant": plant, "seed": seed}
+        verdict, called = made.verdict, {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
         show.verdict(verdict, called)
 
         def page(path: Path, recorder: Recorder) -> None:
@@ -125,7 +120,7 @@ def run(
                 found = found.compared(golden, as_called(found.golden, call, job, golden_file(job)))
             summary = {**verdict.summary(), **called}
             title = f"isel-twin: {job_name(job)}"
-            write_report(path, title, twin, recorder, made.results, summary, found, inspection.bounds)
+            write_report(path, title, made_on, recorder, made.results, summary, found, inspection.bounds)
 
         recorded = writing.write(page)
         if verdict.interrupted:
@@ -168,7 +163,7 @@ def _why_it_ended(made: Played, timeout_s: float) -> str:
 
 
 def _repetitions(
-    call: TwinSpec, lines: Sequence[Line], number: int, jobs: int, timeout_s: float
+    call: TwinSpec, lines: Sequence[Line], number: int, workers: int, timeout_s: float
 ) -> Callable[[Callable[[], bool]], Iterator[Repetition]] | None:
     """What makes the repetitions of a job, checked before the job begins; None if none are wanted. Raises CallError.
 
@@ -176,8 +171,7 @@ def _repetitions(
     """
     if number < 0:
         raise CallError(f"robust {number}: must be a number of repetitions, such as 20", option=True)
-    if jobs < 1:
-        raise CallError(f"jobs {jobs}: must be a number of processes from 1", option=True)
+    check_workers(workers)
     if number == 0:
         return None
     from isel_twin.jobs.robust import check, repetitions
@@ -187,7 +181,7 @@ def _repetitions(
     if isinstance(call.flash, Path) and call.flash.is_file():
         with call_errors(call.flash):
             flash = call.flash.read_bytes()
-    crew = crew_of(min(jobs, number))
+    crew = crew_of(min(workers, number))
     return lambda stop: repetitions(call, lines, number, timeout_s=timeout_s, flash=flash, crew=crew, stop=stop)
 
 

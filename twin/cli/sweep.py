@@ -16,7 +16,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
 from isel_twin.cli.crews import crew_of
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.options import check_writable, is_standard_input
+from isel_twin.cli.options import Whole, check_workers, check_writable, is_standard_input
 
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
@@ -28,8 +28,12 @@ if TYPE_CHECKING:
 
 def sweep(
     plan: Annotated[Path, Parameter(help="What stays the same and what varies (TOML), see docs/sweeps.md.")],
-    out: Annotated[Path | None, Parameter(help="The table (Parquet); without it PLAN.parquet beside the plan.")] = None,
-    workers: Annotated[int | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(name=("--out", "-o"), help="The table (Parquet). PLAN.parquet beside the plan.")
+    ] = None,
+    workers: Annotated[Whole | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
     cluster: Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")] = None,
     sensitivity: Annotated[
         Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")
@@ -46,8 +50,8 @@ def sweep(
     """
     if is_standard_input(plan):
         raise CallError("-: a job stands beside its plan; name a file")
-    if workers is not None and workers < 1:
-        raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
+    if workers is not None:
+        check_workers(workers)
     if workers is not None and cluster is not None:
         raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
     from isel_twin.many.studies.plan import load_plan

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
-from isel_twin.cli.options import ControllerName, Ptys, Rfc2217s, Tcps, check_writable
+from isel_twin.cli.options import ControllerName, Ptys, Replace, Rfc2217s, Tcps, Whole, check_writable
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
@@ -32,10 +32,10 @@ def tap(
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
-    baud: Annotated[int, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
+    baud: Annotated[Whole, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
     frame: Annotated[str, Parameter(help="Its data bits, parity and stop bits.")] = "8N1",
     record: Annotated[Path | None, Parameter(help="FILE.mcap for both directions with their times.")] = None,
-    replace: Annotated[bool, Parameter(help="The recording may replace a file that exists.")] = False,
+    replace: Replace = False,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
     ] = "events",

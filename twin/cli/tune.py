@@ -19,11 +19,15 @@ from isel_twin.cli.jobs import job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
     MachineName,
+    Overrides,
     ScenarioFile,
+    Timeout,
+    Whole,
+    Workers,
     check_seconds,
     check_writable,
     is_standard_input,
-    parse_override,
+    parse_overrides,
 )
 from isel_twin.cli.outputs import many
 from isel_twin.core.spec import MACHINE, TwinSpec
@@ -36,7 +40,7 @@ if TYPE_CHECKING:
     from isel_twin.many.tuning.study import Study
 
 TRIALS = 60
-REPETITIONS = 5
+ROBUST = 5
 CONFIRM = 50
 LEAST = 0.2
 BATCH = 8
@@ -47,32 +51,30 @@ def tune(
     /,
     *,
     each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
-    trials: Annotated[int, Parameter(help="Settings that are tried, those of earlier calls among them.")] = TRIALS,
+    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = TRIALS,
     margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = LEAST,
-    repetitions: Annotated[
-        int, Parameter(help="Slightly different machines on which each setting is judged.")
-    ] = REPETITIONS,
-    confirm: Annotated[int, Parameter(help="Further machines on which the tuned job has to hold.")] = CONFIRM,
+    robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = ROBUST,
+    confirm: Annotated[Whole, Parameter(help="Further machines on which the tuned job has to hold.")] = CONFIRM,
     speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
     acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
     start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None,
     rapid: Annotated[
-        int | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
+        Whole | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
     ] = None,
     machine: MachineName = MACHINE,
     controller: ControllerName = TwinSpec.controller,
-    seed: Annotated[int, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
-    set: Annotated[tuple[str, ...], Parameter(help="Machine parameters, such as payload.mass=8.")] = (),
+    seed: Annotated[Whole, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
+    set: Overrides = (),
     scenario: ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
-    timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
+    timeout: Timeout = 3600.0,
     storage: Annotated[
         str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
-    workers: Annotated[int, Parameter(help="Processes that share the work; results do not depend on it.")] = 1,
-    batch: Annotated[int, Parameter(help="Settings that are chosen together, so workers that help.")] = BATCH,
-    out: Annotated[Path | None, Parameter(help="The tuned job. JOB.tuned.txt")] = None,
+    workers: Workers = 1,
+    batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = BATCH,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
     permanent: Annotated[
         Path | None, Parameter(help="Commands that make its ramps the controller's own. JOB.permanent.txt")
     ] = None,
@@ -82,7 +84,7 @@ def tune(
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
 
     Tried are the speed of its rapid ways, the acceleration and the start-stop frequency, for the whole job or, with
-    --each-move, for each of its moves. Each setting is judged on the machine as it is and on --repetitions others
+    --each-move, for each of its moves. Each setting is judged on the machine as it is and on --robust others
     (power-on position, supply 5 %, friction 20 %, masses and payload 10 %), the same ones for all; the first lost step
     ends it. The fastest that keeps --margin there has to keep it on --confirm others, too.
 
@@ -94,7 +96,7 @@ def tune(
     """
     if is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
-    _check_numbers(trials, repetitions, confirm, workers, batch, margin, seed, rapid)
+    _check_numbers(trials, robust, confirm, workers, batch, margin, seed, rapid)
     check_seconds("timeout", timeout, 0.0)
     bounds = {"speed_hz": speed, "acceleration_hz_per_ms": acceleration, "start_stop_hz": start_stop}
     ranges = {name: _range(name, text) for name, text in bounds.items() if text is not None}
@@ -104,8 +106,7 @@ def tune(
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
-    overrides = dict(parse_override(text) for text in set)
-    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=parse_overrides(set))
 
     from isel_twin.base.files import Claim, atomic_write
     from isel_twin.base.pictures import check_picture
@@ -123,14 +124,14 @@ def tune(
         raise CallError(str(error)) from None
     with call_errors(job):
         image = flash.read_bytes() if flash is not None else None
-        check(call, repetitions + confirm)
+        check(call, robust + confirm)
         problem = Problem(
             decode_job(job.read_bytes()),
             call,
             each_move=each_move,
             rapid_hz=rapid,
             ranges=ranges,
-            repetitions=repetitions,
+            repetitions=robust,
             timeout_s=timeout,
             flash=image,
         )
@@ -172,11 +173,11 @@ def tune(
 
 
 def _check_numbers(
-    trials: int, repetitions: int, confirm: int, workers: int, batch: int, margin: float, seed: int, rapid: int | None
+    trials: int, robust: int, confirm: int, workers: int, batch: int, margin: float, seed: int, rapid: int | None
 ) -> None:
     """Refuse numbers that are none. Raises CallError."""
     for name, value, low in (
-        ("trials", trials, 1), ("repetitions", repetitions, 0), ("confirm", confirm, 1), ("workers", workers, 1),
+        ("trials", trials, 1), ("robust", robust, 0), ("confirm", confirm, 1), ("workers", workers, 1),
         ("batch", batch, 1), ("seed", seed, 0), ("rapid", 1 if rapid is None else rapid, 1),
     ):  # fmt: skip
         if value < low:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.parameters import Place
-from isel_twin.controller import Controller, HasKeys, NamesOutputs
+from isel_twin.controller import Controller, HasKeys, NamesOutputs, offers
 from isel_twin.machine import Machine
 from isel_twin.wiring import ScenarioError, ScenarioEvent, load_scenario, outputs, read_events, settable
 
@@ -16,12 +16,12 @@ def events_of(
     source: Path | Sequence[dict[str, Any]], machine: Machine, controller: Controller
 ) -> tuple[ScenarioEvent, ...]:
     """The events of a scenario file, or of its tables. Raises ScenarioError, and OSError for the file."""
-    own = controller.output_names if isinstance(controller, NamesOutputs) else ()
+    own = controller.output_names if offers(controller, NamesOutputs) else ()
     words: Mapping[str, Any] = {
         "settable": settable(machine),
         "switches": [switch.name for switch in machine.switches],
         "outputs": (*outputs(machine), *own),
-        "keys": controller.keys if isinstance(controller, HasKeys) else {},
+        "keys": controller.keys if offers(controller, HasKeys) else {},
     }
     if isinstance(source, Path):
         return load_scenario(source, **words)

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from json import dumps
 from pathlib import Path
 
 from isel_twin.base.pictures import Curve, draw_curves
@@ -77,16 +78,27 @@ def default_stage(motor: Motor) -> Stage:
 
 
 def show_motor(
-    name: str, stage: Stage | None = None, picture: Path | None = None, motors: Mapping[str, Motor] = MOTORS
+    name: str,
+    stage: Stage | None = None,
+    picture: Path | None = None,
+    motors: Mapping[str, Motor] = MOTORS,
+    *,
+    json: bool = False,
 ) -> None:
-    """Print what motor `name` does on a stage (None: `default_stage`); with `picture`, draw the curve into that file.
+    """Print what motor `name` does on a stage (None: `default_stage`), as a table or as one JSON object; with
+    `picture`, draw the curve into that file.
 
     Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
     """
     motor = find_motor(name, motors)
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
-    print("\n".join(_text(name, motor, stage, table)))
+    if json:
+        print(
+            dumps({"motor": name, "data": asdict(motor), "stage": asdict(stage), "curve": [asdict(p) for p in table]})
+        )
+    else:
+        print("\n".join(_text(name, motor, stage, table)))
     if picture is not None:
         draw_torque(table, _title(name, stage), picture)
 

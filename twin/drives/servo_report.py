@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from json import dumps
 from pathlib import Path
 
 from isel_twin.base.pictures import Curve, draw_curves
@@ -48,13 +49,19 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
     ]
 
 
-def show_servo(name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None) -> None:
-    """Print what the motor of an axis does on its drive; with `picture`, draw the curve into that file.
+def show_servo(
+    name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None, *, json: bool = False
+) -> None:
+    """Print what the motor of an axis does on its drive, as a table or as one JSON object; with `picture`, draw the
+    curve into that file.
 
     lead_mm: of its screw. Raises ValueError if a picture is asked for and matplotlib is missing.
     """
     table = servo_table(motor, drive)
-    print("\n".join(_text(name, motor, drive, lead_mm, table)))
+    if json:
+        print(dumps({"axis": name, "data": asdict(motor), "drive": asdict(drive), "curve": [asdict(p) for p in table]}))
+    else:
+        print("\n".join(_text(name, motor, drive, lead_mm, table)))
     if picture is not None:
         draw_servo(table, _title(name, drive), picture)
 

@@ -56,7 +56,7 @@ TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2
 """Of lost steps: less is load angle."""
 
-_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario")
+_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
 
 
@@ -183,6 +183,8 @@ def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
     head |= {"plant": call.plant, "seed": call.seed}
     if Path(call.machine_name).is_dir():
         head["machine"] = _seen_from(file, Path(call.machine_name))
+    if call.overrides:
+        head["set"] = dict(call.overrides)
     if call.scenario is not None:
         head["scenario"] = _seen_from(file, call.scenario)
     return replace(run, call=head)
@@ -227,7 +229,7 @@ def load(path: str | Path) -> Golden:
         if key not in content:
             raise place.at(key).wrong("missing; this is no golden file: make one with isel-twin golden record")
     if content["format"] != FORMAT:
-        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --update")
+        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --replace")
     call = {key: _checked(content, key, place) for key in _HEAD[1:] if key in content}
     lines = content["lines"]
     if not isinstance(lines, list):
@@ -240,6 +242,7 @@ def load(path: str | Path) -> Golden:
 
 _KINDS: Mapping[str, tuple[type, ...]] = {
     "seed": (int,),
+    "set": (dict,),
     "ok": (bool,),
     "cycle_s": (int, float),
     "counts": (list,),

@@ -29,12 +29,12 @@ from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 
 FAR = 1 << 62
-"""Microsteps that no axis makes."""
+"""A count that no axis reaches."""
 
 
 @njit()
 def _bounds(axes, axis, sense, strike, release, struck):
-    """Counts between which, both left out, no switch of an axis changes while nothing is led: int64 [axes], twice."""
+    """Open interval of counts in which no switch of an axis changes while nothing is led: int64 [axes], twice."""
     low, high = np.full(axes, -FAR), np.full(axes, FAR)
     for s in range(axis.shape[0]):
         a = axis[s]
@@ -51,14 +51,14 @@ def _bounds(axes, axis, sense, strike, release, struck):
 
 @njit()
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """Whether switch s is in another state at t_ns."""
+    """True if switch s is in another state at t_ns."""
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
 
 @njit()
 def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """Let the carriages work the switches; say whether one has changed."""
+    """Let the carriages work the switches; True if one has changed."""
     changed = False
     for s in range(axis.shape[0]):
         if _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):

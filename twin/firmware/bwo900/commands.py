@@ -12,8 +12,9 @@ from isel_twin.controller import Reply
 from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.execution import Execution
 from isel_twin.firmware.bwo900.keys import Wish
-from isel_twin.firmware.bwo900.messages import Effect, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.realtime import overrides
@@ -85,7 +86,7 @@ class Commands:
             case Wish.FEED:
                 self._execution.channel.path.set_feed(given)
             case Wish.MAP:
-                p.write(8_554, self._mapped(int(given)))
+                p.write(P.MAP_Q, self._mapped(int(given)))
             case Wish.REFERENCE:
                 operating.refer(int(given))
 
@@ -109,7 +110,7 @@ class Commands:
         """A program P as a file, 0: all programs and cycles in one."""
         names = [f"P{number}"] if number else sorted(self._store)
         if number and names[0] not in self._store:
-            self._execution.say(message(1252, detail=names[0], effect=Effect.SHOWN))
+            self._execution.say(message(Code.NO_PROGRAM, detail=names[0], effect=Effect.SHOWN))
             return
         self._reply("".join(self._store[name].file for name in names))
 

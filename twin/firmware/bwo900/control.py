@@ -18,8 +18,9 @@ from isel_twin.firmware.bwo900.commands import Commands
 from isel_twin.firmware.bwo900.execution import Execution
 from isel_twin.firmware.bwo900.hardware import Hardware
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
-from isel_twin.firmware.bwo900.messages import Effect, Message, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, Message, message
 from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.operating import Operating
 from isel_twin.firmware.bwo900.ports import TERMINALS, serial_format
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
@@ -28,7 +29,7 @@ from isel_twin.firmware.bwo900.status import at_power_on
 from isel_twin.firmware.bwo900.transfer import Receiver
 from isel_twin.motion import SetPointRun
 
-OVERWRITTEN: Final = 1106
+OVERWRITTEN: Final = Code.PROGRAM_OVERWRITTEN
 """Message of a file that is taken, and replaces one."""
 
 
@@ -169,13 +170,13 @@ class Control:
         before, levels[terminal] = levels.get(terminal), level
         self._plc.set_input(t_ns, terminal, level)
         if terminal in ("estop", "power") and not level:
-            self._operating.lose(3001 if terminal == "estop" else 3002)
+            self._operating.lose(Code.EMERGENCY_STOP if terminal == "estop" else Code.DRIVES_OFF)
         elif terminal.startswith("fault"):
             axis = int(terminal[-1])
             self._power.faulty[axis] = level
             if level:
                 self._axes.referenced[axis] = False
-                self._operating.lose(2001, NAMES[axis])
+                self._operating.lose(Code.LAG, NAMES[axis])
         elif terminal.startswith("limit") and before and not level:
             self._operating.limit("xyz".index(terminal[6]), int(terminal[7]))
         elif terminal == PROBE:
@@ -219,7 +220,7 @@ class Control:
         self._commands.answer()
         self._axes.follow((self._hand.move or self._channel).run)
         if self._hand.homing is None and (axis := self._axes.late()) is not None:
-            self._operating.lose(2001, NAMES[axis])
+            self._operating.lose(Code.LAG, NAMES[axis])
         for name, value in self._plc.take().items():
             self._outgoing.output(name, value)
         if told := self._feeder.say():
@@ -230,11 +231,11 @@ class Control:
         """Parameters and outputs about the channel and the line."""
         p, channel = self._parameters, self._channel
         state = 0.0 if not channel.active else 1.0 if channel.held else 2.0
-        if p.get(8_685) != state:
-            p.write(8_685, state)
-            p.write(8_687, 1.0 if channel.active else 0.0)
-        if p.get(8_561) != self._feeder.level:
-            p.write(8_561, float(self._feeder.level))
+        if p.get(P.PROGRAM_ACTIVE) != state:
+            p.write(P.PROGRAM_ACTIVE, state)
+            p.write(P.PROGRAM_RUNS, 1.0 if channel.active else 0.0)
+        if p.get(P.FED_LEVEL) != self._feeder.level:
+            p.write(P.FED_LEVEL, float(self._feeder.level))
         self._outgoing.output("active", int(state))
         self._outgoing.output("moving", int(self.run is not None))
         self._outgoing.output("auto", int(self.mode is not Mode.HAND))

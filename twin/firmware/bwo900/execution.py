@@ -15,6 +15,7 @@ from isel_twin.firmware.bwo900.hardware import Hardware
 from isel_twin.firmware.bwo900.memory import Memory
 from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
 from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.syntax import Text
@@ -78,13 +79,14 @@ class Execution:
         if broken is not None:
             self.plc.forget()
         self.feeder.end()
-        if p.get(8_686):
-            p.write(8_686, 0.0)
+        if p.get(P.RESTART_STATE):
+            p.write(P.RESTART_STATE, 0.0)
         self.rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
-        for number, value in ((8_802, name[1:]), (8_803, block), (8_906, name[1:]), (8_907, block)):
-            p.write(number, float(value or 0))
+        for program, number in ((P.BROKEN_PROGRAM, P.BROKEN_BLOCK), (P.ABORTED_PROGRAM, P.ABORTED_BLOCK)):
+            p.write(program, float(name[1:] or 0))
+            p.write(number, float(block))
         self.keep()
 
     def _ask(self, number: int, value: float | None) -> None:
@@ -97,7 +99,7 @@ class Execution:
     @property
     def program(self) -> str:
         """The program that Start begins."""
-        return f"P{int(self.parameters.get(8_800))}"
+        return f"P{int(self.parameters.get(P.PROGRAM))}"
 
     @property
     def unfinished(self) -> str:
@@ -120,16 +122,17 @@ class Execution:
         p = self.parameters
         positioning = self.mode is Mode.POSITIONING
         name = POSITIONED if positioning else self.program
-        block = None if positioning else int(p.get(8_801)) or None
+        block = None if positioning else int(p.get(P.START_BLOCK)) or None
         self.hardware.outgoing.fault = False
         try:
-            again = bool(p.get(8_804) and p.get(8_802))
+            again = bool(p.get(P.RESTART) and p.get(P.BROKEN_PROGRAM))
             if not positioning:
                 self.feeder.start(name, from_the_middle=again or block is not None)
             self._began_at = self._began_at if again else self.axes.position
-            self.interpreter.begin(name, self._began_at, block, bool(p.get(8_810)))
+            self.interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
             if again:
-                find(self.interpreter, f"P{int(p.get(8_802))}", int(p.get(8_803)), self.axes.position, p.write)
+                broken = f"P{int(p.get(P.BROKEN_PROGRAM))}", int(p.get(P.BROKEN_BLOCK))
+                find(self.interpreter, *broken, self.axes.position, p.write)
         except ProgramError as error:
             self.say(message(error.number, program=name, detail=error.detail))
             return
@@ -149,7 +152,7 @@ class Execution:
         """A program that is, or has been, analysed for the one under way; with P8806, byte 2, bit 0 it must be open."""
         if not self.channel.active:
             return False
-        only_open = byte(self.parameters.get(8_806), 2) & 1
+        only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1
         return name in (self.interpreter.open if only_open else self.interpreter.opened)
 
     def _value(self, number: int) -> float | None:

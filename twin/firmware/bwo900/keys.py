@@ -23,16 +23,14 @@ from typing import Final
 
 from isel_twin.base.parameters import Limits
 from isel_twin.controller import Key, KeyValue
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
-from isel_twin.firmware.bwo900.realtime.overrides import AXIS_OVERRIDE, is_override
+from isel_twin.firmware.bwo900.numbers import Axis, P
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters, of_axis
+from isel_twin.firmware.bwo900.realtime.overrides import is_override
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
 AXES: Final = ("z", "y", "x")
 """In the order of a reference run of all."""
-MODE, START, ABORT, CLEAR, OVERRIDE, SKIP = 8_683, 8_684, 8_705, 8_508, 11_310, 8_810
-PROGRAM, BLOCK, REFERENCE = 8_800, 8_801, 12_130
-KIND, AXIS, MOVE, STEP = 8_750, 8_751, 8_752, 8_760
 OUTPUT: Final = "output"
 HIGHEST_FUNCTION: Final = 999
 CONTINUOUS, BY_STEPS = 1.0, 2.0
@@ -60,23 +58,23 @@ KEYS: Final[Mapping[str, Key]] = {
 def writes(name: str, value: KeyValue) -> Iterator[tuple[int, float]]:
     """Parameters that a key writes, and their values."""
     if name == "mode":
-        yield MODE, float(MODES[str(value)])
+        yield P.MODE_TO_PLC, float(MODES[str(value)])
     elif name in ("start", "stop"):
-        yield START, float(name == "start")
+        yield P.START_TO_PLC, float(name == "start")
     elif name == "reference":
         for axis in AXES if value == "all" else (str(value),):
-            yield REFERENCE + AXIS_SIZE * "xyz".index(axis), 1.0
+            yield of_axis("xyz".index(axis), Axis.REFERENCE_RUN), 1.0
     elif name == "axis":
-        yield AXIS, float("xyz".index(str(value)) + 1)
+        yield P.HAND_AXIS, float("xyz".index(str(value)) + 1)
     elif name == "step":
-        yield KIND, BY_STEPS if value else CONTINUOUS
-        yield STEP, float(value)
+        yield P.HAND_KIND, BY_STEPS if value else CONTINUOUS
+        yield P.STEP, float(value)
     elif name == "move":
-        yield MOVE, float(MOVES[str(value)])
+        yield P.HAND_MOVE, float(MOVES[str(value)])
     elif name in ("abort", "clear"):
-        yield {"abort": ABORT, "clear": CLEAR}[name], 1.0
+        yield {"abort": P.ABORT, "clear": P.ACKNOWLEDGE}[name], 1.0
     else:
-        yield {"override": OVERRIDE, "skip": SKIP, "program": PROGRAM, "block": BLOCK}[name], float(value)
+        yield {"override": P.OVERRIDE, "skip": P.SKIP, "program": P.PROGRAM, "block": P.START_BLOCK}[name], float(value)
 
 
 class Wish(Enum):
@@ -102,38 +100,38 @@ def wish(number: int, value: float | None, axes: int) -> tuple[Wish, float] | No
     """What it asks for that a parameter P has been written; None: nothing. axes: how many there are."""
     given = int(value or 0)
     match number:
-        case 8_683 | 8_703:
+        case P.MODE_TO_PLC | P.MODE:
             return Wish.MODE, given
-        case 8_684 | 8_704:
+        case P.START_TO_PLC | P.START:
             return (Wish.START if given else Wish.STOP), given
-        case 8_682 if given:
+        case P.START_KEY if given:
             return (Wish.START if given == 2 else Wish.STOP), given
-        case 8_705 if given:
+        case P.ABORT if given:
             return Wish.ABORT, given
-        case 8_752:
+        case P.HAND_MOVE:
             return Wish.MOVE, given
-        case 11_181:
+        case P.PUT_OUT:
             return Wish.PUT_OUT, given
-        case 8_508:
+        case P.ACKNOWLEDGE:
             return Wish.CLEAR, given
-        case 8_690 if value is not None:
+        case P.M_CODE if value is not None:
             return Wish.FUNCTION, given
-        case 8_761 if given == 1:
+        case P.NEXT_STEP if given == 1:
             return Wish.NEXT_STEP, given
-        case 8_701 | 8_702:
+        case P.TRAVEL_RELEASE | P.SAFETY_HALT:
             return Wish.LOCK, given
-        case 8_817:
+        case P.FEED_NOW:
             return Wish.FEED, value or 0.0
-        case 8_553:
+        case P.MAP_P:
             return Wish.MAP, given
     if is_override(number):
         return Wish.OVERRIDE, number
-    axis, offset = divmod(number - 12_000, AXIS_SIZE)
+    axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
     if not 0 <= axis < axes:
         return None
-    if offset == AXIS_OVERRIDE:
+    if offset == Axis.OVERRIDE:
         return Wish.OVERRIDE, number
-    return (Wish.REFERENCE, axis) if offset == REFERENCE - 12_000 and given else None
+    return (Wish.REFERENCE, axis) if offset == Axis.REFERENCE_RUN and given else None
 
 
 def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyValue]:
@@ -141,10 +139,10 @@ def values(parameters: Parameters, mode: int, override: float) -> dict[str, KeyV
     return {
         "mode": next(name for name, number in MODES.items() if number == mode),
         "override": round(100.0 * override, 6),
-        "skip": bool(parameters.get(SKIP)),
-        "program": int(parameters.get(PROGRAM)),
-        "block": int(parameters.get(BLOCK)),
-        "axis": "xyz"[min(max(int(parameters.given(AXIS, 1.0)), 1), 3) - 1],
-        "step": parameters.get(STEP) if parameters.get(KIND) == BY_STEPS else 0.0,
-        "move": next((name for name, number in MOVES.items() if number == parameters.get(MOVE)), "off"),
+        "skip": bool(parameters.get(P.SKIP)),
+        "program": int(parameters.get(P.PROGRAM)),
+        "block": int(parameters.get(P.START_BLOCK)),
+        "axis": "xyz"[min(max(int(parameters.given(P.HAND_AXIS, 1.0)), 1), 3) - 1],
+        "step": parameters.get(P.STEP) if parameters.get(P.HAND_KIND) == BY_STEPS else 0.0,
+        "move": next((name for name, number in MOVES.items() if number == parameters.get(P.HAND_MOVE)), "off"),
     }

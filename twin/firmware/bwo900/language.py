@@ -17,6 +17,8 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END
 from isel_twin.firmware.bwo900.programs.stored import program_name
 from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
@@ -45,27 +47,37 @@ NUMBER: Final = 1
 """Of a program whose file does not say its number."""
 
 G_WORDS: Final[Mapping[int, str]] = {
-    0: "rapid", 1: "line", 2: "circle clockwise", 3: "circle counter-clockwise", 4: "dwell", 8: "exact stop",
-    9: "no exact stop", 10: "polar coordinates", 11: "no polar coordinates", 12: "chamfer or rounding", 17: "plane XY",
-    18: "plane ZX", 19: "plane YZ", 28: "exact stops on", 29: "exact stops off", 40: "radius correction off",
-    41: "radius correction left", 42: "radius correction right", 43: "axis correction off", 44: "axis correction",
-    45: "rotation", 46: "rotation off", 47: "machine coordinates", 48: "tool coordinates", 49: "workpiece coordinates",
-    53: "machine zero", 60: "mirror off", 61: "mirror first axis", 62: "mirror second axis", 63: "override 100 %",
-    64: "override free", 66: "without corrections", 71: "rectangular pocket", 72: "rectangular pocket, zigzag",
-    73: "rectangular pocket, finished", 74: "circular pocket", 75: "circular pocket, finished", 81: "drill",
-    83: "deep hole", 84: "tap", 85: "bore", 86: "ray of places", 87: "parallelogram of places", 88: "grid of places",
-    89: "circle of places", 90: "absolute", 91: "incremental", 92: "shift of zero", 94: "feed in mm/min",
-    97: "speed in 1/min", 123: "line or circle by three points", 147: "no transformation", 153: "no zero point",
+    G.RAPID: "rapid", G.LINE: "line", G.CIRCLE_CLOCKWISE: "circle clockwise",
+    G.CIRCLE_COUNTER_CLOCKWISE: "circle counter-clockwise", G.DWELL: "dwell", G.EXACT_STOP_HERE: "exact stop",
+    G.NO_EXACT_STOP_HERE: "no exact stop", G.POLAR_ON: "polar coordinates", G.POLAR_OFF: "no polar coordinates",
+    G.CORNER: "chamfer or rounding", G.PLANE_XY: "plane XY", G.PLANE_ZX: "plane ZX", G.PLANE_YZ: "plane YZ",
+    G.EXACT_STOP_ON: "exact stops on", G.EXACT_STOP_OFF: "exact stops off", G.RADIUS_OFF: "radius correction off",
+    G.RADIUS_LEFT: "radius correction left", G.RADIUS_RIGHT: "radius correction right",
+    G.AXIS_CORRECTION_OFF: "axis correction off", G.AXIS_CORRECTION_ON: "axis correction", G.ROTATION_ON: "rotation",
+    G.ROTATION_OFF: "rotation off", G.MACHINE_COORDINATES: "machine coordinates",
+    G.TOOL_COORDINATES: "tool coordinates", G.WORKPIECE_COORDINATES: "workpiece coordinates",
+    G.MACHINE_ZERO: "machine zero", G.MIRROR_OFF: "mirror off", G.MIRROR_FIRST: "mirror first axis",
+    G.MIRROR_SECOND: "mirror second axis", G.OVERRIDE_FIXED: "override 100 %", G.OVERRIDE_FREE: "override free",
+    G.BARE: "without corrections", G.RECTANGLE: "rectangular pocket", G.RECTANGLE_ZIGZAG: "rectangular pocket, zigzag",
+    G.RECTANGLE_FINISHED: "rectangular pocket, finished", G.CIRCULAR_POCKET: "circular pocket",
+    G.CIRCULAR_POCKET_FINISHED: "circular pocket, finished", G.DRILLING: "drill", G.DEEP_HOLE: "deep hole",
+    G.TAPPING: "tap", G.BORING: "bore", G.RAY: "ray of places", G.PERIMETER: "parallelogram of places",
+    G.GRID: "grid of places", G.CIRCLE_OF_PLACES: "circle of places", G.ABSOLUTE: "absolute",
+    G.INCREMENTAL: "incremental", G.SHIFT: "shift of zero", G.FEED_PER_MINUTE: "feed in mm/min",
+    G.TURNS_PER_MINUTE: "speed in 1/min", G.THREE_POINTS: "line or circle by three points",
+    G.NO_TRANSFORMATION: "no transformation", G.NO_ZERO: "no zero point",
 }  # fmt: skip
 M_WORDS: Final[Mapping[int, str]] = {
-    0: "measuring stop", 1: "synchronise", 2: "return", 3: "spindle right", 4: "spindle left", 5: "spindle off",
-    6: "tool change", 7: "coolant 1 on", 8: "coolant 2 on", 9: "coolant off", 16: "tool data", 23: "jump",
-    24: "loop", 25: "end of the loop", 28: "call", 29: "end, again", 30: "end",
+    M.HALT: "measuring stop", M.SYNCHRONISE: "synchronise", M.RETURN: "return", M.SPINDLE_RIGHT: "spindle right",
+    M.SPINDLE_LEFT: "spindle left", M.SPINDLE_OFF: "spindle off", M.TOOL_CHANGE: "tool change",
+    M.COOLANT_1_ON: "coolant 1 on", M.COOLANT_2_ON: "coolant 2 on", M.COOLANT_OFF: "coolant off",
+    M.TOOL_DATA: "tool data", M.JUMP: "jump", M.LOOP: "loop", M.LOOP_END: "end of the loop", M.CALL: "call",
+    M.REPEAT: "end, again", M.END: "end",
 }  # fmt: skip
 KEYS: Final[Mapping[int, str]] = {
-    8_811: "dripfeed",
-    8_683: "mode", 8_684: "start (1) or stop (0)", 8_705: "abort", 8_800: "program", 8_801: "start block",
-    8_810: "skip blocks with /", 11_310: "feed override, %", 8_508: "acknowledge messages",
+    P.FED: "dripfeed", P.MODE_TO_PLC: "mode", P.START_TO_PLC: "start (1) or stop (0)", P.ABORT: "abort",
+    P.PROGRAM: "program", P.START_BLOCK: "start block", P.SKIP: "skip blocks with /", P.OVERRIDE: "feed override, %",
+    P.ACKNOWLEDGE: "acknowledge messages",
 }  # fmt: skip
 KEPT: Final = 4 << 20
 """Bytes of a program that is fed if it is linear; shorter ones, and others, are kept in the memory."""
@@ -144,12 +156,12 @@ class Bwo900Language:
         values = settings.speed_hz / PER_MM * 60.0, *(count / PER_MM for count in counts)
         words = [f"K1:P{number}: {value:.3f}" for number, value in zip(WORDS, values, strict=True)]
         ramp_ms = RAPID_HZ / settings.acceleration_hz_per_ms
-        words += [f"K1:P{12_008 + 200 * axis}: {ramp_ms:.3f}" for axis in range(len(AXES))]
-        return [_file(["D", "K1:P8683: 1", *words]), _file(["D", *_started(MOVE)])]
+        words += [f"K1:P{of_axis(axis, Axis.DYNAMICS_1)}: {ramp_ms:.3f}" for axis in range(len(AXES))]
+        return [_file(["D", f"K1:P{P.MODE_TO_PLC}: 1", *words]), _file(["D", *_started(MOVE)])]
 
     def break_off(self) -> bytes:
         """Abort."""
-        return _file(["D", "K1:P8705: 1"])
+        return _file(["D", f"K1:P{P.ABORT}: 1"])
 
     def claims(self, text: str) -> bool:
         """See RunsPrograms: names of programs and numbered blocks, and nothing else."""
@@ -309,10 +321,17 @@ def _file(lines: Sequence[str]) -> bytes:
 
 def _started(program: int, fed: int = 0) -> list[str]:
     """Parameters that start a program; fed: 1 for one that comes while it is carried out."""
-    return [f"K1:P8811: {fed}", f"K1:P8800: {program}", "K1:P8683: 2", "K1:P8684: 1"]
+    return [
+        f"K1:P{P.FED}: {fed}",
+        f"K1:P{P.PROGRAM}: {program}",
+        f"K1:P{P.MODE_TO_PLC}: 2",
+        f"K1:P{P.START_TO_PLC}: 1",
+    ]
 
 
-_REFERENCE: Final = _file(["D", "K1:P8683: 1", *(f"K1:P{12_130 + 200 * axis}: 1" for axis in (2, 1, 0))])
+_REFERENCE: Final = _file(
+    ["D", f"K1:P{P.MODE_TO_PLC}: 1", *(f"K1:P{of_axis(axis, Axis.REFERENCE_RUN)}: 1" for axis in (2, 1, 0))]
+)
 
 
 def explain(text: str) -> str:
@@ -331,8 +350,9 @@ def explain(text: str) -> str:
     if (match := _PARAMETER.match(word)) is not None and not re.match(r"\s*/?\s*N", word):
         number = int(match[2])
         known = KEYS.get(number, "") if match[1] == "P" else ""
-        if 12_130 <= number < 18_400 and (number - 12_130) % 200 == 0:
-            known = f"reference run of axis {(number - 12_130) // 200 + 1}"
+        axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
+        if 0 <= axis < MOST_AXES and offset == Axis.REFERENCE_RUN:
+            known = f"reference run of axis {axis + 1}"
         return f"{known or 'parameter'}: {match[3]}"
     try:
         return _explained(parse_block(word))

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from isel_twin.firmware.bwo900 import keys
 from isel_twin.firmware.bwo900.execution import Execution
-from isel_twin.firmware.bwo900.messages import Effect, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, message
 from isel_twin.firmware.bwo900.modes import Mode
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES
 
@@ -38,10 +39,10 @@ class Operating:
         try:
             mode = Mode(given)
         except ValueError:
-            self._hardware.say(message(1322, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
+            self._hardware.say(message(Code.NOT_IN_AUTO, detail=f"mode {given}; allowed: 1, 2, 4, 8"))
             return
         if Mode.POSITIONING in (mode, before) and Mode.HAND not in (mode, before) and mode is not before:
-            self._hardware.say(message(1009))
+            self._hardware.say(message(Code.ONLY_BY_WAY_OF_HAND))
             return
         if mode is Mode.HAND:
             self._starts = False
@@ -52,7 +53,7 @@ class Operating:
             execution.interpreter.take_over_functions()
         self._hand.release(everything=True)
         execution.mode = mode
-        for number in (8_688, 8_703):
+        for number in (P.MODE_ACTIVE, P.MODE):
             execution.parameters.write(number, float(mode))
         if mode in (Mode.AUTO, Mode.SINGLE):
             execution.feeder.automatic(execution.program)
@@ -67,9 +68,9 @@ class Operating:
         if self._channel.active and not self._channel.aborting:
             self._channel.go_on()
         elif self.mode is Mode.HAND:
-            self._hardware.say(message(1322, detail="Start"))
+            self._hardware.say(message(Code.NOT_IN_AUTO, detail="Start"))
         elif missing := "".join(name for name, known in zip(NAMES, self._axes.referenced, strict=True) if not known):
-            self._hardware.say(message(1008, detail=missing))
+            self._hardware.say(message(Code.NOT_REFERENCED, detail=missing))
         else:
             self._starts = True
             if self._power.there:
@@ -105,7 +106,7 @@ class Operating:
     def lock(self) -> None:
         """P8701 = 0 or P8702 = 1: the axes may not move."""
         p = self._execution.parameters
-        locked = p.get(8_701, 1.0) == 0.0 or p.get(8_702) == 1.0
+        locked = p.get(P.TRAVEL_RELEASE, 1.0) == 0.0 or p.get(P.SAFETY_HALT) == 1.0
         if locked:
             self._hand.release(everything=True)
         self._channel.lock(locked)
@@ -129,9 +130,9 @@ class Operating:
     def send_function(self, code: int) -> None:
         """P8690: an M function to the PLC."""
         if not self._execution.hand_is_free:
-            self._hardware.say(message(1321, detail="an M function"))
+            self._hardware.say(message(Code.NOT_IN_HAND, detail="an M function"))
         elif not 0 <= code <= keys.HIGHEST_FUNCTION:
-            self._hardware.say(message(1227, detail=f"M{code}", effect=Effect.SHOWN))
+            self._hardware.say(message(Code.M_TOO_LARGE, detail=f"M{code}", effect=Effect.SHOWN))
         else:
             self._hardware.plc.function(self._axes.now_ns, code)
 
@@ -171,6 +172,7 @@ class Operating:
         """The limit switch at an end (1, 2) of an axis is struck: outside of a reference run everything ends."""
         if self._hand.homing is not None or self._axes.run is None:
             return
-        self._hardware.say(self._execution.executed.message(2102 if end == 1 else 2101, NAMES[axis]))
+        number = Code.HARDWARE_LIMIT_LOW if end == 1 else Code.HARDWARE_LIMIT_HIGH
+        self._hardware.say(self._execution.executed.message(number, NAMES[axis]))
         self._hand.release(everything=True)
         self._channel.abort()

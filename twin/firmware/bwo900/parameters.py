@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from string import ascii_uppercase
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Descriptor, P, Q
 
 LOADED: Final = 0x01
 REAL_TIME: Final = 0x04
@@ -25,14 +26,18 @@ LOCKS: Final = 0x0F
 LARGEST_Q: Final = 59_999
 """60 000 parameters, the largest system."""
 AXIS_SIZE: Final = 200
-FIRST_LIVE: Final = 8_559
+FIRST_LIVE: Final = P.M_WAITS
 """Below it no parameter is worked out when it is asked for."""
-AXES: Final = 32
+MOST_AXES: Final = 32
 MACHINE_AXES: Final = 3
-FIXED: Final = 3_000
+FIXED: Final = P.FIXED_LAST + 1 - P.FIXED_FIRST
 """P7000 to P9999."""
-CHANNEL_SIZE: Final = 100
+CHANNEL_SIZE: Final = Q.CHANNEL_1
 """Of a channel's descriptor: q100, q200 ..."""
+
+_FIXED_FIRST, _FIXED_LAST, _COMMON_FIRST, _COMMON_LAST = P.FIXED_FIRST, P.FIXED_LAST, P.COMMON_FIRST, P.COMMON_LAST
+_CHANNELS, _USER_1, _SIZE_1, _AXES_FIRST = Q.CHANNELS, Descriptor.USER_1, Descriptor.SIZE_1, P.AXES_FIRST
+"""Bound once: every access asks for them, and a name of the module is found sooner than one of a class."""
 
 
 def descriptor(letter: str, physical: int, index: int = 0) -> float:
@@ -46,17 +51,26 @@ def _name(value: float) -> str:
     return (letter + (str(index) if index else "")) if letter in ascii_uppercase else ""
 
 
+def of_axis(axis: int, offset: int = 0) -> int:
+    """The P of an axis, from 0; offset: of `Axis`."""
+    return P.AXES_FIRST + AXIS_SIZE * axis + offset
+
+
 def byte(value: float, number: int) -> int:
     """One byte of a value, 1 the lowest, as the manual counts."""
     return int(value) >> 8 * (number - 1) & 0xFF
 
 
 FACTORY: Final[Mapping[int, float]] = {
-    1: 3, 2: 1, 101: 1, 102: 10_000, 103: 5_000, 104: 20_000, 105: 2_000, 106: 22_000, 107: 2_000,
-    110: descriptor("X", 1), 111: descriptor("Y", 2), 112: descriptor("Z", 3),
-    142: 1, 143: 2, 144: 3, 145: 4, 146: 5, 147: 6, 148: 7, 149: 8,
-    150: ord("x"), 151: ord("c"), 152: 0x030201, 153: 0x020103, 154: 0x010302, 159: 3,
-    170: 20_000, 171: 1, 172: 0, 173: 3, 174: 0, 175: 21_000, 176: 20, 177: 0, 178: 20,
+    Q.LANGUAGE: 3, Q.CHANNELS: 1, CHANNEL_SIZE + Descriptor.NUMBER: 1, CHANNEL_SIZE + Descriptor.USER_1: 10_000,
+    CHANNEL_SIZE + Descriptor.SIZE_1: 5_000, CHANNEL_SIZE + Descriptor.USER_2: 20_000,
+    CHANNEL_SIZE + Descriptor.SIZE_2: 2_000, CHANNEL_SIZE + Descriptor.USER_3: 22_000,
+    CHANNEL_SIZE + Descriptor.SIZE_3: 2_000,
+    **{Q.AXIS_1 + axis: descriptor(letter, axis + 1) for axis, letter in enumerate("XYZ")},
+    **{Q.SPINDLE_1 + spindle: spindle + 1 for spindle in range(8)}, Q.POLAR_RADIUS: ord("x"), Q.POLAR_ANGLE: ord("c"),
+    Q.PLANE_XY: 0x030201, Q.PLANE_ZX: 0x020103, Q.PLANE_YZ: 0x010302, Q.DECIMALS: 3, Q.ZERO_TABLE: 20_000,
+    Q.ZERO_SETS: 1, Q.ZERO_GROUPS: 0, Q.ZERO_AXES: 3, Q.ZERO_MORE: 0, Q.TOOL_TABLE: 21_000, Q.TOOLS: 20,
+    Q.TOOL_SUB_RECORDS: 0, Q.TOOL_SIZE: 20,
 }  # fmt: skip
 """The system's own definitions, by q: three axes, one channel, zero points at P20000, tools at P21000."""
 
@@ -77,43 +91,43 @@ class Parameters:
         """The q that a parameter is. Raises ProgramError M1302: no such number, M1305: no such channel."""
         q = number if area == "q" else self._of_channel(number, channel)
         if q is None or not 0 <= q <= LARGEST_Q:
-            raise ProgramError(1302, f"{area}{number}")
+            raise ProgramError(Code.NO_PARAMETER, f"{area}{number}")
         return q
 
     def _of_channel(self, number: int, channel: int) -> int | None:
         base = CHANNEL_SIZE * channel
-        if not 1 <= channel <= max(int(self._values.get(2, 1)), 1):
-            raise ProgramError(1305, f"channel {channel}")
+        if not 1 <= channel <= max(int(self._values.get(_CHANNELS, 1)), 1):
+            raise ProgramError(Code.NO_CHANNEL, f"channel {channel}")
         values = self._values
-        first, size = int(values.get(base + 2, 0)), int(values.get(base + 3, 0))
+        first, size = int(values.get(base + _USER_1, 0)), int(values.get(base + _SIZE_1, 0))
         if not (first >= 0 and size >= 0 and first + size + FIXED <= LARGEST_Q + 1):
-            first, size = int(FACTORY[102]), int(FACTORY[103])
-        if 0 <= number < min(size, 7000):
+            first, size = int(FACTORY[CHANNEL_SIZE + _USER_1]), int(FACTORY[CHANNEL_SIZE + _SIZE_1])
+        if 0 <= number < min(size, _FIXED_FIRST):
             return first + number
-        if 7000 <= number <= 9999:
-            return first + size + number - 7000
-        if 11_000 <= number <= 11_999:
-            return number - 10_000
-        if 12_000 <= number < 12_000 + AXIS_SIZE * AXES:
-            axis, offset = divmod(number - 12_000, AXIS_SIZE)
-            physical = byte(values.get(base + 10 + axis, 0.0), 3) or axis + 1
-            return 2000 + AXIS_SIZE * (physical - 1) + offset
-        for block, start in ((4, 20_000), (6, 30_000)):
+        if _FIXED_FIRST <= number <= _FIXED_LAST:
+            return first + size + number - _FIXED_FIRST
+        if _COMMON_FIRST <= number <= _COMMON_LAST:
+            return number - _COMMON_FIRST + Q.COMMON_FIRST
+        if _AXES_FIRST <= number < _AXES_FIRST + AXIS_SIZE * MOST_AXES:
+            axis, offset = divmod(number - _AXES_FIRST, AXIS_SIZE)
+            physical = byte(values.get(base + Descriptor.AXES + axis, 0.0), 3) or axis + 1
+            return Q.AXES_FIRST + AXIS_SIZE * (physical - 1) + offset
+        for block, start in ((Descriptor.USER_2, P.BLOCK_2), (Descriptor.USER_3, P.BLOCK_3)):
             if start <= number < start + int(values.get(base + block + 1, 0)):
                 return int(values.get(base + block, 0)) + number - start
         return None
 
     def of_channel(self, q: int) -> int | None:
         """The P of channel 1 that is this q, where the control itself may look at it; None: none of those."""
-        first = self._of_channel(7_000, 1) or 0
+        first = self._of_channel(P.FIXED_FIRST, 1) or 0
         if first <= q < first + FIXED:
-            return q - first + 7_000
-        if 1_000 <= q < 2_000:
-            return q + 10_000
+            return q - first + P.FIXED_FIRST
+        if Q.COMMON_FIRST <= q < Q.COMMON_END:
+            return q - Q.COMMON_FIRST + P.COMMON_FIRST
         for axis in range(MACHINE_AXES):
-            begin = self._of_channel(12_000 + AXIS_SIZE * axis, 1) or 0
+            begin = self._of_channel(of_axis(axis), 1) or 0
             if begin <= q < begin + AXIS_SIZE:
-                return q - begin + 12_000 + AXIS_SIZE * axis
+                return q - begin + of_axis(axis)
         return None
 
     def get(self, number: int, default: float = 0.0, area: str = "P") -> float:
@@ -135,14 +149,14 @@ class Parameters:
             now = self.live(number)
             value = value if now is None else now
         if value is None:
-            raise ProgramError(1300, f"{area}{number}", infos=(number, 0 if area == "q" else channel))
+            raise ProgramError(Code.DELETED, f"{area}{number}", infos=(number, 0 if area == "q" else channel))
         return value
 
     def write(self, number: int, value: float | None, area: str = "P", channel: int = 1) -> None:
         """Set a value; None deletes it. Raises ProgramError M1202 for one that is no number a double holds."""
         q = self.address(area, number, channel)
         if value is not None and not math.isfinite(value):
-            raise ProgramError(1202, f"{area}{number}")
+            raise ProgramError(Code.TOO_LARGE, f"{area}{number}")
         if value is None:
             self._values.pop(q, None)
         else:
@@ -172,17 +186,17 @@ class Parameters:
         bits = self._status.get(self.address(area, number, channel), 0) >> 16 & LOCKS
         if not bits:
             return False
-        set_, lifted = int(self.get(8_510)), int(self.get(8_511))
-        for switch in (11_008, 11_009):
+        set_, lifted = int(self.get(P.LOCKS_SET)), int(self.get(P.LOCKS_LIFTED))
+        for switch, locks in ((P.SOFTWARE_LOCK_1, P.LOCKS_OF_1), (P.SOFTWARE_LOCK_2, P.LOCKS_OF_2)):
             if self.get(switch) == 1.0:
-                set_ |= int(self.get(switch + 10))
+                set_ |= int(self.get(locks))
             elif self.get(switch) == -1.0:
-                lifted |= int(self.get(switch + 10))
+                lifted |= int(self.get(locks))
         return bool(bits & set_ & ~lifted)
 
     def axis(self, axis: int, offset: int, default: float) -> float:
         """The value of P12000 + 200 axis + offset, axis from 0; `default` if it is deleted."""
-        return self.get(12_000 + AXIS_SIZE * axis + offset, default)
+        return self.get(of_axis(axis, offset), default)
 
     @property
     def axes(self) -> Iterator[tuple[str, int]]:
@@ -191,8 +205,8 @@ class Parameters:
         A descriptor without a letter, and all of them if two have the same name, are what they are in a new control;
         further ones belong to axes that the machine has not.
         """
-        given = [self._values.get(110 + axis, 0.0) for axis in range(MACHINE_AXES)]
-        known = [FACTORY[110 + axis] for axis in range(MACHINE_AXES)]
+        given = [self._values.get(Q.AXIS_1 + axis, 0.0) for axis in range(MACHINE_AXES)]
+        known = [FACTORY[Q.AXIS_1 + axis] for axis in range(MACHINE_AXES)]
         chosen = [value if _name(value) else other for value, other in zip(given, known, strict=True)]
         if len({_name(value) for value in chosen}) < MACHINE_AXES:
             chosen = known
@@ -204,19 +218,19 @@ class Parameters:
 
         With additional groups (q172) it is their sum. Raises ProgramError M1240 for a workspace that there is not.
         """
-        if not 1 <= workspace <= int(self.given(171, 1, "q")):
-            raise ProgramError(1240, f"workspace {workspace}")
-        groups = int(self.get(172, 0, "q"))
+        if not 1 <= workspace <= int(self.given(Q.ZERO_SETS, 1, "q")):
+            raise ProgramError(Code.NO_WORKSPACE, f"workspace {workspace}")
+        groups = int(self.get(Q.ZERO_GROUPS, 0, "q"))
         those = range(1, groups + 1) if groups > 0 else (0,)
         return sum(self.get(self.zero_address(number, axis, workspace, group)) for group in those)
 
     def zero_address(self, number: int, axis: int, workspace: int = 1, group: int = 0) -> int:
         """The P of an entry of the table of zero points (manual, 8.3, q170 to q174); axis from 0."""
-        axes = int(self.given(173, 3, "q"))
-        points = 7 + 6 * int(self.get(174, 0, "q"))
-        groups = int(self.get(172, 0, "q")) + 1
+        axes = int(self.given(Q.ZERO_AXES, 3, "q"))
+        points = 7 + 6 * int(self.get(Q.ZERO_MORE, 0, "q"))
+        groups = int(self.get(Q.ZERO_GROUPS, 0, "q")) + 1
         place = ((workspace - 1) * groups + group) * points + number
-        return int(self.get(170, 20_000, "q")) + place * axes + axis
+        return int(self.get(Q.ZERO_TABLE, 20_000, "q")) + place * axes + axis
 
     def items(self) -> Iterable[tuple[int, float]]:
         """All values by q, in order."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.controller import SerialFormat
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 
@@ -21,14 +22,13 @@ TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
     "e0.7": ("spindle",),
     **{f"limit_{'xyz'[axis]}{end + 1}": (f"limit_{'xyz'[axis]}{end + 1}",) for axis in range(AXES) for end in (0, 1)},
 }
-"""Where the contacts of machine and cabinet lead to."""
 
 
 def serial_format(p: Parameters) -> SerialFormat:
     """P11172 on: speed, data bits, parity (none, odd, even), stop bits."""
     return SerialFormat(
-        int(p.given(11_172, 9600.0)),
-        int(p.given(11_173, 8.0)),
-        ("N", "O", "E")[min(max(int(p.get(11_175)), 0), 2)],
-        int(p.given(11_174, 2.0)),
+        int(p.given(P.BAUD, 9600.0)),
+        int(p.given(P.DATA_BITS, 8.0)),
+        ("N", "O", "E")[min(max(int(p.get(P.PARITY)), 0), 2)],
+        int(p.given(P.STOP_BITS, 2.0)),
     )

@@ -6,8 +6,8 @@
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
     P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
-They are worked out when they are asked for, and are there at any time: without a program nothing is programmed (0, or
-deleted where the manual says so: cycles), and the G functions are those that a program begins with.
+They are worked out when they are asked for. Without a program they are 0 (cycles: deleted, as the manual says), and
+the G functions those that a program begins with.
 """
 
 from __future__ import annotations
@@ -18,75 +18,90 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES
+from isel_twin.firmware.bwo900.numbers import Axis, Cell, G, P
+from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MACHINE_AXES, of_axis
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 MODAL: Final[Mapping[int, Callable[[Modal], int]]] = {
-    40: lambda m: m.motion,
-    45: lambda m: m.polar,
-    50: lambda m: m.plane,
-    58: lambda m: m.exact,
-    64: lambda m: m.radius,
-    65: lambda m: m.correction,
-    66: lambda m: m.rotation,
-    67: lambda m: m.coordinates,
-    69: lambda m: m.zero,
-    70: lambda m: 61 if m.mirror_first else 60,
-    71: lambda m: 62 if m.mirror_second else 60,
-    72: lambda m: m.override,
-    78: lambda m: m.dimension,
-    80: lambda m: 94,
-    81: lambda m: 97,
+    Cell.MOTION: lambda m: m.motion,
+    Cell.POLAR: lambda m: m.polar,
+    Cell.PLANE: lambda m: m.plane,
+    Cell.EXACT_STOP: lambda m: m.exact,
+    Cell.RADIUS: lambda m: m.radius,
+    Cell.AXIS_CORRECTION: lambda m: m.correction,
+    Cell.ROTATION: lambda m: m.rotation,
+    Cell.COORDINATES: lambda m: m.coordinates,
+    Cell.ZERO: lambda m: m.zero,
+    Cell.MIRROR_FIRST: lambda m: G.MIRROR_FIRST if m.mirror_first else G.MIRROR_OFF,
+    Cell.MIRROR_SECOND: lambda m: G.MIRROR_SECOND if m.mirror_second else G.MIRROR_OFF,
+    Cell.OVERRIDE: lambda m: m.override,
+    Cell.DIMENSION: lambda m: m.dimension,
+    Cell.FEED_KIND: lambda m: G.FEED_PER_MINUTE,
+    Cell.SPEED_KIND: lambda m: G.TURNS_PER_MINUTE,
 }
 """By the number behind P8900 (but for 40, see `Executed.motion`) and behind P9300."""
-PLANE: Final = (51, 52, 53)
-EXECUTED: Final = (0, 1, 4, 5, 12, 13, 14, 34, 35, 36, 37, 38, 40, 41, 42, 79)
-ANALYSED: Final = (0, 1, 3, 4, 5, 34, 36, 79)
-AXIS_CELLS: Final = (135, 150, 151, 152, 154, 155, 156, 157, 160, 168, 170, 180, 185, 188)
-WAITING: Final = 8_559
-SHIFT_EXECUTED, SHIFT_ANALYSED = 9_100, 9_500
+PLANE: Final = (Cell.FIRST_AXIS, Cell.SECOND_AXIS, Cell.THIRD_AXIS)
+EXECUTED: Final = (
+    Cell.PROGRAM, Cell.BLOCK, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.DEPTH, Cell.CALLER, Cell.CALLER_BLOCK, Cell.PASSES,
+    Cell.PASS, Cell.FEED, Cell.END_FEED, Cell.SPEED, Cell.MOTION, Cell.DWELL, Cell.DWELL_LEFT, Cell.SHIFT,
+)  # fmt: skip
+ANALYSED: Final = (
+    Cell.PROGRAM, Cell.BLOCK, Cell.DEPTH_ANALYSED, Cell.CYCLE, Cell.CYCLE_BLOCK, Cell.LOOPS, Cell.FEED, Cell.SHIFT,
+)  # fmt: skip
+AXIS_CELLS: Final = (
+    Axis.STRUCK, Axis.MACHINE_PLACE, Axis.SET_PLACE, Axis.ACTUAL_PLACE, Axis.SHOWN_PLACE, Axis.PROGRAMMED_PLACE,
+    Axis.DELTA_PLACE, Axis.SHOWN_SHIFT, Axis.LAG, Axis.ACTUAL_SPEED, Axis.SPEED_NOW, Axis.REFERENCED, Axis.AT_LIMIT,
+    Axis.DRIVEN,
+)  # fmt: skip
 
 NUMBERS: Final = (
-    WAITING,
-    *sorted(8_900 + n for n in {*EXECUTED, *MODAL, *PLANE}),
-    *sorted(9_300 + n for n in {*ANALYSED, *MODAL, *PLANE}),
-    *(first + axis for first in (SHIFT_EXECUTED, SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
-    *(12_000 + AXIS_SIZE * axis + offset for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
+    P.M_WAITS,
+    *sorted(P.EXECUTED + n for n in {*EXECUTED, *MODAL, *PLANE}),
+    *sorted(P.ANALYSED + n for n in {*ANALYSED, *MODAL, *PLANE}),
+    *(first + axis for first in (P.SHIFT_EXECUTED, P.SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
+    *(of_axis(axis, offset) for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""Those that there are."""
+"""All of them."""
 _KNOWN: Final = frozenset(NUMBERS)
+
+FORGOTTEN: Final = (
+    P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE, P.BLOCK_LOCK,
+    P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+)  # fmt: skip
+"""Deleted at power-on."""
 
 
 def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
-    """What is written as power comes, by P: what the control is made of; references and programs, of which there are
-    none; commands and settings that do not outlive it."""
-    yield from ((8_550, 1.0), (8_551, float(axes)), (8_552, float(axes)))
-    yield from ((number, 0.0) for number in (8_579, 8_685, 8_687, 8_709))
-    yield from ((number, 1.0) for number in (8_683, 8_688, 8_703))  # HAND
-    yield from ((number, None) for number in (8_701, 8_702, 8_757, 8_758, 8_759, 8_880, 8_891, 8_893, 8_894))
+    """P and values written at power-on: size of the channel, state without references and programs, and the settings
+    that are not kept."""
+    yield from ((P.CHANNEL, 1.0), (P.AXES, float(axes)), (P.LAST_AXIS, float(axes)))
+    yield from ((number, 0.0) for number in (P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED))
+    yield from ((number, 1.0) for number in (P.MODE_TO_PLC, P.MODE_ACTIVE, P.MODE))  # HAND
+    yield from ((number, None) for number in FORGOTTEN)
     for axis in range(axes):
-        first = 12_000 + AXIS_SIZE * axis
-        yield from ((first + 136, None), (first + 198, 1.0), (first + 199, axis + 1.0))
+        yield of_axis(axis, Axis.SLOPE), None
+        yield of_axis(axis, Axis.CHANNEL), 1.0
+        yield of_axis(axis, Axis.LOGICAL), axis + 1.0
 
 
 def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
-    """The value of such a parameter P; None: it is deleted, or not one of them."""
+    """The value of a parameter P that is worked out; None: it is deleted, or not one of them."""
     if number not in _KNOWN:
         return None
-    if number >= 12_000:
-        axis, offset = divmod(number - 12_000, AXIS_SIZE)
+    if number >= P.AXES_FIRST:
+        axis, offset = divmod(number - P.AXES_FIRST, AXIS_SIZE)
         return _axis(axis, offset, channel.executed, axes)
-    if number == WAITING:
+    if number == P.M_WAITS:
         return float(channel.halted)
-    if number >= SHIFT_ANALYSED:
-        return interpreter.in_force.frame.shift[number - SHIFT_ANALYSED]
-    if number >= 9_300:
-        return _analysed(number - 9_300, interpreter)
-    if number >= SHIFT_EXECUTED:
-        return channel.executed.in_force.frame.shift[number - SHIFT_EXECUTED]
-    return _executed(number - 8_900, interpreter, channel)
+    if number >= P.SHIFT_ANALYSED:
+        return interpreter.in_force.frame.shift[number - P.SHIFT_ANALYSED]
+    if number >= P.ANALYSED:
+        return _analysed(number - P.ANALYSED, interpreter)
+    if number >= P.SHIFT_EXECUTED:
+        return channel.executed.in_force.frame.shift[number - P.SHIFT_EXECUTED]
+    return _executed(number - P.EXECUTED, interpreter, channel)
 
 
 def _analysed(number: int, interpreter: Interpreter) -> float | None:
@@ -98,27 +113,27 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
     name, block = interpreter.place
     in_cycle = told.called_by
     match number:
-        case 0:
+        case Cell.PROGRAM:
             return float((in_cycle or (name, block))[0][1:] or 0)
-        case 1:
+        case Cell.BLOCK:
             return float((in_cycle or (name, block))[1])
-        case 3:
+        case Cell.DEPTH_ANALYSED:
             return float(told.depth)
-        case 4:
+        case Cell.CYCLE:
             return None if told.cycle is None else float(told.cycle)
-        case 5:
+        case Cell.CYCLE_BLOCK:
             return None if told.cycle is None else float(block if in_cycle else 0)
-        case 34:
+        case Cell.LOOPS:
             return float(interpreter.loops)
-        case 36:
+        case Cell.FEED:
             return told.feed_mm_min
-    return 92.0 if any(told.frame.shift) else 0.0
+    return float(G.SHIFT) if any(told.frame.shift) else 0.0
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
     executed = channel.executed
     told = executed.in_force
-    if number == 40:
+    if number == Cell.MOTION:
         return executed.motion
     if number in MODAL:
         return float(MODAL[number](told.modal))
@@ -128,33 +143,33 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
     in_cycle = told.called_by
     feed, end_feed = executed.feed_mm_min
     match number:
-        case 0:
+        case Cell.PROGRAM:
             return float((in_cycle or (name, block))[0][1:] or 0)
-        case 1:
+        case Cell.BLOCK:
             return float((in_cycle or (name, block))[1])
-        case 4:
+        case Cell.CYCLE:
             return None if told.cycle is None else float(told.cycle)
-        case 5:
+        case Cell.CYCLE_BLOCK:
             return None if told.cycle is None else float(block if in_cycle else 0)
-        case 12:
+        case Cell.DEPTH:
             return float(told.depth)
-        case 13:
+        case Cell.CALLER:
             return float(told.caller[0][1:] or 0)
-        case 14:
+        case Cell.CALLER_BLOCK:
             return float(told.caller[1])
-        case 34 | 35:
-            return float(interpreter.loop[number - 34])
-        case 36:
+        case Cell.PASSES | Cell.PASS:
+            return float(interpreter.loop[number - Cell.PASSES])
+        case Cell.FEED:
             return feed
-        case 37:
+        case Cell.END_FEED:
             return end_feed
-        case 38:
+        case Cell.SPEED:
             return 60.0 * channel.speed_mm_s
-        case 41:
+        case Cell.DWELL:
             return executed.dwell_s
-        case 42:
+        case Cell.DWELL_LEFT:
             return channel.dwell_left_s
-    return 92.0 if any(told.frame.shift) else 0.0
+    return float(G.SHIFT) if any(told.frame.shift) else 0.0
 
 
 def _axis_of_plane(told: InForce, number: int) -> float:
@@ -164,40 +179,40 @@ def _axis_of_plane(told: InForce, number: int) -> float:
 
 def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
     frame = executed.frame
-    if offset in (154, 155, 156):
+    if offset in (Axis.SHOWN_PLACE, Axis.PROGRAMMED_PLACE, Axis.DELTA_PLACE):
         axis = frame.order[axis]
     programmed, shift = executed.target[axis], executed.display_shift_mm(axis)
     place = axes.set_mm(axis)
-    if offset in (151, 154, 156) and frame.senses is not None:
+    if offset in (Axis.SET_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:
-        case 152:
+        case Axis.ACTUAL_PLACE:
             return axes.actual_mm(axis)
-        case 154:
+        case Axis.SHOWN_PLACE:
             return place - shift
-        case 155:
+        case Axis.PROGRAMMED_PLACE:
             return programmed
-        case 156:
+        case Axis.DELTA_PLACE:
             return programmed - (place - shift)
-        case 157:
+        case Axis.SHOWN_SHIFT:
             return shift
-        case 160:
+        case Axis.LAG:
             return place - axes.actual_mm(axis)
-        case 168:
+        case Axis.ACTUAL_SPEED:
             return 60.0 * axes.actual_mm_s(axis)
-        case 170:
+        case Axis.SPEED_NOW:
             return 60.0 * axes.speed_mm_s(axis)
-        case 135:
+        case Axis.STRUCK:
             return _bytes(axes.struck(axis, 2), axes.struck(axis, 1))
-        case 180:
+        case Axis.REFERENCED:
             return _bytes(axes.referenced[axis], axes.struck(axis, 1))
-        case 185:
+        case Axis.AT_LIMIT:
             return _bytes(*axes.at_limit(axis))
-        case 188:
+        case Axis.DRIVEN:
             return float(axes.driven(axis))
     return place
 
 
 def _bytes(first: bool, second: bool) -> float:
-    """Two signals, each in a byte."""
+    """Two signals: one in byte 1, one in byte 2."""
     return first + 256.0 * second

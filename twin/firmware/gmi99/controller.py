@@ -20,6 +20,7 @@ from isel_twin.firmware.gmi99.device import OUTPUT_NAMES, Card
 from isel_twin.firmware.gmi99.drives import TERMINALS, TURN
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
+from isel_twin.firmware.gmi99.sequencer import Sequencer
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.motion import SetPointRun
 
@@ -27,7 +28,6 @@ BUFFER_FULL = 0x08
 ABORT, STATUS, SPINDLE_SPEED, OVERRIDE = 0, 1, 8, 9
 DRIVE_VERSION = 550
 OVERRIDE_LIMIT = 125
-_SETTLES = 10_000
 
 
 class Gmi99:
@@ -52,6 +52,8 @@ class Gmi99:
         self._dil = dil
         self._parity = parity
         self._card = Card(flash, override_pot_percent, turn, plc)
+        self._card.store.restore(parse)
+        self._sequencer = Sequencer(self._card)
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
 
@@ -67,15 +69,14 @@ class Gmi99:
 
     @property
     def run(self) -> SetPointRun | None:
-        card = self._card
-        return card.drives.run or (None if card.path.ghost else card.path.run)
+        return self._card.run
 
     @property
     def next_ns(self) -> int | None:
         card = self._card
         reference = card.queue.next_ns
-        drives = card.drives.run.end_ns if card.drives.run is not None and reference is None else None
-        times = [t for t in (card.path.next_ns, reference, drives, card.plc.next_ns) if t is not None]
+        drives = card.drives_run.end_ns if card.drives_run is not None and reference is None else None
+        times = [t for t in (card.interpolator.next_ns, reference, drives, card.plc.next_ns) if t is not None]
         return max(min(times), card.now_ns) if times else None
 
     @property
@@ -109,7 +110,7 @@ class Gmi99:
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         self._card.now_ns = t_ns
         self._card.drives.set_input(terminal, level)
-        self._card.path.speeds_changed()
+        self._card.interpolator.speeds_changed()
         self._settle()
 
     @property
@@ -119,7 +120,7 @@ class Gmi99:
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self._card.now_ns = t_ns
         self._card.pot_percent = int(value)
-        self._card.path.speeds_changed()
+        self._card.interpolator.speeds_changed()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -147,7 +148,7 @@ class Gmi99:
     def _settle(self) -> None:
         """Let everything go on that can go on now."""
         card = self._card
-        card.path.advance()
+        card.interpolator.advance()
         card.drives.advance()
         if card.plc.next_ns is not None and card.plc.next_ns <= card.now_ns:
             ran = card.images.flag(images.PROGRAM_RUNS)
@@ -155,7 +156,7 @@ class Gmi99:
             card.ask_drives()
             card.plc.advance(card.now_ns)
             card.flags_changed(program_ran=ran)
-        card.queue.pump()
+        self._sequencer.pump()
         card.refresh_flags()
         card.plc.look(card.now_ns)
 
@@ -174,13 +175,13 @@ class Gmi99:
         elif kind is Kind.IMMEDIATE and not (instruction.code == ord("p") and self._card.queue.recording):
             self._reply(ACKNOWLEDGED)
             self._at_once(instruction)
-        elif self._card.queue.full(instruction):
+        elif self._sequencer.full(instruction):
             self._reply(self._record(BUFFER_FULL))
         else:
             self._reply(ACKNOWLEDGED)
             if instruction.code == ord("Q"):
                 self._card.fault = False
-            self._card.queue.put(bytes([frame.command]) + frame.content, instruction)
+            self._sequencer.put(bytes([frame.command]) + frame.content, instruction)
 
     def _short(self, frame: Frame) -> None:
         card = self._card
@@ -192,8 +193,8 @@ class Gmi99:
             card.abort()
             card.fault = card.store.error = False
         elif frame.command == SPINDLE_SPEED:
-            card.path.spindle_rpm = int.from_bytes(frame.content, "little")
-            card.path.speeds_changed()
+            card.interpolator.spindle_rpm = int.from_bytes(frame.content, "little")
+            card.interpolator.speeds_changed()
         elif frame.command == OVERRIDE:
             percent = frame.content[0]
             if percent > OVERRIDE_LIMIT:
@@ -201,7 +202,7 @@ class Gmi99:
                 return
             card.override_given, card.override_external = None, percent
             card.set(override=1)
-            card.path.speeds_changed()
+            card.interpolator.speeds_changed()
 
     def _at_once(self, instruction: Instruction) -> None:
         try:
@@ -245,7 +246,7 @@ class Gmi99:
         else:
             self._reply(ACKNOWLEDGED)
             if chr(frame.command) == "Q" and frame.content[:1] in (b"\x01", b"\x03"):
-                self._card.queue.put_drive(slot, run=frame.content[:1] == b"\x01")
+                self._sequencer.put_drive(slot, run=frame.content[:1] == b"\x01")
 
     def _drive_short(self, slot: int, frame: Frame) -> None:
         if frame.command == STATUS:

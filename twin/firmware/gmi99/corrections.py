@@ -5,14 +5,14 @@ Choosing one moves nothing.
 
 from __future__ import annotations
 
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
 from isel_twin.firmware.gmi99.settings import SLOTS, ZERO_POINTS
 
 PRESELECTED = 0xFF
 
 
-def g_function(card: Board, instruction: Instruction) -> None:
+def g_function(card: Card, instruction: Instruction) -> None:
     """`G`."""
     number = instruction.p1 & 0xFF
     if 53 <= number <= 59:
@@ -20,22 +20,22 @@ def g_function(card: Board, instruction: Instruction) -> None:
         return
     if instruction.p1 != number:
         raise OutOfRangeError(f"there is no G{instruction.p1}")
-    path = card.path
+    interpolator = card.interpolator
     if number == 0:
-        path.feed_hz = None
+        interpolator.feed_hz = None
     elif number in (2, 3):
-        path.begin_circle(clockwise=number == 2)
+        interpolator.begin_circle(clockwise=number == 2)
     elif number == 36:
-        path.shortest_way = True
+        interpolator.shortest_way = True
     elif number in (90, 91):
-        path.absolute = number == 90
+        interpolator.absolute = number == 90
     elif number in (94, 95):
-        path.per_turn = number == 95
+        interpolator.per_turn = number == 95
     else:
         raise OutOfRangeError(f"there is no G{number}")
 
 
-def _correction(card: Board, number: int, instruction: Instruction) -> None:
+def _correction(card: Card, number: int, instruction: Instruction) -> None:
     offsets = card.offsets
     middle, high = instruction.p1 >> 8 & 0xFF, instruction.p1 >> 16
     value, slot = signed(instruction.p2), instruction.p3

@@ -1,12 +1,12 @@
-"""The card's PLC: what twin/firmware/plc makes of programs, on the card's images and flags, with its block FB 254.
+"""The card's PLC: programs run by twin/firmware/plc on the card's images and flags, with the block FB 254.
 
     images.py   E A M D   <---- pass by pass ---->   isel_twin.firmware.plc.Plc
                                                          |
     card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 says which function, 2 has its argument
 
-Implements `isel_twin.firmware.gmi99.plc.Plc`. A pass takes 45 us an instruction, a multiple of the 4 ms grid (G31); its
-effects are true at its end. What FB 254 does it does when it is called. Functions that the manual names but does not
-describe have no effect (G32).
+A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (G31); its effects become visible at
+its end, when the card looks at the flags. FB 254 acts when it is called; its functions that the manual names but does
+not describe have no effect (G32).
 """
 
 from __future__ import annotations
@@ -16,11 +16,14 @@ from functools import cache
 from importlib import resources
 
 from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
+from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
-from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
+from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 SAFETY = "safety.awl"
@@ -49,33 +52,36 @@ def _rights() -> Rights:
 
 
 class CardPlc:
-    """See the module."""
+    """The PLC of the card; FB 254 reaches its parts."""
 
-    def __init__(self, card: Board) -> None:
-        self._card = card
-        images = card.images
+    def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
+        self.board = board
+        self.interpolator = interpolator
+        self.drives = drives
+        self.queue = queue
+        images = board.images
         self._outputs = bytearray(images.outputs)
-        self._memory = Memory(images.inputs, self._outputs, images.flags, images.data)
+        self._memory = PlcMemory(images.inputs, self._outputs, images.flags, images.data)
         self._plc = Plc(_rights(), {EXTENDED: self._extended}, PERIOD_NS)
         self._download = bytearray()
         self._seen = b""
         self.load_error = False
+        """The last download was no program (bit 0 of the memory status)."""
 
     # ---- what the card asks -----------------------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
+        """A program is being carried out."""
         return self._plc.running
 
     @property
-    def stored(self) -> bool:
-        return bool(self._plc.image)
-
-    @property
     def next_ns(self) -> int | None:
+        """End of the next pass that may differ from the one before; None while it does not run, or nothing changes."""
         return self._plc.next_ns
 
     def power_on(self, t_ns: int, image: bytes) -> None:
+        """Mains on; a program there is starts by itself. `image`: as `end_load` gave it, empty for none."""
         if not image:
             return
         try:
@@ -86,21 +92,25 @@ class CardPlc:
         self._begin(t_ns, power_on=True)
 
     def start(self, t_ns: int) -> None:
+        """p1;1."""
         if not self._plc.running:
             self._begin(t_ns, power_on=False)
 
     def stop(self, t_ns: int) -> None:
+        """p1;2: at the end of the pass, outputs to 0."""
         if self._plc.running:
             self._plc.stop_at_end(t_ns)
 
     def look(self, t_ns: int) -> None:
-        seen = _bytes(self._card.images)
+        """Something has happened: inputs, flags or data may have changed."""
+        seen = _bytes(self.board.images)
         if self._plc.running and seen != self._seen:
             self._plc.touch(t_ns)
         self._seen = seen
 
     def advance(self, t_ns: int) -> None:
-        images = self._card.images
+        """Let time pass to t_ns, never beyond `next_ns`."""
+        images = self.board.images
         self._outputs[:] = images.outputs
         self._plc.end_pass(t_ns, self._memory)
         for byte, value in enumerate(self._outputs):
@@ -111,18 +121,20 @@ class CardPlc:
         else:
             images.clear_outputs()
             if self._plc.stopped_by:
-                self._card.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
-        if self._card.analog_drives or self._card.analog_asked:
-            self._card.put_analog_outputs()
+                self.board.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
+        if self.board.analog_drives or self.board.analog_asked:
+            self.board.put_analog_outputs()
         self._seen = _bytes(images)
-        self._card.keep_data()
+        self.board.keep_data()
 
     def begin_load(self) -> None:
+        """p1;100."""
         self._plc.clear()
-        self._card.images.clear_outputs()
+        self.board.images.clear_outputs()
         self._download.clear()
 
     def load(self, offset: int, data: bytes) -> None:
+        """`a`: a part of the image."""
         if offset + len(data) > LONGEST_IMAGE:
             self._failed(f"an image of more than {LONGEST_IMAGE} bytes")
             return
@@ -130,6 +142,7 @@ class CardPlc:
         self._download[offset : offset + len(data)] = data
 
     def end_load(self) -> bytes | None:
+        """p1;101: the image to be kept, None if it is no program."""
         try:
             self._plc.load(bytes(self._download))
         except ImageError as error:
@@ -139,25 +152,27 @@ class CardPlc:
         return self._plc.image
 
     def entry(self, block: int) -> int | None:
-        program: Program | None = self._plc.program
+        """Where block OB `block` begins in the image; None if there is none."""
+        program: PlcProgram | None = self._plc.program
         return None if program is None else program.entries.get(("OB", block))
 
     def code(self, offset: int, count: int) -> bytes:
+        """Bytes of the image from there on, empty beyond its end."""
         part = self._plc.image[offset : offset + count]
         return part.ljust(count, b"\0") if part else b""
 
     def _begin(self, t_ns: int, *, power_on: bool) -> None:
-        self._outputs[:] = self._card.images.outputs
+        self._outputs[:] = self.board.images.outputs
         self._plc.start(t_ns, self._memory, power_on)
-        self._seen = _bytes(self._card.images)
+        self._seen = _bytes(self.board.images)
 
     def _failed(self, why: str) -> None:
         self.load_error = True
-        self._card.refuse(f"no PLC program: {why}")
+        self.board.refuse(f"no PLC program: {why}")
 
     # ---- FB 254 -----------------------------------------------------------------------------------------------------
 
-    def _extended(self, number: int, argument: int, memory: Memory) -> tuple[int, int]:
+    def _extended(self, number: int, argument: int, memory: PlcMemory) -> tuple[int, int]:
         """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""
         axis = number - 0x110
         if 0 <= axis < SLOTS:
@@ -165,73 +180,74 @@ class CardPlc:
         function = _FUNCTIONS.get(number)
         if function is None:
             return number, argument
-        result = function(self._card, argument)
-        memory.e[:] = self._card.images.inputs  # which function 2 may have put elsewhere
+        result = function(self, argument)
+        memory.e[:] = self.board.images.inputs  # which function 2 may have put elsewhere
         return result
 
     def _plc_zero(self, axis: int, argument: int) -> int:
-        zeros = self._card.offsets.plc_zero
+        zeros = self.board.offsets.plc_zero
         value = argument - 0x10000 if argument & 0x8000 else argument
         if argument != READ and abs(value) <= PLC_ZERO_LIMIT:
             zeros[axis] = value
         return zeros[axis] & ALL
 
 
-def _images(card: Board, mode: int) -> tuple[int, int]:
+def _images(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1):
-        card.image_mode = mode
-        card.parameters_changed()
+        plc.board.image_mode = mode
+        plc.board.arrange_images()
+        plc.interpolator.speeds_changed()
     return 2, mode
 
 
-def _searching(card: Board, argument: int) -> tuple[int, int]:
-    return card.drives.searching, argument
+def _searching(plc: CardPlc, argument: int) -> tuple[int, int]:
+    return plc.drives.searching, argument
 
 
-def _device(card: Board, argument: int) -> tuple[int, int]:
-    return DEVICE, card.settings.sgx & ALL
+def _device(plc: CardPlc, argument: int) -> tuple[int, int]:
+    return DEVICE, plc.board.settings.sgx & ALL
 
 
-def _fine(card: Board, argument: int) -> tuple[int, int]:
+def _fine(plc: CardPlc, argument: int) -> tuple[int, int]:
     if argument < FINE:
-        card.offsets.preselected = argument
-    return card.offsets.preselected, argument
+        plc.board.offsets.preselected = argument
+    return plc.board.offsets.preselected, argument
 
 
-def _state(card: Board, argument: int) -> tuple[int, int]:
+def _state(plc: CardPlc, argument: int) -> tuple[int, int]:
     what, axis = argument & 0xFF, argument >> 8
     if what == 3 and axis < SLOTS:
-        position = card.position[axis]
+        position = plc.board.position[axis]
         return position & ALL, position >> 16 & ALL
     if what == 5:
         return 0, argument  # no axis is ever uncoupled
     if what == 15:
-        return card.queue.block_number & ALL, argument
+        return plc.queue.block_number & ALL, argument
     return 6, argument
 
 
-def _analog(card: Board, argument: int) -> tuple[int, int]:
-    card.analog_drives = argument >> 4 & 0x0F
+def _analog(plc: CardPlc, argument: int) -> tuple[int, int]:
+    plc.board.analog_drives = argument >> 4 & 0x0F
     return 8, argument
 
 
-def _status(card: Board, axis: int) -> tuple[int, int]:
-    return (card.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
+def _status(plc: CardPlc, axis: int) -> tuple[int, int]:
+    return (plc.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
 
 
-def _home(card: Board, axis: int) -> tuple[int, int]:
+def _home(plc: CardPlc, axis: int) -> tuple[int, int]:
     if axis >= SLOTS:
         return 0, axis
-    return int(card.settings.home_from[axis] <= card.position[axis] <= card.settings.home_to[axis]), axis
+    return int(plc.board.settings.home_from[axis] <= plc.board.position[axis] <= plc.board.settings.home_to[axis]), axis
 
 
-def _reduced(card: Board, mode: int) -> tuple[int, int]:
+def _reduced(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1, 2):
-        card.reduced_mode = mode
+        plc.board.reduced_mode = mode
     return 33, mode
 
 
-_FUNCTIONS: Mapping[int, Callable[[Board, int], tuple[int, int]]] = {
+_FUNCTIONS: Mapping[int, Callable[[CardPlc, int], tuple[int, int]]] = {
     2: _images,
     3: _searching,
     4: _device,

@@ -3,34 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from enum import IntEnum
 
 from isel_twin.firmware.gmi99 import directly, images
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 from isel_twin.firmware.gmi99.waiting import Wait
 
-START, STOP, BEGIN, END, QUIET, LOUD = 1, 2, 100, 101, 110, 111
-PLC, AXIS_PROGRAM, PROGRAM, DIRECT, FLAG = 1, 4, 3, 10, 11
+
+class Of(IntEnum):
+    """P1 of `p`: what is programmed."""
+
+    PLC = 1
+    PROGRAM = 3
+    DIRECT = 10
+    FLAG = 11
 
 
-def programming(card: Board, instruction: Instruction) -> Generator[Wait, None, None] | None:
+class Do(IntEnum):
+    """P2: what is done to it."""
+
+    START = 1
+    STOP = 2
+    BEGIN = 100
+    END = 101
+    QUIET = 110
+    LOUD = 111
+
+
+def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
     """`p`: P1 says of what."""
     match instruction.p1:
-        case 1:
+        case Of.PLC:
             _plc(card, instruction.p2)
-        case 3:
+        case Of.PROGRAM:
             _program(card, instruction.p2, instruction.p3)
-        case 10:
+        case Of.DIRECT:
             return directly.direct(card, instruction)
-        case 11:
+        case Of.FLAG:
             set_flag_byte(card, instruction)
         case other:
             raise OutOfRangeError(f"there is no p{other} here")
     return None
 
 
-def set_flag_byte(card: Board, instruction: Instruction) -> None:
+def set_flag_byte(card: Card, instruction: Instruction) -> None:
     """`p11`: MB(P2) becomes P3, but for the bits of the firmware."""
     if instruction.p2 > 255 or instruction.p3 > 255:
         raise OutOfRangeError("p11 wants a flag byte 0 .. 255 and a value 0 .. 255")
@@ -39,40 +57,40 @@ def set_flag_byte(card: Board, instruction: Instruction) -> None:
     card.flags_changed(program_ran=before)
 
 
-def _plc(card: Board, what: int) -> None:
-    if what == START:
-        card.plc.start(card.now_ns)
-    elif what == STOP:
-        card.plc.stop(card.now_ns)
-    elif what == BEGIN:
-        card.store.erase()
-        card.keep(programs=card.store.kept, plc="")
-        card.plc.begin_load()
-    elif what == END:
-        image = card.plc.end_load()
-        card.keep(plc=image.hex() if image is not None else "")
-    else:
-        raise OutOfRangeError(f"there is no p1;{what}")
+def _plc(card: Card, what: int) -> None:
+    match what:
+        case Do.START:
+            card.plc.start(card.now_ns)
+        case Do.STOP:
+            card.plc.stop(card.now_ns)
+        case Do.BEGIN:
+            card.store.erase()
+            card.keep(programs=card.store.kept, plc="")
+            card.plc.begin_load()
+        case Do.END:
+            image = card.plc.end_load()
+            card.keep(plc=image.hex() if image is not None else "")
+        case _:
+            raise OutOfRangeError(f"there is no p1;{what}")
 
 
-def plc_data(card: Board, instruction: Instruction) -> None:
+def plc_data(card: Card, instruction: Instruction) -> None:
     """`a`: a part of the image of a PLC program."""
     card.plc.load(instruction.p1, instruction.raw)
 
 
-def _program(card: Board, what: int, number: int) -> None:
-    if what in (START, BEGIN) and number >= PROGRAMS:
+def _program(card: Card, what: int, number: int) -> None:
+    if what in (Do.START, Do.BEGIN) and number >= PROGRAMS:
         raise OutOfRangeError(f"there is no program {number}")
-    if what == START:
-        card.queue.call(number)
-    elif what == STOP:
-        card.queue.leave()
-    elif what == BEGIN:
-        card.store.begin(number)
-        card.keep(programs=card.store.kept)
-    elif what == END:
-        pass  # ends a recording; without one it has nothing to end
-    elif what in (QUIET, LOUD):
-        card.contact_loss_reported = what == LOUD
-    else:
-        raise OutOfRangeError(f"there is no p3;{what}")
+    match what:
+        case Do.START:
+            card.call(number)
+        case Do.STOP:
+            card.queue.leave()
+        case Do.BEGIN:
+            card.store.begin(number)
+            card.keep(programs=card.store.kept)
+        case Do.END | Do.QUIET | Do.LOUD:
+            pass  # an end without a recording; reports of lost contact, of which the card has none
+        case _:
+            raise OutOfRangeError(f"there is no p3;{what}")

@@ -10,7 +10,8 @@ the number of s >= 1, and a parameter is told as not identified if its interval 
 prior's.
 
 **Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
-is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of 1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
+is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of
+1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
 So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
 Jacobian are central, free of the curvature; those between only lead downhill, and go one way.
 

@@ -16,10 +16,28 @@ from typing import Final
 from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
 from isel_twin.firmware.bwo900.geometry.groups import START, Modal
+from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-ROTATION_SET: Final[Mapping[int, str]] = {160: "u0", 161: "v0", 163: "angle_deg"}
-ROTATION_ADDED: Final[Mapping[int, str]] = {165: "du", 166: "dv", 168: "dangle_deg"}
+ROTATION_SET: Final[Mapping[int, str]] = {P.ROTATION_U0: "u0", P.ROTATION_V0: "v0", P.ROTATION_ANGLE: "angle_deg"}
+ROTATION_ADDED: Final[Mapping[int, str]] = {
+    P.ROTATION_DU: "du",
+    P.ROTATION_DV: "dv",
+    P.ROTATION_DANGLE: "dangle_deg",
+}
+
+PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
+    G.PLANE_XY: (Q.PLANE_XY, XY),
+    G.PLANE_ZX: (Q.PLANE_ZX, ZX),
+    G.PLANE_YZ: (Q.PLANE_YZ, YZ),
+}
+"""The q that defines a plane, and what it is where that makes no sense."""
+FREE_PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
+    G.FREE_PLANE_1: (P.FREE_PLANE_1, XY),
+    G.FREE_PLANE_2: (P.FREE_PLANE_2, ZX),
+    G.FREE_PLANE_3: (P.FREE_PLANE_3, YZ),
+}
+"""The P that defines a free plane, and what it is where that makes no sense."""
 
 
 class Coordinates:
@@ -48,7 +66,7 @@ class Coordinates:
         self._letters = tuple(name for name, _ in self._parameters.axes)
         axes = len(self._letters)
         self.modal = START
-        self._planes = {number: self._plane(number) for number in (17, 18, 19)}
+        self._planes = {number: self._plane(number) for number in PLANES}
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
         self._length = length_mm
         self.position = tuple(position) + (0.0,) * (axes - len(position))
@@ -64,10 +82,12 @@ class Coordinates:
     def g(self, number: int) -> None:
         """A G function is in force now; `renew` before the next path. G45 takes P160, P161, P163 as they are now."""
         self.modal = self.modal.with_g(number)
-        if number == 45:
+        if number == G.ROTATION_ON:
             p = self._parameters
-            self.rotation = replace(self.rotation, u0=p.get(160), v0=p.get(161), angle_deg=p.get(163))
-        elif number == 46:
+            self.rotation = replace(
+                self.rotation, u0=p.get(P.ROTATION_U0), v0=p.get(P.ROTATION_V0), angle_deg=p.get(P.ROTATION_ANGLE)
+            )
+        elif number == G.ROTATION_OFF:
             self.rotation = replace(self.rotation, du=0.0, dv=0.0, dangle_deg=0.0)
 
     def written(self, number: int, value: float | None) -> None:
@@ -156,16 +176,16 @@ class Coordinates:
         nothing = (0.0,) * axes
         order = _exchanged(self._parameters, axes)
         self.names = {name: order[axis] for axis, name in enumerate(self._letters)}
-        plane = self._planes[modal.plane] if modal.plane < 100 else self._free_plane(modal.plane)
+        plane = self._planes[modal.plane] if modal.plane in PLANES else self._free_plane(modal.plane)
         plane = Plane(*(order[axis] for axis in (plane.first, plane.second, plane.third)))
-        bound = modal.coordinates == 47
-        zero = nothing if bound or modal.zero == 153 else self._zero_point(modal.zero)
+        bound = modal.coordinates == G.MACHINE_COORDINATES
+        zero = nothing if bound or modal.zero == G.NO_ZERO else self._zero_point(modal.zero)
         return Frame(
             axes=axes,
             plane=plane,
-            correction=self.correction if modal.correction == 44 else nothing,
-            rotation=self.rotation if modal.rotation == 45 else None,
-            shift_first=int(self._parameters.get(8_859)) >= 2,
+            correction=self.correction if modal.correction == G.AXIS_CORRECTION_ON else nothing,
+            rotation=self.rotation if modal.rotation == G.ROTATION_ON else None,
+            shift_first=int(self._parameters.get(P.ROTATION_ORDER)) >= 2,
             mirror_first=modal.mirror_first,
             mirror_second=modal.mirror_second,
             shift=nothing if bound else self.shift,
@@ -177,7 +197,7 @@ class Coordinates:
 
     def _senses(self, order: tuple[int, ...]) -> Point | None:
         """P8892: a bit for each axis of the program that runs the other way."""
-        turned = int(self._parameters.get(8_892))
+        turned = int(self._parameters.get(P.MIRRORED))
         senses = tuple(-1.0 if turned >> order.index(axis) & 1 else 1.0 for axis in range(len(order)))
         return senses if -1.0 in senses else None
 
@@ -185,19 +205,19 @@ class Coordinates:
         """G54 to G59, G154 and on, of the workspace; 0 for axes that P8556 leaves out."""
         p = self._parameters
         hundred, rest = divmod(number, 100)
-        entry = rest - 53 + 6 * hundred
-        workspace, mask = int(p.given(8_555, 1.0)), int(p.get(8_556))
+        entry = rest - G.MACHINE_ZERO + 6 * hundred
+        workspace, mask = int(p.given(P.WORKSPACE, 1.0)), int(p.get(P.ZERO_MASK))
         return tuple(
             0.0 if mask >> axis & 1 else p.zero_point(entry, axis, workspace) for axis in range(len(self._letters))
         )
 
     def _plane(self, number: int) -> Plane:
         """G17, G18, G19 as q152 to q154 define them."""
-        return _plane_of(self._parameters.get(135 + number, 0.0, "q"), {17: XY, 18: ZX, 19: YZ}[number])
+        return _plane_of(self._parameters.get(PLANES[number][0], 0.0, "q"), PLANES[number][1])
 
     def _free_plane(self, number: int) -> Plane:
         """G117 to G119 as P8840 to P8842 define them."""
-        return _plane_of(self._parameters.get(8_723 + number), {117: XY, 118: ZX, 119: YZ}[number])
+        return _plane_of(self._parameters.get(FREE_PLANES[number][0]), FREE_PLANES[number][1])
 
 
 def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
@@ -206,8 +226,8 @@ def _exchanged(p: Parameters, axes: int) -> tuple[int, ...]:
     What makes no exchange of all is none.
     """
     order = list(range(axes))
-    if p.get(8_880) in (1.0, 2.0):
-        for number in range(8_881, 8_890):
+    if p.get(P.EXCHANGE) in (1.0, 2.0):
+        for number in range(P.EXCHANGE_FIRST, P.EXCHANGE_LAST + 1):
             value = p.get(number)
             source, target = byte(value, 2) - 1, byte(value, 1) - 1
             if 0 <= source < axes:

@@ -24,10 +24,14 @@ from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-CYCLE_PARAMETERS: Final = (*range(10, 40), *range(100, 160))
+CYCLE_PARAMETERS: Final = (
+    *range(P.CYCLES_FIRST, P.CYCLES_LAST + 1),
+    *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1),
+)
 """P that a cycle is told, as they are when it begins."""
 MOTION: Final[Mapping[Kind, int]] = {
     Kind.RAPID: 0,
@@ -60,18 +64,20 @@ def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None
 
     staying: the drilling cycle that is in force without a word. Raises ProgramError M1232: too many of them.
     """
-    numbers = [81 if number == 82 else number for number in numbers]
-    pattern = next((n for n in numbers if 86 <= n <= 89), None)
+    numbers = [G.DRILLING if number == G.DRILLING_WITH_DWELL else number for number in numbers]
+    pattern = next((n for n in numbers if G.RAY <= n <= G.CIRCLE_OF_PLACES), None)
     machining = next((n for n in numbers if n != pattern), None if pattern is None else staying)
     if len(numbers) > (2 if pattern is not None else 1):
-        raise ProgramError(1232, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
+        raise ProgramError(Code.EXCLUDED, f"cycles {', '.join(f'G{n}' for n in numbers)} in one block")
     return (numbers[0] if pattern is None else pattern), pattern, machining
 
 
 def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
     """Whether a pattern begins with a move to where it lies."""
     plane = coordinates.frame.plane
-    return pattern == 89 or (pattern is not None and not {plane.first, plane.second}.isdisjoint(targets))
+    return pattern == G.CIRCLE_OF_PLACES or (
+        pattern is not None and not {plane.first, plane.second}.isdisjoint(targets)
+    )
 
 
 def call_of(
@@ -87,20 +93,20 @@ def call_of(
 ) -> Call:
     """What a cycle is told. bare: G66."""
     loaded = {number: parameters.get(number) for number in CYCLE_PARAMETERS if parameters.loaded(number)}
-    fastest = max((parameters.axis(axis, 4, 0.0) for axis in range(len(coordinates.names))), default=0.0)
+    fastest = max((parameters.axis(axis, Axis.SPEED, 0.0) for axis in range(len(coordinates.names))), default=0.0)
     return Call(
         parameters=loaded,
         position=coordinates.frame.bare.program(coordinates.position) if bare else coordinates.program_position,
         plane=coordinates.frame.plane,
         words=dict(words),
         feed_mm_min=targets.feed_mm_min,
-        rapid_mm_min=parameters.given(8_816, fastest),
+        rapid_mm_min=parameters.given(P.RAPID, fastest),
         speed_rpm=reader.speed_rpm,
         turning=reader.turning,
         motion=coordinates.modal.motion,
         tool_radius_mm=abs(tools.radius_mm),
         inner=machining,
-        polar=coordinates.modal.polar == 10,
+        polar=coordinates.modal.polar == G.POLAR_ON,
     )
 
 

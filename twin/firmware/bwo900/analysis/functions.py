@@ -12,14 +12,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from isel_twin.firmware.bwo900.numbers import M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 PRE, POST, HALT, SYNCHRONISES, JUMP, CYCLE = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
 
-CONTROLLING: Final = frozenset((0, 1, 2, 16, 23, 24, 25, 26, 28, 29, 30))
+CONTROLLING: Final = frozenset((
+    M.HALT, M.SYNCHRONISE, M.RETURN, M.TOOL_DATA, M.JUMP, M.LOOP, M.LOOP_END, M.DELETE_DISTANCE, M.CALL, M.REPEAT,
+    M.END,
+))  # fmt: skip
 """Those that control the program (manual 6.1); M06 does both."""
-DELETE, DELETED = 8_715, 8_695
-"""M26: parameter by which the PLC deletes a path, and the one that tells of it (realtime/watch.py)."""
 IN_SYSTEM: Final = 200
 """M0 to M199 are defined in P11050 .. P11099 unless q158 says otherwise."""
 HIGHEST: Final = 999
@@ -47,12 +49,12 @@ class Functions:
     def take_over(self) -> None:
         """The table as it is now counts."""
         p = self._parameters
-        in_channel = bool(p.get(158, 0.0, "q"))
+        in_channel = bool(p.get(Q.M_IN_CHANNEL, 0.0, "q"))
         self._bits: dict[int, float] = {}
         """Four of them, by the lowest number; those that nobody has defined are missing."""
         for place in range(HIGHEST // 4 + 1):
             in_system = 4 * place < IN_SYSTEM and not in_channel
-            if bits := p.get((11_050 if in_system else 8_250) + place):
+            if bits := p.get((P.M_TABLE_COMMON if in_system else P.M_TABLE) + place):
                 self._bits[place] = bits
 
     def of(self, number: int) -> Definition:
@@ -67,7 +69,7 @@ class Functions:
             post=bool(bits & POST) and not jump,
             halt=bool(bits & HALT) or jump,
             jump=jump,
-            cycle=bool(bits & CYCLE) and number > 30,
+            cycle=bool(bits & CYCLE) and number > M.END,
             synchronises=bool(bits & SYNCHRONISES),
         )
 
@@ -76,11 +78,21 @@ def _packed(definitions: Mapping[int, int]) -> dict[int, float]:
     packed: dict[int, float] = {}
     for number, bits in definitions.items():
         place, part = divmod(number, 4)
-        packed[11_050 + place] = packed.get(11_050 + place, 0.0) + (bits << 8 * part)
+        packed[P.M_TABLE_COMMON + place] = packed.get(P.M_TABLE_COMMON + place, 0.0) + (bits << 8 * part)
     return packed
 
 
 FACTORY_FUNCTIONS: Final[Mapping[int, float]] = _packed(
-    {0: POST | HALT, 1: POST, 3: PRE, 4: PRE, 5: POST, 6: PRE | HALT | SYNCHRONISES, 7: PRE, 8: PRE, 9: POST}
+    {
+        M.HALT: POST | HALT,
+        M.SYNCHRONISE: POST,
+        M.SPINDLE_RIGHT: PRE,
+        M.SPINDLE_LEFT: PRE,
+        M.SPINDLE_OFF: POST,
+        M.TOOL_CHANGE: PRE | HALT | SYNCHRONISES,
+        M.COOLANT_1_ON: PRE,
+        M.COOLANT_2_ON: PRE,
+        M.COOLANT_OFF: POST,
+    }
 )
 """By P: the table that the control comes with; the manual's is empty."""

@@ -13,21 +13,24 @@ from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.values import Values
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
-WHOLE, LIST = 8_640, 8_642
-AXES, G, M, SPEEDS, OWN, LAST = 9_700, 9_740, 9_750, 9_780, 9_790, 9_799
-OTHERS: Final[Mapping[str, int]] = {"I": 9_732, "J": 9_733, "K": 9_734, "R": 9_735, "T": 9_736, "f": 9_738, "F": 9_739}
-EXTENSION: Final = 9_748
-"""Of a G function."""
+OTHERS: Final[Mapping[str, int]] = {
+    "I": P.HANDED_I, "J": P.HANDED_J, "K": P.HANDED_K, "R": P.HANDED_R, "T": P.HANDED_T, "f": P.HANDED_END_FEED,
+    "F": P.HANDED_FEED,
+}  # fmt: skip
 MOST: Final = 8
 """G and M functions, spindles."""
 
 
 def clear(p: Parameters) -> None:
     """A program begins, or a cycle has returned."""
-    for switch, numbers in ((WHOLE, range(AXES, OWN)), (LIST, range(OWN, LAST + 1))):
+    for switch, numbers in (
+        (P.HANDED_WHOLE, range(P.HANDED_AXES, P.HANDED_OWN)),
+        (P.HANDED_LIST, range(P.HANDED_OWN, P.HANDED_LAST + 1)),
+    ):
         if p.get(switch):
             for number in numbers:
                 if p.loaded(number):
@@ -41,31 +44,31 @@ def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]
         if word.name in own:
             p.write(own[word.name], values.of(word.value))
     words = tuple(word for word in block.words if word.name not in own)
-    if p.get(WHOLE) != 1.0:
+    if p.get(P.HANDED_WHOLE) != 1.0:
         return replace(block, words=words)
     for word in words:
         number = _number(word.name, names)
         if number is not None:
             p.write(number, values.of(word.value))
     for at, g in enumerate(block.g[:MOST]):
-        p.write(G + at, float(g.number))
+        p.write(P.HANDED_G + at, float(g.number))
         if g.extension is not None:
-            p.write(EXTENSION, values.of(g.extension))
+            p.write(P.HANDED_EXTENSION, values.of(g.extension))
     for at, m in enumerate(block.m[:MOST]):
-        p.write(M + 3 * at, float(m.number))
+        p.write(P.HANDED_M + 3 * at, float(m.number))
         for field, extension in enumerate(m.extensions[:2], 1):
-            p.write(M + 3 * at + field, None if extension is None else values.of(extension))
+            p.write(P.HANDED_M + 3 * at + field, None if extension is None else values.of(extension))
     return replace(block, words=(), m=(), g=())
 
 
 def _own(p: Parameters) -> dict[str, int]:
     """Words of the list that P8642 points to: their parameter."""
-    return {letter: OWN + at for at, letter in enumerate(_letters(p))}
+    return {letter: P.HANDED_OWN + at for at, letter in enumerate(_letters(p))}
 
 
 def _letters(p: Parameters) -> Iterator[str]:
-    first = int(p.get(LIST))
-    for at in range(LAST - OWN + 1 if first > 0 else 0):
+    first = int(p.get(P.HANDED_LIST))
+    for at in range(P.HANDED_LAST - P.HANDED_OWN + 1 if first > 0 else 0):
         code = int(p.get(first + at))
         if not 32 < code < 127:
             return
@@ -74,8 +77,8 @@ def _letters(p: Parameters) -> Iterator[str]:
 
 def _number(name: str, names: Mapping[str, int]) -> int | None:
     if name in names:
-        return AXES + names[name]
+        return P.HANDED_AXES + names[name]
     if name[0] == "S":
         spindle = int(name[1:] or "1")
-        return SPEEDS + spindle - 1 if 1 <= spindle <= MOST else None
+        return P.HANDED_SPEEDS + spindle - 1 if 1 <= spindle <= MOST else None
     return OTHERS.get(name)

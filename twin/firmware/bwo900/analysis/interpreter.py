@@ -29,20 +29,20 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.cycle import Cycle, call_of, chosen, comes_first, step
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
-from isel_twin.firmware.bwo900.analysis.functions import DELETE, DELETED
 from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.reader import Reader
 from isel_twin.firmware.bwo900.analysis.said import Said, correction, path_block
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
 from isel_twin.firmware.bwo900.analysis.targets import Targets
-from isel_twin.firmware.bwo900.analysis.tools import ASKED, INFO, LOCK, Tools
+from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame
-from isel_twin.firmware.bwo900.geometry.groups import GROUPS, PLANE, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, PLANE, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
-from isel_twin.firmware.bwo900.messages import Message, ProgramError
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError
+from isel_twin.firmware.bwo900.numbers import SC, G, M, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
@@ -50,7 +50,6 @@ from isel_twin.firmware.bwo900.programs.syntax import Block
 
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
-START_FLAGS: Final = 8_807
 WITH_Z5, WITHOUT_TABLE = 0x01, 0x02
 """Bits of P8807, byte 1: T needs Z5; T takes nothing from the table."""
 
@@ -124,8 +123,8 @@ class Interpreter:
         self._reset(position)
         self._stack.begin(program, place)
         self._skips = skips
-        if self._parameters.get(LOCK):
-            self._parameters.write(LOCK, 0.0)
+        if self._parameters.get(P.TOOL_LOCK):
+            self._parameters.write(P.TOOL_LOCK, 0.0)
         clear(self._parameters)
         for number in _starting(self._parameters):
             self._coordinates.g(number)
@@ -237,13 +236,13 @@ class Interpreter:
 
     def hand(self, position: Point) -> None:
         """HAND: its zero point (P8758) and plane (P8757) are those of what is shown. position: of the axes, mm."""
-        zero, plane = int(self._parameters.get(8_758)), int(self._parameters.get(8_757))
-        plane = plane if GROUPS.get(plane) == PLANE else 17
+        zero, plane = int(self._parameters.get(P.HAND_ZERO)), int(self._parameters.get(P.HAND_PLANE))
+        plane = plane if GROUPS.get(plane) == PLANE else G.PLANE_XY
         length = self._tools.length_mm
         try:
-            self._coordinates.without_program(zero if zero in ZERO_POINTS else 153, plane, length, position)
+            self._coordinates.without_program(zero if zero in ZERO_POINTS else G.NO_ZERO, plane, length, position)
         except ProgramError:  # the table of zero points is not where it ought to be
-            self._coordinates.without_program(153, plane, length, position)
+            self._coordinates.without_program(G.NO_ZERO, plane, length, position)
 
     # ---- analysis ---------------------------------------------------------------------------------------------------
 
@@ -272,7 +271,7 @@ class Interpreter:
         if block.skip and self._skips:
             return self._empty(block)
         try:
-            locked = self._parameters.get(LOCK) and block.word("T")
+            locked = self._parameters.get(P.TOOL_LOCK) and block.word("T")
             if locked or (block.wait is not None and not self._values.holds(block)):
                 level.place -= 1
                 self._waiting = Waiting.CONDITION
@@ -344,8 +343,8 @@ class Interpreter:
         said = Said(block, level.program.name, not self._stack.in_cycle, later, self._values.synchronises(block))
         self._reader.read(said)
         waits = said.synchronises or said.jump is not None or (said.changes and said.call is not None)
-        if waits and self._coordinates.modal.radius != 40:
-            raise ProgramError(1229, "analysis would wait, with radius correction", block.column)
+        if waits and self._coordinates.modal.radius != G.RADIUS_OFF:
+            raise ProgramError(Code.NO_HALT_HERE, "analysis would wait, with radius correction", block.column)
         goal = said.goal
         if jump is not None:
             goal = level.program.name, jump
@@ -360,21 +359,21 @@ class Interpreter:
         """What a parameter P does besides being kept."""
         self._coordinates.written(number, value)
         self._tools.command(number, value)
-        if number == DELETE and not value:
-            self._parameters.write(DELETED, 0.0)
+        if number == P.DELETE and not value:
+            self._parameters.write(P.DELETED, 0.0)
         if self.on_write is not None:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
         """The line has written a parameter P that may copy records of tools, or exchange and turn axes."""
         self._tools.command(number, value, in_hand=in_hand)
-        if 8_880 <= number <= 8_892:
+        if P.EXCHANGE <= number <= P.MIRRORED:
             self._coordinates.renew()
 
     def forget_in_hand(self) -> None:
         """HAND: the mirror of axes ends (P8892), and their exchange if it is to (P8880 = 2)."""
         p = self._parameters
-        for number in (8_892, *((8_880,) if p.get(8_880) == 2.0 else ())):
+        for number in (P.MIRRORED, *((P.EXCHANGE,) if p.get(P.EXCHANGE) == 2.0 else ())):
             if p.loaded(number):
                 p.write(number, None)
                 self._coordinates.renew()
@@ -447,15 +446,17 @@ class Interpreter:
         """The tool of a T word, and M16."""
         if said.tool is None:
             return
-        flags = byte(self._parameters.get(START_FLAGS), 1)
-        self._parameters.write(INFO, 16.0 if said.activates else 6.0 if said.changes else 0.0)
+        flags = byte(self._parameters.get(P.START_FLAGS_2), 1)
+        self._parameters.write(
+            P.TOOL_INFO, float(M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0)
+        )
         word = said.block.word("T")
         column = word.column if word else 0
         if said.tool != self._tool and not flags & WITHOUT_TABLE:
             with _at(column):
                 self._tools.request(said.tool)
         self._tool = said.tool
-        said.parameters.append((ASKED, float(said.tool)))
+        said.parameters.append((P.TOOL_ASKED, float(said.tool)))
         if said.activates:
             with _at(column):
                 self._tools.reckon(said.tool)
@@ -484,14 +485,14 @@ class Interpreter:
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
         here = self._coordinates
-        bare = 66 in said.blockwise
+        bare = G.BARE in said.blockwise
         call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
         self._cycle_now = Cycle(said, self._stack.top, moves, after, stop, here.modal, comes)
         self._go_on_with(self._cycle_now)
         while self._supervises and self._cycle_now is not None:
             if self._cycle_now.moves.made >= MOST_KEPT:
-                raise ProgramError(8006, f"more than {MOST_KEPT} moves under supervision")
+                raise ProgramError(Code.CYCLE_SEQUENCE, f"more than {MOST_KEPT} moves under supervision")
             self._go_on_with(self._cycle_now)
 
     def _go_on_with(self, cycle: Cycle) -> None:
@@ -532,15 +533,15 @@ class Interpreter:
         self._lets_go = False
         for expression in block.calls:
             number = whole(self._values.of(expression))
-            if number not in (0, 1, 2, 100):
-                raise ProgramError(1211, f"sc:{number}; there are 0, 1, 2 and 100")
-            if number in (0, 100):
+            if number not in SC.ALL:
+                raise ProgramError(Code.SYNTAX, f"sc:{number}; there are 0, 1, 2 and 100")
+            if number in (SC.GO_ON, SC.GO_NOW):
                 self._ready.extendleft(reversed(self._kept))
                 self._kept.clear()
                 self._lets_go = True
-            if number != 100:
-                self._supervises = number in (1, 2)
-            if number == 2:
+            if number != SC.GO_NOW:
+                self._supervises = number in (SC.STAY, SC.STAY_AND_WAIT)
+            if number == SC.STAY_AND_WAIT:
                 self._waiting = Waiting.BEGINNING
 
     @property
@@ -578,11 +579,11 @@ def _at(column: int) -> Iterator[None]:
 
 def _starting(p: Parameters) -> Iterator[int]:
     """G functions that a program begins with, beyond START (P8830, P8853, P8650 to the first deleted one)."""
-    if zero := int(p.get(8_830)):
+    if zero := int(p.get(P.START_ZERO)):
         yield _known(zero, ZERO)
-    if coordinates := int(p.get(8_853)):
-        yield _known(coordinates, GROUPS[147])
-    for number in range(8_650, 8_660):
+    if coordinates := int(p.get(P.START_COORDINATES)):
+        yield _known(coordinates, COORDINATES)
+    for number in range(P.START_G_FIRST, P.START_G_LAST + 1):
         if not p.loaded(number):
             return
         yield _known(int(p.get(number)), None)
@@ -591,5 +592,5 @@ def _starting(p: Parameters) -> Iterator[int]:
 def _known(number: int, group: int | None) -> int:
     """A G function that stays, of that group if one is given. Raises ProgramError M1249."""
     if GROUPS.get(number) is None or (group is not None and GROUPS[number] != group):
-        raise ProgramError(1249, f"G{number} at the start of a program")
+        raise ProgramError(Code.WRONG_START_STATE, f"G{number} at the start of a program")
     return number

@@ -19,8 +19,9 @@ from isel_twin.firmware.bwo900.analysis.said import Called, Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, Stop
-from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, SHIFT, ZERO, ZERO_POINTS
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
@@ -28,7 +29,7 @@ from isel_twin.firmware.bwo900.programs.syntax import Block, MWord, Word
 
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
-DRILLING: Final = frozenset((81, 82, 83, 84, 85))
+DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
 
@@ -68,15 +69,15 @@ class Reader:
         block, before = said.block, self._coordinates.modal
         for g in block.g:
             self._g(g.number, said, g.column)
-            if g.number == 4:
+            if g.number == G.DWELL:
                 if g.extension is None:
-                    raise ProgramError(1211, "G04 without a time", g.column)
+                    raise ProgramError(Code.SYNTAX, "G04 without a time", g.column)
                 said.dwell_s = self._values.of(g.extension)
                 if said.dwell_s > LONGEST_DWELL_S:
-                    raise ProgramError(1211, f"a dwell of {said.dwell_s:g} s", g.column)
+                    raise ProgramError(Code.SYNTAX, f"a dwell of {said.dwell_s:g} s", g.column)
         now = self._coordinates.modal
-        if now.plane != before.plane and 40 not in (before.radius, now.radius):
-            raise ProgramError(1232, f"G{now.plane} with G{before.radius}; G40 comes first")
+        if now.plane != before.plane and G.RADIUS_OFF not in (before.radius, now.radius):
+            raise ProgramError(Code.EXCLUDED, f"G{now.plane} with G{before.radius}; G40 comes first")
         for word in block.words:
             self._tool_word(word, said)
         for m in block.m:
@@ -91,7 +92,14 @@ class Reader:
         """The cycle Z that the block calls."""
         numbers = (g.number for g in block.g)
         known = (n for n in numbers if not (n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles))
-        return next(((f"Z{n}", None, None) for n in known if n not in (80, 82) and f"Z{n}" in self._store), None)
+        return next(
+            (
+                (f"Z{n}", None, None)
+                for n in known
+                if n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store
+            ),
+            None,
+        )
 
     def _g(self, number: int, said: Said, column: int) -> None:
         group = GROUPS.get(number)
@@ -100,25 +108,29 @@ class Reader:
         elif group is not None:
             self._of_group(number, group, said, column)
         elif number in BEYOND:
-            raise ProgramError(1232, f"G{number}: {BEYOND[number]} are not in this twin", column)
-        elif number in self._cycles or number == 82:
+            raise ProgramError(Code.EXCLUDED, f"G{number}: {BEYOND[number]} are not in this twin", column)
+        elif number in self._cycles or number == G.DRILLING_WITH_DWELL:
             said.cycles.append(number)
             if number in DRILLING and self._drill_flags & STAYING:
                 self.drilling = number
-        elif number == 80:
+        elif number == G.DRILLING_OFF:
             self.drilling = None
         elif f"Z{number}" in self._store:
             said.call = (f"Z{number}", None, None)
         else:
-            raise ProgramError(1252, f"G{number} is no path condition, and there is no Z{number}", column)
+            raise ProgramError(Code.NO_PROGRAM, f"G{number} is no path condition, and there is no Z{number}", column)
 
     def _of_group(self, number: int, group: int, said: Said, column: int) -> None:
         """One that is in force from now on."""
-        if group in said.groups and said.groups[group] != number and group != GROUPS[61]:
-            raise ProgramError(1232, f"G{said.groups[group]} and G{number}", column)
+        if group in said.groups and said.groups[group] != number and group != MIRROR:
+            raise ProgramError(Code.EXCLUDED, f"G{said.groups[group]} and G{number}", column)
         said.groups[group] = number
-        if number in ZERO_POINTS and number >= 154 and number // 100 > int(self._parameters.get(174, 0.0, "q")):
-            raise ProgramError(1232, f"G{number}: q174 allows no such zero point", column)
+        if (
+            number in ZERO_POINTS
+            and number >= G.ZERO_7
+            and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q"))
+        ):
+            raise ProgramError(Code.EXCLUDED, f"G{number}: q174 allows no such zero point", column)
         if group == SHIFT:
             said.shifts = True
         if group == ZERO:
@@ -127,7 +139,7 @@ class Reader:
 
     @property
     def _drill_flags(self) -> int:
-        return byte(self._parameters.get(8_806), 3)
+        return byte(self._parameters.get(P.START_FLAGS_1), 3)
 
     def drilling_words(self, said: Said) -> frozenset[str]:
         """Words that are parameters of the block's drilling cycle; their names."""
@@ -135,7 +147,13 @@ class Reader:
             return frozenset()
         third = self._coordinates.frame.plane.third
         axis = next(name for name, number in self._coordinates.names.items() if number == third)
-        numbers = {"F": 32, axis: 33, "R": 34, CENTRES[self._coordinates.logical(third)]: 35, "H": 36}
+        numbers = {
+            "F": P.HOLE_FEED,
+            axis: P.HOLE_DEPTH,
+            "R": P.APPROACH_PLANE,
+            CENTRES[self._coordinates.logical(third)]: P.RETRACT_PLANE,
+            "H": P.STROKES,
+        }
         taken = [word for word in said.block.words if word.name in numbers]
         for word in taken:
             self._parameters.write(numbers[word.name], self._values.of(word.value))
@@ -149,16 +167,16 @@ class Reader:
             case "T":
                 said.tool = whole(value(word.value))
             case "t":
-                p.write(8_162, value(word.value))
+                p.write(P.TOOL_RADIUS_CORRECTION, value(word.value))
             case "tr":
-                p.write(8_160, value(word.value))
-                p.write(8_162, 0.0)
+                p.write(P.TOOL_RADIUS, value(word.value))
+                p.write(P.TOOL_RADIUS_CORRECTION, 0.0)
             case "tl":
-                p.write(8_161, value(word.value))
-                p.write(8_163, 0.0)
+                p.write(P.TOOL_LENGTH, value(word.value))
+                p.write(P.TOOL_LENGTH_CORRECTION, 0.0)
                 said.length = True
             case "tq":
-                p.write(8_164, value(word.value))
+                p.write(P.TOOL_QUADRANT, value(word.value))
             case _ if word.name[0] == "S":
                 spindle = int(word.name[1:] or "1")
                 said.speeds[spindle] = value(word.value)
@@ -170,46 +188,46 @@ class Reader:
     def _m(self, m: MWord, said: Said) -> None:
         values = tuple(None if e is None else whole(self._values.of(e)) for e in m.extensions)
         match m.number:
-            case 0:
-                self._without_correction(1232, "M00", m.column)
+            case M.HALT:
+                self._without_correction(Code.EXCLUDED, "M00", m.column)
                 said.stop = Stop.MEASURING_STOP
                 self._machine_function(m, (), said)
-            case 1:
-                self._without_correction(1229, "M01", m.column)
-                if 123 in said.blockwise:
-                    raise ProgramError(1226, "G123 with M01", m.column)
+            case M.SYNCHRONISE:
+                self._without_correction(Code.NO_HALT_HERE, "M01", m.column)
+                if G.THREE_POINTS in said.blockwise:
+                    raise ProgramError(Code.NO_NEXT_PATH, "G123 with M01", m.column)
                 said.stop = Stop.SYNCHRONISE
-            case 2:
+            case M.RETURN:
                 said.returns = True
-            case 16:
+            case M.TOOL_DATA:
                 said.activates = True
-            case 23:
+            case M.JUMP:
                 goal = self._goal(values, m)
                 said.goal = said.goal or goal  # the first one, as of comparisons
-            case 24:
+            case M.LOOP:
                 if len(values) != 1 or values[0] is None or values[0] < 1:
-                    raise ProgramError(1218, "M24.passes, at least 1", m.column)
+                    raise ProgramError(Code.WRONG_LOOP, "M24.passes, at least 1", m.column)
                 said.passes = values[0]
-            case 25:
+            case M.LOOP_END:
                 if not self._stack.top.loops:
-                    raise ProgramError(1217, column=m.column)
+                    raise ProgramError(Code.NO_LOOP, column=m.column)
                 said.loops_back = True
-            case 26:
-                self._without_correction(1229, "M26", m.column)
-                if 123 in said.blockwise:
-                    raise ProgramError(1226, "G123 with M26", m.column)
+            case M.DELETE_DISTANCE:
+                self._without_correction(Code.NO_HALT_HERE, "M26", m.column)
+                if G.THREE_POINTS in said.blockwise:
+                    raise ProgramError(Code.NO_NEXT_PATH, "G123 with M26", m.column)
                 said.watches = True
-            case 28:
+            case M.CALL:
                 said.call = self._called(values, m)
-            case 29:
+            case M.REPEAT:
                 said.stop = Stop.REPEAT
-            case 30:
+            case M.END:
                 said.stop = Stop.END
             case _:
                 self._machine_function(m, values, said)
 
     def _without_correction(self, error: int, name: str, column: int) -> None:
-        if self._coordinates.modal.radius != 40:
+        if self._coordinates.modal.radius != G.RADIUS_OFF:
             raise ProgramError(error, f"{name} with radius correction", column)
 
     def _goal(self, values: Sequence[int | None], m: MWord) -> Goal:
@@ -218,32 +236,34 @@ class Reader:
             return self._stack.top.program.name, values[0]
         if len(values) == 2 and values[0] is not None and values[1] is not None:
             return f"P{values[0]}", values[1]
-        raise ProgramError(1211, f"M{m.number}.block or M{m.number}.program.block", m.column)
+        raise ProgramError(Code.SYNTAX, f"M{m.number}.block or M{m.number}.program.block", m.column)
 
     def _called(self, values: Sequence[int | None], m: MWord) -> Called:
         """M28.P, M28.P.start, M28.P.start_end, M28..start."""
         if not 1 <= len(values) <= 2 or (values[0] is None and (len(values) == 1 or values[1] is None)):
-            raise ProgramError(1219, "M28.program, M28.program.start_end or M28..start", m.column)
+            raise ProgramError(Code.WRONG_CALL, "M28.program, M28.program.start_end or M28..start", m.column)
         name = self._stack.top.program.name if values[0] is None else f"P{values[0]}"
         last = None if m.last is None else whole(self._values.of(m.last))
         return name, values[1] if len(values) == 2 else None, last
 
     def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
         """One for the PLC, or a cycle, or with a jump."""
-        if m.number == 6 and "Z6" in self._store:
+        if m.number == M.TOOL_CHANGE and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
         defined = self.functions.of(m.number)
         if defined.cycle:
             if values:
-                raise ProgramError(1228, f"M{m.number} is a cycle: nothing may stand behind it", m.column)
+                raise ProgramError(
+                    Code.M_DEFINED_OTHERWISE, f"M{m.number} is a cycle: nothing may stand behind it", m.column
+                )
             if f"Z{m.number}" not in self._store:
-                raise ProgramError(1252, f"Z{m.number}", m.column)
+                raise ProgramError(Code.NO_PROGRAM, f"Z{m.number}", m.column)
             said.call = (f"Z{m.number}", None, None)
             return
-        if defined.jump != bool(values) and (defined.jump or m.number > 30):
+        if defined.jump != bool(values) and (defined.jump or m.number > M.END):
             wrong = "is defined with a jump and has none" if defined.jump else "has a jump and is not defined with one"
-            raise ProgramError(1228, f"M{m.number} {wrong}", m.column)
+            raise ProgramError(Code.M_DEFINED_OTHERWISE, f"M{m.number} {wrong}", m.column)
         if defined.jump:
             said.jump = self._goal(values, m)
         function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
@@ -251,6 +271,6 @@ class Reader:
             said.pre.append(function)
         if defined.post:
             said.post.append(function)
-        self.turning = {3: 1, 4: -1, 5: 0}.get(m.number, self.turning)
+        self.turning = {M.SPINDLE_RIGHT: 1, M.SPINDLE_LEFT: -1, M.SPINDLE_OFF: 0}.get(m.number, self.turning)
         said.synchronises = said.synchronises or defined.synchronises
-        said.changes = said.changes or m.number == 6
+        said.changes = said.changes or m.number == M.TOOL_CHANGE

@@ -18,9 +18,10 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Line, Point
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import P
 
-RESTARTS, STATE, APPROACHES = 8_804, 8_686, 2.0
+APPROACHES: Final = 2.0
 MOST_BLOCKS: Final = 1_000_000
 """A program that does not come by its block within so many is a loop."""
 
@@ -44,14 +45,14 @@ def find(
             break
         elif isinstance(block, PathBlock):
             if (block.program, block.number) == (name, number):
-                there = (*block.parameters, (RESTARTS, 0.0), (STATE, 0.0))
+                there = (*block.parameters, (P.RESTART, 0.0), (P.RESTART_STATE, 0.0))
                 interpreter.put_back(_way(block, position), replace(block, parameters=there))
                 return
             if block.stop is Stop.END:
                 break
             for parameter, value in block.parameters:
                 write(parameter, value)
-    raise ProgramError(1255, f"{name} N{number} to restart at")
+    raise ProgramError(Code.NO_BLOCK, f"{name} N{number} to restart at")
 
 
 def _way(block: PathBlock, position: Point) -> PathBlock:
@@ -64,6 +65,6 @@ def _way(block: PathBlock, position: Point) -> PathBlock:
         plane=block.plane,
         rapid=True,
         end=BlockEnd.EXACT_STOP,
-        parameters=((STATE, APPROACHES),),
+        parameters=((P.RESTART_STATE, APPROACHES),),
         main=False,
     )

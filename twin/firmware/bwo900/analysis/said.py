@@ -17,6 +17,7 @@ from isel_twin.firmware.bwo900.analysis.values import Later
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
+from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
@@ -94,9 +95,9 @@ def path_block(
     in_force: InForce,
 ) -> PathBlock:
     """What a block is to the path. feed_mm_min: F in force. in_force: what else is."""
-    rapid = coordinates.modal.motion == 0
+    rapid = coordinates.modal.motion == G.RAPID
     feed = said.feed if said.feed is not None else feed_mm_min
-    chamfer_mm, rounding_mm = _transition(parameters) if 12 in said.blockwise else (None, None)
+    chamfer_mm, rounding_mm = _transition(parameters) if G.CORNER in said.blockwise else (None, None)
     return PathBlock(
         program=said.program,
         number=said.block.number or 0,
@@ -107,13 +108,13 @@ def path_block(
         rapid=rapid,
         feed_mm_min=None if rapid else feed,
         end_feed_mm_min=said.end_feed,
-        override=coordinates.modal.override != 63,
+        override=coordinates.modal.override != G.OVERRIDE_FIXED,
         end=_end(said, coordinates, rapid, parameters),
-        correction=Correction() if elements and 66 in said.blockwise else correction(coordinates, tools),
+        correction=Correction() if elements and G.BARE in said.blockwise else correction(coordinates, tools),
         tool_mm=abs(tools.radius_mm) if elements and not rapid else 0.0,
         chamfer_mm=chamfer_mm,
         rounding_mm=rounding_mm,
-        three_points=123 in said.blockwise,
+        three_points=G.THREE_POINTS in said.blockwise,
         pre=tuple(said.pre),
         post=tuple(said.post),
         dwell_s=said.dwell_s,
@@ -131,32 +132,32 @@ def path_block(
 
 def _transition(p: Parameters) -> tuple[float | None, float | None]:
     """G12: chamfer P70 or rounding P71, which wins; mm."""
-    if p.given(71, 0.0):
-        return None, p.get(71)
-    return (p.get(70) if p.given(70, 0.0) else None), None
+    if p.given(P.ROUNDING, 0.0):
+        return None, p.get(P.ROUNDING)
+    return (p.get(P.CHAMFER) if p.given(P.CHAMFER, 0.0) else None), None
 
 
 def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Parameters) -> BlockEnd:
     """How the path ends: as functions and dwell ask for, G08 or G09, G28 or G29, P8858 for rapid ones."""
     halting = any(function.halt for function in (*said.pre, *said.post))
-    if 8 in said.blockwise or said.dwell_s is not None or halting:
+    if G.EXACT_STOP_HERE in said.blockwise or said.dwell_s is not None or halting:
         return BlockEnd.EXACT_STOP
-    if 9 in said.blockwise:
+    if G.NO_EXACT_STOP_HERE in said.blockwise:
         return BlockEnd.CONTINUOUS
-    if coordinates.modal.exact == 28:
+    if coordinates.modal.exact == G.EXACT_STOP_ON:
         return BlockEnd.EXACT_STOP
     if rapid:
         kinds = (BlockEnd.EXACT_STOP, BlockEnd.FEED_STOP, BlockEnd.CONTINUOUS)
-        kind = int(parameters.get(8_858))
+        kind = int(parameters.get(P.RAPID_END))
         return kinds[kind if kind in (1, 2) else 0]
     return BlockEnd.CONTINUOUS
 
 
 def correction(coordinates: Coordinates, tools: Tools) -> Correction:
     """G41, G42: a negative radius and a mirror each change the side."""
-    if coordinates.modal.radius == 40:
+    if coordinates.modal.radius == G.RADIUS_OFF:
         return Correction()
-    side = 1 if coordinates.modal.radius == 41 else -1
+    side = 1 if coordinates.modal.radius == G.RADIUS_LEFT else -1
     radius = tools.radius_mm
     if (radius < 0.0) != coordinates.frame.mirrored:
         side = -side

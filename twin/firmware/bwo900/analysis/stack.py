@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, TypeAlias
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
 from isel_twin.firmware.bwo900.programs.syntax import Block
 
@@ -70,12 +70,12 @@ class Level:
         """M24. Raises ProgramError M1218, M1269."""
         self._leads_back("M24")
         if len(self.loops) >= DEEPEST_LOOPS:
-            raise ProgramError(1218, f"more than {DEEPEST_LOOPS} loops inside each other")
+            raise ProgramError(Code.WRONG_LOOP, f"more than {DEEPEST_LOOPS} loops inside each other")
         self.loops.append((self.place, passes, passes))
 
     def _leads_back(self, what: str) -> None:
         if self.program.linear:
-            raise ProgramError(1269, f"{what} in {self.program.name}, a program that is fed")
+            raise ProgramError(Code.NOT_WHILE_FED, f"{what} in {self.program.name}, a program that is fed")
 
     def close_loop(self) -> None:
         """M25: back to behind M24, or on after the last pass."""
@@ -174,7 +174,9 @@ class Stack:
         name, number = goal
         level = self._levels[-1]
         if level.program.linear:
-            raise ProgramError(1269, f"a jump to N{number} of {name} in {level.program.name}, a program that is fed")
+            raise ProgramError(
+                Code.NOT_WHILE_FED, f"a jump to N{number} of {name} in {level.program.name}, a program that is fed"
+            )
         if name != level.program.name:
             program = self._store.find(name)
             self._levels[-1] = level = Level(program, cycle=level.cycle, change=level.change)
@@ -187,10 +189,10 @@ class Stack:
         Raises ProgramError: M1220 too deep, M1252 no such program, M1255 no such block, M1269 it is fed.
         """
         if len(self._levels) > DEEPEST_CALLS:
-            raise ProgramError(1220, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
+            raise ProgramError(Code.CALLS_TOO_DEEP, f"{name} on level {len(self._levels)}; allowed: {DEEPEST_CALLS}")
         program = self._store.find(name)
         if program.linear:
-            raise ProgramError(1269, f"{name} is fed, and called by itself")
+            raise ProgramError(Code.NOT_WHILE_FED, f"{name} is fed, and called by itself")
         place = 0 if start is None else program.place(start)
         end = None if last is None else program.place(last)
         self.opened |= {name}

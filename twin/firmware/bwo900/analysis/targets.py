@@ -19,8 +19,9 @@ from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
-from isel_twin.firmware.bwo900.geometry.groups import GROUPS
-from isel_twin.firmware.bwo900.messages import Message, ProgramError, message
+from isel_twin.firmware.bwo900.geometry.groups import CORRECTION
+from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
 
 NEAR_MM: Final = 1e-9
@@ -70,36 +71,39 @@ class Targets:
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}
         radial: dict[str, float] = {}
-        letters = self._polar_letters() if modal.polar == 10 else {}
+        letters = self._polar_letters() if modal.polar == G.POLAR_ON else {}
         for word in said.block.words:
             if word.name in taken:
                 if word.name in names:
-                    here = 0.0 if modal.dimension == 91 else coordinates.program_position[plane.first]
+                    here = 0.0 if modal.dimension == G.INCREMENTAL else coordinates.program_position[plane.first]
                     named.setdefault(plane.first, here)
             elif word.name in names:
                 named[names[word.name]] = self._values.of(word.value)
             elif word.name in letters:
                 radial[letters[word.name]] = self._values.of(word.value)
             elif word.name[0] not in "FSTIJKRft":
-                raise ProgramError(1216, word.name, word.column)
-        if said.shifts or said.groups.get(GROUPS[44]) == 44:
+                raise ProgramError(Code.UNKNOWN_AXIS, word.name, word.column)
+        if said.shifts or said.groups.get(CORRECTION) == G.AXIS_CORRECTION_ON:
             self._consume(named, radial, said)
             return None
         relative = set(named)
-        if modal.polar == 10:
+        if modal.polar == G.POLAR_ON:
             self._read_pole(named.pop(plane.first, None), named.pop(plane.second, None))
             relative = set(named)
             if radial:
                 self._polar = (radial.get("r", self._polar[0]), radial.get("a", self._polar[1]))
                 radius, angle = self._polar
-                if modal.correction == 44:
+                if modal.correction == G.AXIS_CORRECTION_ON:
                     radius, angle = abs(radius) + self._polar_correction[0], angle + self._polar_correction[1]
                 named[plane.first], named[plane.second] = polar(self._pole, radius, angle)
         return self._absolute(named, relative, said) if named else None
 
     def _polar_letters(self) -> dict[str, str]:
         """Words of radius and angle: q150 and q151, x and c where nobody has set them."""
-        radius, angle = (chr(int(self._parameters.get(q, default, "q"))) for q, default in ((150, 120), (151, 99)))
+        radius, angle = (
+            chr(int(self._parameters.get(q, default, "q")))
+            for q, default in ((Q.POLAR_RADIUS, ord("x")), (Q.POLAR_ANGLE, ord("c")))
+        )
         return {radius: "r", angle: "a"}
 
     def _read_pole(self, u: float | None, v: float | None) -> None:
@@ -112,7 +116,7 @@ class Targets:
         if said.shifts:
             coordinates.shift = tuple(named.get(axis, 0.0) for axis in range(len(coordinates.names)))
             for axis, value in enumerate(coordinates.shift):
-                self._parameters.write(9_500 + axis, value)
+                self._parameters.write(P.SHIFT_ANALYSED + axis, value)
         else:
             coordinates.correction = tuple(named.get(axis, old) for axis, old in enumerate(coordinates.correction))
             radius, angle = self._polar_correction
@@ -121,7 +125,7 @@ class Targets:
 
     def _absolute(self, named: Mapping[int, float], relative: set[int], said: Said) -> dict[int, float]:
         """Targets from words: with G91 those of `relative` count from where the program is, with G66 the machine."""
-        if self._coordinates.modal.dimension == 90:
+        if self._coordinates.modal.dimension == G.ABSOLUTE:
             return dict(named)
         now = self._counted_from(said)
         return {axis: value + (now[axis] if axis in relative else 0.0) for axis, value in named.items()}
@@ -129,7 +133,7 @@ class Targets:
     def _counted_from(self, said: Said) -> Point:
         """What G91 counts from."""
         coordinates = self._coordinates
-        bare = 66 in said.blockwise
+        bare = G.BARE in said.blockwise
         return coordinates.frame.bare.program(coordinates.position) if bare else coordinates.counted_from
 
     # Elements
@@ -139,17 +143,17 @@ class Targets:
         coordinates = self._coordinates
         frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
-        if 123 in said.blockwise and coordinates.modal.motion == 0:
-            coordinates.g(1)
+        if G.THREE_POINTS in said.blockwise and coordinates.modal.motion == G.RAPID:
+            coordinates.g(G.LINE)
         motion = coordinates.modal.motion
         end = coordinates.machine(frame, goal, targets)
         element: Element | None
-        if motion in (2, 3) and self._turns(targets):
+        if motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE) and self._turns(targets):
             element = self._circle(said, frame, start, end)
         else:
             element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
         if element is not None and motion and self.feed_mm_min is None and said.feed is None:
-            raise ProgramError(1230)
+            raise ProgramError(Code.NO_FEED)
         coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
         return () if element is None else (element,)
 
@@ -169,7 +173,7 @@ class Targets:
     def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
         """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
         coordinates = self._coordinates
-        if 66 in said.blockwise:
+        if G.BARE in said.blockwise:
             bare = coordinates.frame.bare
             return bare, bare.program(coordinates.position), True
         return coordinates.frame, coordinates.program_position, False
@@ -178,7 +182,7 @@ class Targets:
         """The arc about a centre of the program; P8843: how much its radii may differ."""
         here, there = self._coordinates.position, frame.centre(centre)
         turn = -turn if frame.mirrored else turn
-        return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(8_843, 0.003))
+        return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(P.CENTRE_ERROR, 0.003))
 
     def _turns(self, targets: Mapping[int, float]) -> bool:
         """Whether a block with G02 or G03 has a circle to make."""
@@ -188,20 +192,20 @@ class Targets:
     def _circle(self, said: Said, frame: Frame, start: Point, end: Point) -> Arc:
         """The arc to a target: by radius, or by the centre of I, J, K. start: of the program."""
         coordinates, plane = self._coordinates, frame.plane
-        turn = 1 if coordinates.modal.motion == 3 else -1
+        turn = 1 if coordinates.modal.motion == G.CIRCLE_COUNTER_CLOCKWISE else -1
         if self._radius is not None:
             turned = -turn if frame.mirrored else turn
             arc, corrected = arc_by_radius(coordinates.position, end, plane, self._radius, turned)
             if corrected:
-                self._note(said, 1234, f"half of the chord is {abs(arc.radius_mm):.4g} mm")
+                self._note(said, Code.RADIUS_CORRECTED, f"half of the chord is {abs(arc.radius_mm):.4g} mm")
             return arc
         if not self._centre:
-            raise ProgramError(1233)
+            raise ProgramError(Code.CIRCLE_WITHOUT_CENTRE)
         if all(said.block.word(name) for name in (*CENTRES, *list(coordinates.names)[:3])):
-            raise ProgramError(1232, "circles in space are not in this twin")
+            raise ProgramError(Code.EXCLUDED, "circles in space are not in this twin")
         letters = tuple(CENTRES[coordinates.logical(axis)] for axis in (plane.first, plane.second))
-        here = plane.of(start if coordinates.modal.dimension == 90 else self._counted_from(said))
-        base = here if coordinates.modal.dimension == 91 else (0.0, 0.0)
+        here = plane.of(start if coordinates.modal.dimension == G.ABSOLUTE else self._counted_from(said))
+        base = here if coordinates.modal.dimension == G.INCREMENTAL else (0.0, 0.0)
         u, v = (
             base[i] + self._centre[letter] if letter in self._centre else (here[i] if base[i] else 0.0)
             for i, letter in enumerate(letters)

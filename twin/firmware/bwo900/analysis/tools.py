@@ -10,38 +10,32 @@ A record has 50 parameters: 0 group, 1 its place in the table from 1, 8 whether 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
-REQUESTED: Final = 8_050
-"""First parameter of the record for the PLC: the tool that T has asked for."""
-SPINDLE: Final = 8_100
-"""Of the tool in the spindle."""
-PATH: Final = 8_150
-"""Of the one that is reckoned with."""
-REAL_TIME: Final = 8_200
-"""Of the one that T has asked for in a block that has been executed."""
-LOCK: Final = 8_040
-"""1: a block with T waits."""
-TAKE, COPY, PUT_BACK = 8_045, 8_046, 8_047
-"""Commands."""
-ASKED: Final = 8_048
-"""T of a block that has been executed."""
-INFO: Final = 8_049
-"""Of a block with T: 6 with M06, 16 with M16."""
 SIZE: Final = 50
 GROUP, NUMBER, PLACE, LIFE_SET, LIFE, WORN, RADIUS, LENGTH = 0, 1, 2, 6, 7, 8, 10, 11
 RADIUS_CORRECTION, LENGTH_CORRECTION, QUADRANT = 12, 13, 14
 SUB_RECORDS: Final = 8
 """Where the sub records of an entry begin."""
-TEACH_RADIUS: Final = 8_748
+
+COPIES: Final[Mapping[tuple[int, int], Sequence[tuple[int, int]]]] = {
+    (P.TOOL_TAKE, 1): ((P.TOOL_REQUESTED, P.TOOL_SPINDLE), (P.TOOL_REQUESTED, P.TOOL_PATH)),
+    (P.TOOL_TAKE, 10): ((P.TOOL_REQUESTED, P.TOOL_SPINDLE),),
+    (P.TOOL_COPY, 1): ((P.TOOL_SPINDLE, P.TOOL_PATH),),
+    (P.TOOL_COPY, 2): ((P.TOOL_REQUESTED, P.TOOL_PATH),),
+}
+"""Records that a command copies, from and to: by its parameter and byte 1 of what is written there (8.5)."""
+TAKE_REAL_TIME, PUT_BACK = (P.TOOL_TAKE, 2), (P.TOOL_PUT_BACK, 1)
 
 
 def told(number: int) -> bool:
     """Whether a parameter is one of those of a record that have a value without a tool, too: 0, as of T0."""
-    return REQUESTED <= number < REAL_TIME + SIZE and (number - REQUESTED) % SIZE <= QUADRANT
+    return P.TOOL_REQUESTED <= number < P.TOOL_REAL_TIME + SIZE and (number - P.TOOL_REQUESTED) % SIZE <= QUADRANT
 
 
 class Tools:
@@ -57,23 +51,27 @@ class Tools:
         """Of the path's tool, with correction, less that of the teach tool; negative: the other side."""
         p = self._parameters
         if self._radius[0] != p.revision:
-            radius = p.get(PATH + RADIUS) + p.get(PATH + RADIUS_CORRECTION) - p.get(TEACH_RADIUS)
+            radius = p.get(P.TOOL_PATH + RADIUS) + p.get(P.TOOL_PATH + RADIUS_CORRECTION) - p.get(P.TEACH_RADIUS)
             self._radius = p.revision, radius
         return self._radius[1]
 
     @property
     def length_mm(self) -> float:
         """Of the path's tool, with correction."""
-        return self._parameters.get(PATH + LENGTH) + self._parameters.get(PATH + LENGTH_CORRECTION)
+        return self._parameters.get(P.TOOL_PATH + LENGTH) + self._parameters.get(P.TOOL_PATH + LENGTH_CORRECTION)
 
     def address(self, number: int, sub_record: int = 0) -> int:
         """First parameter of an entry of the table, from 1; of one of its sub records, from 1 (manual, q177)."""
         p = self._parameters
-        size = int(p.given(178, 20.0, "q"))
-        first = int(p.get(175, 21_000, "q")) + (number - 1) * size
+        size = int(p.given(Q.TOOL_SIZE, 20.0, "q"))
+        first = int(p.get(Q.TOOL_TABLE, 21_000, "q")) + (number - 1) * size
         if not sub_record:
             return first
-        return first + SUB_RECORDS + (sub_record - 1) * ((size - SUB_RECORDS) // int(p.given(177, 1.0, "q")))
+        return (
+            first
+            + SUB_RECORDS
+            + (sub_record - 1) * ((size - SUB_RECORDS) // int(p.given(Q.TOOL_SUB_RECORDS, 1.0, "q")))
+        )
 
     def find(self, group: int) -> int:
         """Place in the table, from 1, of a tool group that still lives.
@@ -81,8 +79,8 @@ class Tools:
         Raises ProgramError: M1225 no table, M1050 no such group, M1053 all its tools have lived their time.
         """
         p = self._parameters
-        if not p.loaded(175, "q") or not self._count:
-            raise ProgramError(1225)
+        if not p.loaded(Q.TOOL_TABLE, "q") or not self._count:
+            raise ProgramError(Code.NO_TOOL_TABLE)
         worn = False
         for number in range(1, self._count + 1):
             first = self.address(number)
@@ -92,91 +90,83 @@ class Tools:
                 ):
                     return number
                 worn = True
-        raise ProgramError(1053 if worn else 1050, f"T{group}")
+        raise ProgramError(Code.TOOL_WORN if worn else Code.NO_TOOL, f"T{group}")
 
     @property
     def _count(self) -> int:
-        return max(int(self._parameters.get(176, 0.0, "q")), 0)
+        return max(int(self._parameters.get(Q.TOOLS, 0.0, "q")), 0)
 
     def request(self, group: int) -> None:
         """T: the entry goes to the PLC's record; the tool in the spindle comes from there. Raises as `find` does."""
         if group == 0:
-            self._clear(REQUESTED)
-        elif self._parameters.get(SPINDLE) == group:
-            self.copy(SPINDLE, REQUESTED)
+            self._clear(P.TOOL_REQUESTED)
+        elif self._parameters.get(P.TOOL_SPINDLE) == group:
+            self.copy(P.TOOL_SPINDLE, P.TOOL_REQUESTED)
         else:
-            self._fetch(self.find(group), REQUESTED)
+            self._fetch(self.find(group), P.TOOL_REQUESTED)
 
     def requested(self) -> list[tuple[int, float | None]]:
         """What the record of real time becomes when the block of the last `request` is executed."""
         p = self._parameters
-        values = (p.get(REQUESTED + n) if p.loaded(REQUESTED + n) else None for n in range(SIZE))
-        return [(REAL_TIME + n, value) for n, value in enumerate(values)]
+        values = (p.get(P.TOOL_REQUESTED + n) if p.loaded(P.TOOL_REQUESTED + n) else None for n in range(SIZE))
+        return [(P.TOOL_REAL_TIME + n, value) for n, value in enumerate(values)]
 
     def reckon(self, group: int) -> None:
         """T with M16: the entry goes to the path's record. Raises as `find` does."""
         if group == 0:
-            self._clear(PATH)
+            self._clear(P.TOOL_PATH)
         else:
-            self._fetch(self.find(group), PATH)
+            self._fetch(self.find(group), P.TOOL_PATH)
 
     def change(self) -> None:
         """M06 is acknowledged: the old tool is in the table again, the requested one in spindle and path."""
         self.put_back()
-        self.copy(REQUESTED, SPINDLE)
-        self.copy(REQUESTED, PATH)
+        self.copy(P.TOOL_REQUESTED, P.TOOL_SPINDLE)
+        self.copy(P.TOOL_REQUESTED, P.TOOL_PATH)
 
     def put_back(self) -> None:
         """The spindle's record goes back to its place in the table, and is cleared; nothing for T0."""
-        group = int(self._parameters.get(SPINDLE))
+        group = int(self._parameters.get(P.TOOL_SPINDLE))
         if not group:
             return
         number = self._entry(group)
         if number is not None:
             for offset in range(self._size):
-                self._move(SPINDLE + offset, self.address(number) + offset)
-        self._clear(SPINDLE)
+                self._move(P.TOOL_SPINDLE + offset, self.address(number) + offset)
+        self._clear(P.TOOL_SPINDLE)
 
     def _entry(self, group: int) -> int | None:
         """Place in the table of the tool in the spindle: what P8101 says, or else the first of its group."""
         p = self._parameters
-        own = int(p.get(SPINDLE + NUMBER))
+        own = int(p.get(P.TOOL_SPINDLE + NUMBER))
         if 1 <= own <= self._count:
             return own
         return next((n for n in range(1, self._count + 1) if p.get(self.address(n)) == group), None)
 
     def command(self, number: int, value: float | None, *, in_hand: bool = False) -> None:
         """A parameter has been written: P8045 to P8047 copy records; the command is byte 1. in_hand: mode HAND."""
-        what = byte(value or 0.0, 1) if number in (TAKE, COPY, PUT_BACK) else 0
-        match number, what:
-            case (8_045, 1):
-                self.copy(REQUESTED, SPINDLE)
-                self.copy(REQUESTED, PATH)
-            case (8_045, 2):
-                self._take_real_time(in_hand=in_hand)
-            case (8_045, 10):
-                self.copy(REQUESTED, SPINDLE)
-            case (8_046, 1):
-                self.copy(SPINDLE, PATH)
-            case (8_046, 2):
-                self.copy(REQUESTED, PATH)
-            case (8_047, 1):
-                self.put_back()
+        command = number, byte(value or 0.0, 1)
+        for source, target in COPIES.get(command, ()):
+            self.copy(source, target)
+        if command == TAKE_REAL_TIME:
+            self._take_real_time(in_hand=in_hand)
+        elif command == PUT_BACK:
+            self.put_back()
 
     def _take_real_time(self, *, in_hand: bool) -> None:
         """P8045 = 2: the real time's record is in the spindle, its place in the magazine empty, and T free again."""
         p = self._parameters
-        self.copy(REAL_TIME, SPINDLE)
-        p.write(LOCK, 0.0)
+        self.copy(P.TOOL_REAL_TIME, P.TOOL_SPINDLE)
+        p.write(P.TOOL_LOCK, 0.0)
         if in_hand:
-            self.copy(SPINDLE, PATH)
-        number = self._entry(int(p.get(SPINDLE)))
+            self.copy(P.TOOL_SPINDLE, P.TOOL_PATH)
+        number = self._entry(int(p.get(P.TOOL_SPINDLE)))
         if number is not None:
             p.write(self.address(number) + PLACE, 0.0)
 
     def end(self) -> None:
         """The program has ended or was broken off: the tool in the spindle is reckoned with."""
-        self.copy(SPINDLE, PATH)
+        self.copy(P.TOOL_SPINDLE, P.TOOL_PATH)
 
     def copy(self, source: int, target: int) -> None:
         """A whole record to another."""
@@ -185,7 +175,7 @@ class Tools:
 
     @property
     def _size(self) -> int:
-        return min(int(self._parameters.given(178, 20.0, "q")), SIZE)
+        return min(int(self._parameters.given(Q.TOOL_SIZE, 20.0, "q")), SIZE)
 
     def _fetch(self, number: int, target: int) -> None:
         """An entry of the table to a record, which says where it is from."""

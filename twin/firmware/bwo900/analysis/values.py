@@ -11,9 +11,17 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from isel_twin.firmware.bwo900.analysis.tools import told
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import LOCKED, Code, ProgramError
 from isel_twin.firmware.bwo900.parameters import REAL_TIME, SYNCHRONISING, Parameters
-from isel_twin.firmware.bwo900.programs.expressions import Expression, Number, Parameter, Symbol, evaluate, whole
+from isel_twin.firmware.bwo900.programs.expressions import (
+    TOO_LARGE,
+    Expression,
+    Number,
+    Parameter,
+    Symbol,
+    evaluate,
+    whole,
+)
 from isel_twin.firmware.bwo900.programs.syntax import Assign, Block
 
 Later: TypeAlias = list[tuple[int, float | None]]
@@ -58,7 +66,7 @@ class Values:
         """The block that the first comparison that is true leads to."""
         for jump in block.jumps:
             if compare(self.of(jump.left), jump.relation, self.of(jump.right)):
-                return whole(self.of(jump.target), 1255)
+                return whole(self.of(jump.target), Code.NO_BLOCK)
         return None
 
     def assign(self, block: Block) -> Later:
@@ -68,21 +76,21 @@ class Values:
             value = None if assign.value is None else self.of(assign.value)
             target = assign.target
             if isinstance(target, Symbol):
-                index = 0 if target.index is None else whole(self.of(target.index), 1202)
+                index = 0 if target.index is None else whole(self.of(target.index), TOO_LARGE)
                 if assign.bind:
-                    self._bound[target.name] = whole(value or 0.0, 1202)
+                    self._bound[target.name] = whole(value or 0.0, TOO_LARGE)
                 elif target.name in self._bound:
                     self._write("P", self._bound[target.name] + index, 1, value, later)
                 else:
                     self._symbols[_internal(target.name, index)] = 0.0 if value is None else value
             else:
-                number = whole(self.of(target.number), 1202)
+                number = whole(self.of(target.number), TOO_LARGE)
                 self._write(target.area, number, target.channel, value, later)
         return later
 
     def _write(self, area: str, number: int, channel: int, value: float | None, later: Later) -> None:
         if self._parameters.locked(number, area, channel):
-            raise ProgramError(1304, f"{area}{number}")
+            raise ProgramError(LOCKED, f"{area}{number}")
         own = area == "P" and channel == 1
         if own and self._parameters.has(number, REAL_TIME):
             later.append((number, value))
@@ -105,7 +113,7 @@ class Values:
 def _internal(name: str, index: int) -> str:
     """The name of an internal variable, which has no index (manual 3.6: only those of parameters have)."""
     if index:
-        raise ProgramError(1307, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
+        raise ProgramError(Code.NO_SYMBOL, f"{name}[{index}]: an index needs a symbol that is bound to a parameter")
     return name
 
 

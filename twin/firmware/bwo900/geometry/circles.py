@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Plane, Point
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 NEAR_MM: Final = 1e-9
 
@@ -20,7 +20,7 @@ def arc_by_radius(start: Point, end: Point, plane: Plane, radius: float, turn: i
     (u0, v0), (u1, v1) = plane.of(start), plane.of(end)
     chord = math.dist((u0, v0), (u1, v1))
     if chord <= NEAR_MM:
-        raise ProgramError(1231)
+        raise ProgramError(Code.CIRCLE_WITHOUT_PATH)
     half, size = chord / 2.0, abs(radius)
     corrected = size < half - NEAR_MM
     rise = 0.0 if size <= half else math.sqrt(size * size - half * half)
@@ -41,9 +41,9 @@ def arc_by_centre(
     (u0, v0), (u1, v1) = plane.of(start), plane.of(end)
     first, last = math.dist((u0, v0), centre), math.dist((u1, v1), centre)
     if first <= NEAR_MM:
-        raise ProgramError(1233, "the centre is the start")
+        raise ProgramError(Code.CIRCLE_WITHOUT_CENTRE, "the centre is the start")
     if abs(first - last) > tolerance_mm:
-        raise ProgramError(1238, f"radius {first:.4f} mm at the start, {last:.4f} mm at the end")
+        raise ProgramError(Code.CENTRE_OFF, f"radius {first:.4f} mm at the start, {last:.4f} mm at the end")
     chord = math.dist((u0, v0), (u1, v1))
     if chord <= NEAR_MM:
         return Arc(start, end, plane, centre, turn * 2.0 * math.pi)

@@ -28,7 +28,7 @@ from isel_twin.firmware.bwo900.geometry.plane import (
     share_of,
     turn,
 )
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 STRAIGHT: Final = 0.02
 """G123: up to this height over the chord it is two lines (between the manual's examples, 0.009 and 0.13)."""
@@ -70,7 +70,9 @@ class Contour:
         """Nothing comes that a corner could wait for. Raises ProgramError M1226 if one does."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
-            raise ProgramError(1226, "the next path is missing").at(first.program, first.number, first.column)
+            raise ProgramError(Code.NO_NEXT_PATH, "the next path is missing").at(
+                first.program, first.number, first.column
+            )
         return []
 
     def _begin(self, block: PathBlock) -> list[PathBlock]:
@@ -111,9 +113,9 @@ def _corner(first: PathBlock, second: PathBlock) -> tuple[Element, Element, Elem
 def chamfered(a: Element, b: Element, plane: Plane, leg: float) -> tuple[Element, Element, Element]:
     """Two lines and the chamfer between them. Raises ProgramError M1158."""
     if isinstance(a, Arc) or isinstance(b, Arc):
-        raise ProgramError(1158, "a chamfer lies between two lines")
+        raise ProgramError(Code.NO_CORNER, "a chamfer lies between two lines")
     if leg >= flat_length(a, plane) or leg >= flat_length(b, plane):
-        raise ProgramError(1158, f"a leg of {leg:g} mm is longer than the path")
+        raise ProgramError(Code.NO_CORNER, f"a leg of {leg:g} mm is longer than the path")
     corner, d, e = plane.of(a.end), heading(a, plane, 1.0), heading(b, plane, 0.0)
     p = (corner[0] - leg * d[0], corner[1] - leg * d[1])
     q = (corner[0] + leg * e[0], corner[1] + leg * e[1])
@@ -125,11 +127,11 @@ def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Elemen
     """Two elements and the tangential arc between them. Raises ProgramError M1158."""
     bend = turn(heading(a, plane, 1.0), heading(b, plane, 0.0))
     if abs(bend) < 1e-6:
-        raise ProgramError(1158, "there is no corner")
+        raise ProgramError(Code.NO_CORNER, "there is no corner")
     side = 1.0 if bend > 0.0 else -1.0
     aside, beside = offset(a, plane, side * radius), offset(b, plane, side * radius)
     if aside is None or beside is None:
-        raise ProgramError(1158, f"no arc of {radius:g} mm fits")
+        raise ProgramError(Code.NO_CORNER, f"no arc of {radius:g} mm fits")
     corner = plane.of(a.end)
     for centre in sorted(meetings(aside, beside, plane), key=lambda c: math.dist(c, corner)):
         p, q = _foot(a, plane, centre), _foot(b, plane, centre)
@@ -137,7 +139,7 @@ def rounded(a: Element, b: Element, plane: Plane, radius: float) -> tuple[Elemen
             first, last = cut(a, plane, None, p), cut(b, plane, q, None)
             arc = arc_by_centre(first.end, last.start, plane, centre, int(side), max(1e-6 * radius, 1e-6))
             return first, arc, last
-    raise ProgramError(1158, f"no arc of {radius:g} mm fits")
+    raise ProgramError(Code.NO_CORNER, f"no arc of {radius:g} mm fits")
 
 
 def _foot(element: Element, plane: Plane, centre: UV) -> UV:

@@ -10,43 +10,53 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+from isel_twin.firmware.bwo900.numbers import G
+
 MOTION, POLAR, TANGENT, TRANSFORMED, PLANE, EXACT, RADIUS, CORRECTION = range(8)
-ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED, INCH = range(8, 18)
+ROTATION, COORDINATES, ZERO, MIRROR, OVERRIDE, DIMENSION, SHIFT, FEED, SPEED = range(8, 17)
 
 ZERO_POINTS: Final = frozenset(
-    (53, 153, *range(54, 60), *(hundred * 100 + number for hundred in range(1, 10) for number in range(54, 60)))
+    (
+        G.MACHINE_ZERO,
+        G.NO_ZERO,
+        *(100 * more + number for more in range(10) for number in range(G.ZERO_1, G.ZERO_6 + 1)),
+    )
 )
 """G53 to G59, G153, and G154 to G959."""
 
 GROUPS: Final[Mapping[int, int]] = {
-    **dict.fromkeys((0, 1, 2, 3), MOTION),
-    **dict.fromkeys((10, 11), POLAR),
-    **dict.fromkeys((13,), TANGENT),
-    **dict.fromkeys((15,), TRANSFORMED),
-    **dict.fromkeys((17, 18, 19, 117, 118, 119), PLANE),
-    **dict.fromkeys((28, 29), EXACT),
-    **dict.fromkeys((40, 41, 42), RADIUS),
-    **dict.fromkeys((43, 44), CORRECTION),
-    **dict.fromkeys((45, 46), ROTATION),
-    **dict.fromkeys((47, 48, 49, 147), COORDINATES),
+    **dict.fromkeys((G.RAPID, G.LINE, G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE), MOTION),
+    **dict.fromkeys((G.POLAR_ON, G.POLAR_OFF), POLAR),
+    **dict.fromkeys((G.TANGENT_OFF,), TANGENT),
+    **dict.fromkeys((G.POLAR_TRANSFORMATION_OFF,), TRANSFORMED),
+    **dict.fromkeys((G.PLANE_XY, G.PLANE_ZX, G.PLANE_YZ, G.FREE_PLANE_1, G.FREE_PLANE_2, G.FREE_PLANE_3), PLANE),
+    **dict.fromkeys((G.EXACT_STOP_ON, G.EXACT_STOP_OFF), EXACT),
+    **dict.fromkeys((G.RADIUS_OFF, G.RADIUS_LEFT, G.RADIUS_RIGHT), RADIUS),
+    **dict.fromkeys((G.AXIS_CORRECTION_OFF, G.AXIS_CORRECTION_ON), CORRECTION),
+    **dict.fromkeys((G.ROTATION_ON, G.ROTATION_OFF), ROTATION),
+    **dict.fromkeys(
+        (G.MACHINE_COORDINATES, G.TOOL_COORDINATES, G.WORKPIECE_COORDINATES, G.NO_TRANSFORMATION), COORDINATES
+    ),
     **dict.fromkeys(ZERO_POINTS, ZERO),
-    **dict.fromkeys((60, 61, 62), MIRROR),
-    **dict.fromkeys((63, 64), OVERRIDE),
-    **dict.fromkeys((90, 91), DIMENSION),
-    **dict.fromkeys((92,), SHIFT),
-    **dict.fromkeys((94,), FEED),
-    **dict.fromkeys((97,), SPEED),
+    **dict.fromkeys((G.MIRROR_OFF, G.MIRROR_FIRST, G.MIRROR_SECOND), MIRROR),
+    **dict.fromkeys((G.OVERRIDE_FIXED, G.OVERRIDE_FREE), OVERRIDE),
+    **dict.fromkeys((G.ABSOLUTE, G.INCREMENTAL), DIMENSION),
+    **dict.fromkeys((G.SHIFT,), SHIFT),
+    **dict.fromkeys((G.FEED_PER_MINUTE,), FEED),
+    **dict.fromkeys((G.TURNS_PER_MINUTE,), SPEED),
 }
 """Group of each modal G function that the twin knows."""
 
-BLOCKWISE: Final = frozenset((4, 8, 9, 12, 66, 123))
+BLOCKWISE: Final = frozenset((G.DWELL, G.EXACT_STOP_HERE, G.NO_EXACT_STOP_HERE, G.CORNER, G.BARE, G.THREE_POINTS))
 """In force for the block they stand in; G123 for its pairs of blocks."""
 
 BEYOND: Final[Mapping[int, str]] = {
-    5: "rotary axes", 6: "rotary axes", 7: "rotary axes", 14: "a tangential axis", 16: "the polar transformation",
-    50: "splines", 51: "splines", 52: "polynomials", 69: "measuring cycles", 95: "feed per revolution",
-    96: "constant cutting speed", 151: "an undocumented function", 152: "an undocumented function",
-    170: "inches", 171: "inches",
+    G.ROTARY_POSITIVE: "rotary axes", G.ROTARY_NEGATIVE: "rotary axes", G.ROTARY_SHORTEST: "rotary axes",
+    G.TANGENT_ON: "a tangential axis", G.POLAR_TRANSFORMATION_ON: "the polar transformation", G.SPLINE: "splines",
+    G.SPLINE_FEED: "splines", G.POLYNOMIAL: "polynomials", G.MEASURING: "measuring cycles",
+    G.FEED_PER_TURN: "feed per revolution", G.CUTTING_SPEED: "constant cutting speed",
+    G.WEIGHTING_1: "an undocumented function", G.WEIGHTING_2: "an undocumented function", G.INCH_OFF: "inches",
+    G.INCH_METRIC: "inches",
 }  # fmt: skip
 """G functions of the manual that the twin has not: refused by M1232 with what they are for."""
 
@@ -55,19 +65,19 @@ BEYOND: Final[Mapping[int, str]] = {
 class Modal:
     """What is in force, by the numbers of the G functions; mirrors are two."""
 
-    motion: int = 1
-    polar: int = 11
-    plane: int = 17
-    exact: int = 29
-    radius: int = 40
-    correction: int = 43
-    rotation: int = 46
-    coordinates: int = 147
-    zero: int = 53
+    motion: int = G.LINE
+    polar: int = G.POLAR_OFF
+    plane: int = G.PLANE_XY
+    exact: int = G.EXACT_STOP_OFF
+    radius: int = G.RADIUS_OFF
+    correction: int = G.AXIS_CORRECTION_OFF
+    rotation: int = G.ROTATION_OFF
+    coordinates: int = G.NO_TRANSFORMATION
+    zero: int = G.MACHINE_ZERO
     mirror_first: bool = False
     mirror_second: bool = False
-    override: int = 64
-    dimension: int = 90
+    override: int = G.OVERRIDE_FREE
+    dimension: int = G.ABSOLUTE
 
     _FIELDS = {  # noqa: RUF012  (not a field: it has no annotation)
         MOTION: "motion",
@@ -89,8 +99,8 @@ class Modal:
         if group == MIRROR:
             return replace(
                 self,
-                mirror_first=number == 61 or (self.mirror_first and number != 60),
-                mirror_second=number == 62 or (self.mirror_second and number != 60),
+                mirror_first=number == G.MIRROR_FIRST or (self.mirror_first and number != G.MIRROR_OFF),
+                mirror_second=number == G.MIRROR_SECOND or (self.mirror_second and number != G.MIRROR_OFF),
             )
         name = self._FIELDS.get(group)
         return self if name is None else replace(self, **{name: number})  # type: ignore[arg-type]

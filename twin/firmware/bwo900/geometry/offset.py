@@ -34,7 +34,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
 from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 MOST_EMPTY: Final = 12
 """Blocks without a path in a row (M1157)."""
@@ -112,7 +112,7 @@ class Offset:
         if self._last is None and self._place is None and not on:
             return [block]
         if on and self._last is not None and block.plane != self._last.plane:
-            raise ProgramError(1232, "another plane with radius correction")
+            raise ProgramError(Code.EXCLUDED, "another plane with radius correction")
         entry = _Open(block, len(block.elements))
         self._open.append(entry)
         if not flat and not on:
@@ -152,7 +152,7 @@ class Offset:
         if self._last is not None and (entry.block.number or entry.block.main):
             self._empty += 1
             if self._empty > MOST_EMPTY:
-                raise ProgramError(1157, f"more than {MOST_EMPTY} in a row")
+                raise ProgramError(Code.TOO_MANY_WITHOUT_PATH, f"more than {MOST_EMPTY} in a row")
         for element in entry.block.elements:
             self._across(entry, element)
 
@@ -176,7 +176,7 @@ class Offset:
         last = self._last
         if last is None:
             if isinstance(element, Arc):
-                raise ProgramError(1153, "the correction is switched on with a line")
+                raise ProgramError(Code.NO_APPROACH, "the correction is switched on with a line")
             begin = element.start if self._place is None else _moved(element.start, *self._place)
             self._place = None
             self._last = _Last(element, element, begin, 0.0, entry, correction, approach=True)
@@ -238,7 +238,7 @@ class Offset:
             entry.add(element)
             return
         if isinstance(element, Arc):
-            raise ProgramError(1153, "the correction is switched off with a line")
+            raise ProgramError(Code.NO_APPROACH, "the correction is switched off with a line")
         entry.add(Line(_moved(element.start, *place), element.end))
 
 
@@ -247,7 +247,7 @@ def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
     moved = offset(element, plane, correction.side * correction.radius_mm)
     if moved is None:
         size = f"{element.radius_mm:g} mm" if isinstance(element, Arc) else ""
-        raise ProgramError(1152, f"a circle of {size} inside, a tool of {correction.radius_mm:g} mm")
+        raise ProgramError(Code.CIRCLE_TOO_SMALL, f"a circle of {size} inside, a tool of {correction.radius_mm:g} mm")
     return moved
 
 
@@ -270,7 +270,9 @@ def _meeting(a: Element, b: Element, plane: Plane, *, outer: bool) -> tuple[UV, 
         if fits:
             return point, end, begin
     circles = isinstance(a, Arc) and isinstance(b, Arc)
-    raise ProgramError(1156 if circles and not points else 1223, "the tool is too large for an inner corner")
+    raise ProgramError(
+        Code.CIRCLES_APART if circles and not points else Code.CONTOUR, "the tool is too large for an inner corner"
+    )
 
 
 def _beyond(element: Element, share: float, least: float) -> float:
@@ -296,7 +298,7 @@ def _between(last: _Last, end: Point, share: float) -> Element:
 
 def _too_short(last: _Last, what: str) -> ProgramError:
     block = last.open.block
-    error = ProgramError(1223, f"the {what} is too short for the tool's radius")
+    error = ProgramError(Code.CONTOUR, f"the {what} is too short for the tool's radius")
     return error.at(block.program, block.number, block.column)
 
 

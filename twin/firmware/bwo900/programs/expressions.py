@@ -14,10 +14,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 DEEPEST: Final = 10
 """Brackets inside each other (M1209)."""
+TOO_LARGE: Final = int(Code.TOO_LARGE)
+"""Bound once: a member of an enumeration takes 0.2 us to look up, and every parameter of a program asks for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +79,9 @@ def evaluate(expression: Expression, environment: Environment) -> float:
         case Number(value):
             return value
         case Parameter(area, number, channel):
-            return environment.parameter(area, whole(evaluate(number, environment), 1202), channel)
+            return environment.parameter(area, whole(evaluate(number, environment), TOO_LARGE), channel)
         case Symbol(name, index):
-            return environment.symbol(name, 0 if index is None else whole(evaluate(index, environment), 1202))
+            return environment.symbol(name, 0 if index is None else whole(evaluate(index, environment), TOO_LARGE))
         case Function(name, operand):
             return _finite(_FUNCTIONS[name], name, evaluate(operand, environment))
         case Binary(operator, left, right):
@@ -87,7 +89,7 @@ def evaluate(expression: Expression, environment: Environment) -> float:
             return _finite(_OPERATORS[operator], operator, first, second)
 
 
-def whole(value: float, error: int = 1211) -> int:
+def whole(value: float, error: int = Code.SYNTAX) -> int:
     """An integer that was computed, rounded; ProgramError with that number for one that is none or too large."""
     nearest = round(value) if math.isfinite(value) else 0
     if abs(value - nearest) > 1e-6 or abs(nearest) > 9_999_999_999:
@@ -118,7 +120,7 @@ def _finite(function: Callable[..., float], name: str, *operands: float) -> floa
     except (ValueError, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise ProgramError(1213, f"{name} of {', '.join(f'{operand:g}' for operand in operands)}")
+        raise ProgramError(Code.NO_VALUE, f"{name} of {', '.join(f'{operand:g}' for operand in operands)}")
     return value
 
 
@@ -140,19 +142,19 @@ def _degrees(function: Callable[[float], float]) -> Callable[[float], float]:
 
 def _divide(a: float, b: float) -> float:
     if b == 0.0:
-        raise ProgramError(1203)
+        raise ProgramError(Code.DIVISION_BY_ZERO)
     return a / b
 
 
 def _remainder(a: float, b: float) -> float:
     if b == 0.0:
-        raise ProgramError(1203)
+        raise ProgramError(Code.DIVISION_BY_ZERO)
     return math.fmod(a, b)
 
 
 def _root(a: float) -> float:
     if a < 0.0:
-        raise ProgramError(1212, f"{a:g}")
+        raise ProgramError(Code.ROOT_OF_NEGATIVE, f"{a:g}")
     return math.sqrt(a)
 
 
@@ -162,7 +164,7 @@ def _nearest(a: float) -> float:
 
 
 def _bits(function: Callable[[int, int], int]) -> Callable[[float, float], float]:
-    return lambda a, b: float(function(whole(a, 1213), whole(b, 1213)))
+    return lambda a, b: float(function(whole(a, Code.NO_VALUE), whole(b, Code.NO_VALUE)))
 
 
 _FUNCTIONS: Final[Mapping[str, Callable[[float], float]]] = {
@@ -179,7 +181,7 @@ _FUNCTIONS: Final[Mapping[str, Callable[[float], float]]] = {
     "ln": math.log,
     "log": math.log10,
     "exp": math.exp,
-    "not": lambda a: float(~whole(a, 1213)),
+    "not": lambda a: float(~whole(a, Code.NO_VALUE)),
     "-": lambda a: -a,
 }
 _OPERATORS: Final[Mapping[str, Callable[[float, float], float]]] = {

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
 
@@ -60,7 +60,7 @@ class Feed:
             return
         text, own = made
         if self.level + len(text) > ROOM:
-            raise ProgramError(1268, f"line {number} of {self.name}")
+            raise ProgramError(Code.NO_ROOM, f"line {number} of {self.name}")
         self._known.append(made)
         if own >= 0:
             self._texts[own] = text
@@ -104,4 +104,4 @@ class Feed:
 
     def place(self, number: int) -> int:
         """Raises ProgramError M1269: no block is looked for in it."""
-        raise ProgramError(1269, f"N{number} in {self.name}: a program that is fed has no jumps")
+        raise ProgramError(Code.NOT_WHILE_FED, f"N{number} in {self.name}: a program that is fed has no jumps")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 END: Final = "#"
 """What stands behind the last block of a file."""
@@ -31,7 +31,7 @@ class Lines:
         line. Raises ProgramError: M1113 too long, M1111 no number or more than ten digits, M1290 numbers that do not
         rise."""
         if len(line) > MOST_LINE:
-            raise ProgramError(1113, f"line {number}", infos=(number,))
+            raise ProgramError(Code.LINE_TOO_LONG, f"line {number}", infos=(number,))
         text = line.rstrip()
         if not text.strip() or text.lstrip().startswith(";"):
             return None
@@ -42,19 +42,25 @@ class Lines:
         found = _NUMBER.match(text)
         if found is None:
             if self._numbered:
-                raise ProgramError(1111, f"line {number}: {text[:20]!r}; a block begins with N or /N", infos=(number,))
+                raise ProgramError(
+                    Code.WRONG_LINE, f"line {number}: {text[:20]!r}; a block begins with N or /N", infos=(number,)
+                )
             return text, -1
         if len(found[1].lstrip("0")) > MOST_DIGITS:
-            raise ProgramError(1111, f"line {number}: N{found[1][:20]}; allowed: {MOST_DIGITS} digits", infos=(number,))
+            raise ProgramError(
+                Code.WRONG_LINE, f"line {number}: N{found[1][:20]}; allowed: {MOST_DIGITS} digits", infos=(number,)
+            )
         if int(found[1]) <= self.highest:
-            raise ProgramError(1290, f"N{found[1]} after N{self.highest}, line {number}", infos=(number, int(found[1])))
+            raise ProgramError(
+                Code.NOT_RISING, f"N{found[1]} after N{self.highest}, line {number}", infos=(number, int(found[1]))
+            )
         self.highest = int(found[1])
         return text, self.highest
 
     def end(self) -> None:
         """That was the last line. Raises ProgramError M1111 if it is chained to nothing."""
         if self._chained:
-            raise ProgramError(1111, "the last line is chained to nothing")
+            raise ProgramError(Code.WRONG_LINE, "the last line is chained to nothing")
 
 
 def without_number(block: str) -> str:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Protocol
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
@@ -117,7 +117,7 @@ class Program:
         """The place of the block with that number. Raises ProgramError M1255 if there is none."""
         at = bisect_left(self.highest, number)
         if at == len(self) or self.numbers[at] != number:
-            raise ProgramError(1255, f"N{number} in {self.name}")
+            raise ProgramError(Code.NO_BLOCK, f"N{number} in {self.name}")
         return at
 
     @property
@@ -169,7 +169,7 @@ class Store(dict[str, Program]):
             return self.feed
         program = self.get(name)
         if program is None:
-            raise ProgramError(1252, name)
+            raise ProgramError(Code.NO_PROGRAM, name)
         return program
 
     def text(self, name: str, number: int) -> str:

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NoReturn
 
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import G
 from isel_twin.firmware.bwo900.programs.expressions import (
     DEEPEST,
     Binary,
@@ -45,8 +46,6 @@ MOST: Final[Mapping[str, int]] = {
 """How often each may stand in a block; other words once a name."""
 MOST_WAITED: Final = 8
 """Parameters that `waituntil` may depend on (M1222)."""
-DWELL: Final = 4
-"""The path condition that has a point: G04.seconds."""
 LARGEST: Final = 9_999_999_999
 """Of a block, program, tool and G number: ten digits."""
 
@@ -185,7 +184,7 @@ def parse_expression(text: str) -> Expression:
     expression = parser.expression()
     if parser.at_end():
         return expression
-    parser.refuse(1211, f"{parser.rest()!r}")
+    parser.refuse(Code.SYNTAX, f"{parser.rest()!r}")
 
 
 class _Parser:
@@ -210,7 +209,7 @@ class _Parser:
 
     def block(self) -> Block:
         if len(self.text) > LONGEST:
-            raise ProgramError(1222, f"{len(self.text)} characters; allowed: {LONGEST}", LONGEST + 1)
+            raise ProgramError(Code.TOO_MANY, f"{len(self.text)} characters; allowed: {LONGEST}", LONGEST + 1)
         head = _HEAD.match(self.text)
         assert head is not None
         self.at = head.end()
@@ -243,7 +242,7 @@ class _Parser:
                 case "!":
                     message = self._message()
                 case "N":
-                    self.refuse(1211, "N stands at the beginning of a block")
+                    self.refuse(Code.SYNTAX, "N stands at the beginning of a block")
                 case _ if "A" <= letter <= "Z":
                     words.append(self._word(column))
                 case _ if (lower := _LOWER.match(self.text, self.at)) is not None:
@@ -255,7 +254,7 @@ class _Parser:
                     else:
                         words.append(Word(lower[0], self._value(), column))
                 case _:
-                    self.refuse(1216 if letter.isalpha() else 1211, f"{self.rest()!r}")
+                    self.refuse(Code.UNKNOWN_AXIS if letter.isalpha() else Code.SYNTAX, f"{self.rest()!r}")
         self._count(words, g, m, len(assignments) + len(jumps))
         return Block(
             number,
@@ -274,25 +273,27 @@ class _Parser:
 
     def _count(self, words: list[Word], g: list[GWord], m: list[MWord], parameters: int) -> None:
         if len(g) > MOST["G"]:
-            raise ProgramError(1222, f"more than {MOST['G']} G functions", g[MOST["G"]].column)
+            raise ProgramError(Code.TOO_MANY, f"more than {MOST['G']} G functions", g[MOST["G"]].column)
         if len(m) > MOST["M"]:
-            raise ProgramError(1222, f"more than {MOST['M']} M functions", m[MOST["M"]].column)
+            raise ProgramError(Code.TOO_MANY, f"more than {MOST['M']} M functions", m[MOST["M"]].column)
         if parameters > MOST["P"]:
-            raise ProgramError(1208, f"{parameters} of them", 1)
+            raise ProgramError(Code.TOO_MANY_PARAMETERS, f"{parameters} of them", 1)
         seen: dict[str, int] = {}
         for word in words:
             name = word.name if word.name[0] != "S" else "S"
             seen[name] = seen.get(name, 0) + 1
             if seen[name] > MOST.get(name, 1):
-                raise ProgramError(1222, f"{name} stands there more than {MOST.get(name, 1)} times", word.column)
+                raise ProgramError(
+                    Code.TOO_MANY, f"{name} stands there more than {MOST.get(name, 1)} times", word.column
+                )
 
     def _limited(self, number: int) -> int:
-        return number if number <= LARGEST else self.refuse(1202, f"{number}; allowed: ten digits")
+        return number if number <= LARGEST else self.refuse(Code.TOO_LARGE, f"{number}; allowed: ten digits")
 
     def _comment(self, end: str) -> None:
         close = self.text.find(end, self.at)
         if close < 0:
-            self.refuse(1210, f"no {end!r} to this comment")
+            self.refuse(Code.BRACKET_MISSING, f"no {end!r} to this comment")
         self.at = close + 1
 
     def _message(self) -> Text:
@@ -307,12 +308,12 @@ class _Parser:
     def _path_condition(self, column: int) -> GWord:
         match = _G.match(self.text, self.at)
         if match is None:
-            self.refuse(1211, "G without a number")
+            self.refuse(Code.SYNTAX, "G without a number")
         self.at = match.end()
         extension: Expression | None = None
         if self.text.startswith(".", self.at):
-            if int(match[1]) != DWELL:
-                self.refuse(1211, f"G{match[1]} has no point")
+            if int(match[1]) != G.DWELL:
+                self.refuse(Code.SYNTAX, f"G{match[1]} has no point")
             self.at += 1
             extension = self._primary()
         return GWord(self._limited(int(match[1])), extension, column)
@@ -320,9 +321,9 @@ class _Parser:
     def _function(self, column: int) -> MWord:
         match = _M.match(self.text, self.at)
         if match is None:
-            self.refuse(1211, "M without a number")
+            self.refuse(Code.SYNTAX, "M without a number")
         if len(match[1].lstrip("0")) > 3:
-            self.refuse(1227, f"M{match[1]}; allowed: 0 to 999")
+            self.refuse(Code.M_TOO_LARGE, f"M{match[1]}; allowed: 0 to 999")
         self.at = match.end()
         extensions: list[Expression | None] = []
         last = None
@@ -360,7 +361,7 @@ class _Parser:
         if sign in ("-", "+"):
             self.at += 1
         if self.text[self.at : self.at + 1] not in ("(", "$") and _NUMBER.match(self.text, self.at) is None:
-            self.refuse(1211, "a value is missing")
+            self.refuse(Code.SYNTAX, "a value is missing")
         value = self._primary()
         if sign != "-":
             return value
@@ -376,7 +377,7 @@ class _Parser:
         if self.text.startswith(("::=", ":=", ":"), self.at):
             bind = self.text.startswith("::=", self.at)
             if bind and (isinstance(target, Parameter) or target.index is not None):
-                self.refuse(1214, "only a symbol can be bound to a parameter")
+                self.refuse(Code.NO_OPERATION, "only a symbol can be bound to a parameter")
             self.at += 3 if bind else 2 if self.text.startswith(":=", self.at) else 1
             if not bind and (deleted := _DELETED.match(self.text, self.at)) is not None:
                 self.at = deleted.end()
@@ -389,11 +390,11 @@ class _Parser:
             return
         relation = _RELATION.match(self.text, self.at)
         if relation is None:
-            self.refuse(1214, "a parameter stands there without ':' or a comparison")
+            self.refuse(Code.NO_OPERATION, "a parameter stands there without ':' or a comparison")
         self.at = relation.end()
         compared = _COMPARED.match(self.text, self.at)
         if compared is None:
-            self.refuse(1211, "a comparison ends with a point and the block to go to")
+            self.refuse(Code.SYNTAX, "a comparison ends with a point and the block to go to")
         right = self._part(compared["right"])
         goal = compared["target"]
         to = Number(float(goal)) if goal.isdigit() else self._part(goal, compared.start("target") - self.at)
@@ -411,11 +412,11 @@ class _Parser:
         left = self.expression()
         relation = _RELATION.match(self.text, self.at)
         if relation is None:
-            self.refuse(1211, "waituntil needs a comparison")
+            self.refuse(Code.SYNTAX, "waituntil needs a comparison")
         self.at = relation.end()
         right = self.expression()
         if (asked := depends_on(left) + depends_on(right)) > MOST_WAITED:
-            self.refuse(1222, f"waituntil of {asked} parameters; allowed: {MOST_WAITED}")
+            self.refuse(Code.TOO_MANY, f"waituntil of {asked} parameters; allowed: {MOST_WAITED}")
         return Wait(left, relation[1], right)
 
     # Expressions
@@ -480,7 +481,7 @@ class _Parser:
                 return self._bracket("(", ")")
             case "$":
                 if (hexadecimal := _HEX.match(self.text, self.at)) is None:
-                    self.refuse(1211, "a hexadecimal number is closed by ';'")
+                    self.refuse(Code.SYNTAX, "a hexadecimal number is closed by ';'")
                 self.at = hexadecimal.end()
                 return Number(float(int(hexadecimal[1], 16)))
             case "P" | "q":
@@ -490,21 +491,24 @@ class _Parser:
                 name = _NAME.match(self.text, self.at)
                 assert name is not None
                 if len(name[0]) > 31:
-                    self.refuse(1211, f"{name[0]}: more than 30 characters")
+                    self.refuse(Code.SYNTAX, f"{name[0]}: more than 30 characters")
                 self.at = name.end()
                 index = self._bracket("[", "]") if self.text.startswith("[", self.at) else None
                 return Symbol(name[0], index)
-        self.refuse(1210 if letter in (")", "]") else 1211, f"{self.rest()!r}" if letter else "a value is missing")
+        self.refuse(
+            Code.BRACKET_MISSING if letter in (")", "]") else Code.SYNTAX,
+            f"{self.rest()!r}" if letter else "a value is missing",
+        )
 
     def _bracket(self, begin: str, end: str) -> Expression:
         self.at += len(begin)
         self._depth += 1
         if self._depth > DEEPEST:
-            self.refuse(1209)
+            self.refuse(Code.TOO_DEEP)
         inner = self.expression()
         self._blank()
         if not self.text.startswith(end, self.at):
-            self.refuse(1210, f"{end!r} is missing")
+            self.refuse(Code.BRACKET_MISSING, f"{end!r} is missing")
         self.at += 1
         self._depth -= 1
         return inner
@@ -517,10 +521,10 @@ class _Parser:
             number = self.expression()
             self._blank()
             if not self.text.startswith("]", self.at):
-                self.refuse(1210, "']' is missing")
+                self.refuse(Code.BRACKET_MISSING, "']' is missing")
             self.at += 1
             return Parameter(area, number, int(both[1]))
         if (digits := re.compile(r"\s*(\d+)").match(self.text, self.at)) is None:
-            self.refuse(1214, f"{area} without a number")
+            self.refuse(Code.NO_OPERATION, f"{area} without a number")
         self.at = digits.end()
         return Parameter(area, Number(float(self._limited(int(digits[1])))))

@@ -24,7 +24,7 @@ from typing import Final
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock, Stop
-from isel_twin.firmware.bwo900.messages import ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
 from isel_twin.firmware.bwo900.realtime.joining import halts
@@ -357,7 +357,7 @@ class Channel:
             self._due_ns += PERIOD_NS
             return
         for axis in unsettled:
-            self._around.say(self.executed.message(2022, NAMES[axis]))
+            self._around.say(self.executed.message(Code.NOT_IN_POSITION, NAMES[axis]))
         self._after_stop()
 
     def _after_stop(self) -> None:

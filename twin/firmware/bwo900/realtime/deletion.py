@@ -16,18 +16,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from isel_twin.firmware.bwo900.analysis.functions import DELETE, DELETED
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters, byte
+from isel_twin.firmware.bwo900.numbers import Axis, P
+from isel_twin.firmware.bwo900.parameters import Parameters, byte, of_axis
 from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 PROBE: Final = "e0.6"
 """Terminal of the probe."""
-KEEP, KEPT = 8_716, 8_696
-MASK, DISPLAY = 8_895, 8_855
-LOGIC, PLACE, STATE = 12_045, 12_153, 12_181
-"""Of the first axis."""
 
 
 class DeletionWatch:
@@ -39,46 +35,46 @@ class DeletionWatch:
 
     def begins(self) -> None:
         """A block with M26 begins."""
-        self._parameters.write(DELETED, -1.0)
+        self._parameters.write(P.DELETED, -1.0)
         for axis in range(AXES):
             self._state(axis, taken=False)
 
     def deletes(self, block: PathBlock) -> bool:
         """True if the path or the dwell of a block with M26 is to be deleted: P8715, or the probe."""
-        return bool(self._parameters.get(DELETE)) or self._probed(block)
+        return bool(self._parameters.get(P.DELETE)) or self._probed(block)
 
     def deleted(self) -> None:
         """A path or a dwell has been deleted."""
-        self._parameters.write(DELETED, float(self._executed.place[1]))
+        self._parameters.write(P.DELETED, float(self._executed.place[1]))
         self.keep()
 
     def keep(self) -> None:
         """Keep where the axes are."""
         p = self._parameters
-        mask, shown = int(p.get(MASK)), bool(byte(p.get(DISPLAY), 1))
+        mask, shown = int(p.get(P.KEEP_MASK)), bool(byte(p.get(P.MEASURED_DISPLAY), 1))
         for axis in range(AXES):
             if mask <= 0 or mask >> axis & 1:
                 shift_mm = self._executed.display_shift_mm(axis) if shown else 0.0
-                p.write(PLACE + AXIS_SIZE * axis, self._axes.actual_mm(axis) - shift_mm)
+                p.write(of_axis(axis, Axis.MEASURED_PLACE), self._axes.actual_mm(axis) - shift_mm)
                 self._state(axis, taken=True)
 
     def written(self, number: int, value: float | None) -> None:
         """A parameter P was written: P8715 and P8716 are signals."""
-        if number == DELETE and not value:
-            self._parameters.write(DELETED, 0.0)
-        elif number == KEEP:
+        if number == P.DELETE and not value:
+            self._parameters.write(P.DELETED, 0.0)
+        elif number == P.KEEP:
             if value == 1.0:
                 self.keep()
-            self._parameters.write(KEPT, float(self._executed.place[1]) if value == 1.0 else 0.0)
+            self._parameters.write(P.KEPT, float(self._executed.place[1]) if value == 1.0 else 0.0)
 
     def touched(self) -> None:
         """The probe has changed: P12181 tells its level."""
         for axis in range(AXES):
-            self._state(axis, taken=bool(int(self._parameters.get(STATE + AXIS_SIZE * axis)) & 1))
+            self._state(axis, taken=bool(int(self._parameters.get(of_axis(axis, Axis.MEASURED))) & 1))
 
     def _state(self, axis: int, *, taken: bool) -> None:
         probe = self._levels.get(PROBE, False)
-        self._parameters.write(STATE + AXIS_SIZE * axis, float(taken | probe << 8))
+        self._parameters.write(of_axis(axis, Axis.MEASURED), float(taken | probe << 8))
 
     def _probed(self, block: PathBlock) -> bool:
         """True if the probe acts for an axis in the direction the block moves it; without a path any axis counts."""
@@ -95,7 +91,7 @@ class DeletionWatch:
 
     def _logic(self, axis: int) -> tuple[bool, bool, bool]:
         """P12045 of an axis: the probe acts in +, in -; True if it acts while it is off."""
-        number = LOGIC + AXIS_SIZE * axis
+        number = of_axis(axis, Axis.PROBE_LOGIC)
         if not self._parameters.loaded(number):
             return True, True, False
         value = self._parameters.get(number)

@@ -5,7 +5,8 @@ Both wait for the power of the drives: `wants` and `direction` say what is to be
 
 from __future__ import annotations
 
-from isel_twin.firmware.bwo900.messages import Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.messages import Code, Effect, Message, ProgramError, message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime import overrides
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
@@ -15,7 +16,7 @@ from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
 
 class Hand:
-    """The move that is made, if there is one, and those that are asked for."""
+    """The move under way, and those that wait for power."""
 
     def __init__(self, parameters: Parameters, axes: Axes, outgoing: Outgoing) -> None:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
@@ -24,11 +25,11 @@ class Hand:
         self.direction = 0
         """Of a key that waits for power: +1, -1; 0: there is none."""
         self.wants: list[int] = []
-        """Axes that a reference run has been asked for."""
+        """Axes whose reference run waits for power."""
 
     @property
     def move(self) -> Homing | Jog | None:
-        """What moves."""
+        """The move under way."""
         return self.homing or self.jog
 
     @property
@@ -76,20 +77,20 @@ class Hand:
             self.jog.scale(override)
 
     def press(self, key: int, *, free: bool) -> bool:
-        """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program let it. Returns whether one is to begin."""
+        """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program allow it. True if a move is to begin."""
         if self.jog is not None:
             self.release()
             self._axes.follow(self.jog.run)
         if key not in (1, 2) or self.jog is not None:
             return False
         if not free or self.homing is not None:
-            self._say(message(1321, detail="a key of an axis"))
+            self._say(message(Code.NOT_IN_HAND, detail="a key of an axis"))
             return False
         self.direction = 1 if key == 1 else -1
         return True
 
     def begin_jog(self) -> None:
-        """The move of the key that waits."""
+        """Begin the move of the key that waits."""
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
@@ -98,7 +99,8 @@ class Hand:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
         if axes.struck(jog.axis, 2 if sign > 0 else 1):
-            self._say(message(2101 if sign > 0 else 2102, detail=NAMES[jog.axis]))
+            number = Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW
+            self._say(message(number, detail=NAMES[jog.axis]))
             return
         self.jog = jog
         axes.follow(jog.run)
@@ -106,12 +108,12 @@ class Hand:
     # Reference runs
 
     def refer(self, axis: int, *, free: bool) -> bool:
-        """A reference run is asked for; free: mode and program let it. Returns whether it is to begin."""
+        """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
         if not free or self.jog is not None:
-            self._say(message(1321, detail="a reference run"))
+            self._say(message(Code.NOT_IN_HAND, detail="a reference run"))
             return False
         if self.homing is not None:
-            self._say(message(1321, detail="a reference run is under way"))
+            self._say(message(Code.NOT_IN_HAND, detail="a reference run is under way"))
             return False
         self.wants.append(axis)
         return True
@@ -120,18 +122,18 @@ class Hand:
         """Reference runs of these axes, Z first; until they are over, the axes have no reference point."""
         for axis in axes:
             self._axes.forget(axis)
-        self._parameters.write(8_579, 0.0)
+        self._parameters.write(P.ALL_REFERENCED, 0.0)
         self.homing = Homing(sorted(axes, reverse=True), self._axes, self._outgoing)
         self._axes.follow(self.homing.run)
 
     def _homed(self) -> None:
-        """All have been, or one has found no switch."""
+        """All axes have made theirs, or one has found no switch."""
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:
-            self._say(message(2110, detail=NAMES[failed]))
+            self._say(message(Code.APPROACH_REFERENCE, detail=NAMES[failed]))
             self._outgoing.fault = True
-        for number in (8_579, 8_709):
+        for number in (P.ALL_REFERENCED, P.REFERENCED):
             self._parameters.write(number, float(all(self._axes.referenced)))
 
     def _say(self, said: Message) -> None:

@@ -1,4 +1,4 @@
-"""HAND: one axis moved by its keys, as far as they are held or by one step (manual 8.5, P8750 to P8769).
+"""HAND: one axis moved by its keys, while they are held or by one step (manual 8.5, P8750 to P8769).
 
 P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756)
 P8760 step, mm
@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from isel_twin.firmware.bwo900.messages import ProgramError
-from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, Parameters
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, P
+from isel_twin.firmware.bwo900.parameters import Parameters, of_axis
 from isel_twin.firmware.bwo900.realtime.axes import AXES, NAMES, Axes
 from isel_twin.firmware.bwo900.realtime.stretch import PERIOD_NS
 from isel_twin.motion import SetPointRun
@@ -27,23 +28,23 @@ STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)
 
 def step_mm(parameters: Parameters) -> float:
     """The step: P8760, or that of the table that P8762 points to, the first one if it does not."""
-    if step := parameters.get(8_760):
+    if step := parameters.get(P.STEP):
         return step
-    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM)) - 1
-    return parameters.get(8_763 + place, STEPS_MM[place])
+    place = min(max(int(parameters.given(P.STEP_POINTER, 1.0)), 1), len(STEPS_MM)) - 1
+    return parameters.get(P.STEPS_FIRST + place, STEPS_MM[place])
 
 
 def step_on(parameters: Parameters) -> None:
     """P8761: the next step of the table that is not 0; the first one comes behind the last."""
-    place = min(max(int(parameters.given(8_762, 1.0)), 1), len(STEPS_MM))
+    place = min(max(int(parameters.given(P.STEP_POINTER, 1.0)), 1), len(STEPS_MM))
     for _ in STEPS_MM:
         place = place % len(STEPS_MM) + 1
-        step = parameters.get(8_762 + place, STEPS_MM[place - 1])
+        step = parameters.get(P.STEP_POINTER + place, STEPS_MM[place - 1])
         if step > 0.0:
-            parameters.write(8_762, float(place))
-            parameters.write(8_760, step)
+            parameters.write(P.STEP_POINTER, float(place))
+            parameters.write(P.STEP, step)
             break
-    parameters.write(8_761, 0.0)
+    parameters.write(P.NEXT_STEP, 0.0)
 
 
 class Jog:
@@ -55,23 +56,23 @@ class Jog:
         Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
         """
         p, limits, counts = parameters, axes.limits(), axes.counts
-        axis = int(p.given(8_751, 1.0)) - 1
+        axis = int(p.given(P.HAND_AXIS, 1.0)) - 1
         if not 0 <= axis < AXES:
-            raise ProgramError(1216, f"P8751 is {axis + 1}; allowed: 1 to {AXES}")
-        kind = int(p.given(8_750, 1.0))
+            raise ProgramError(Code.UNKNOWN_AXIS, f"P8751 is {axis + 1}; allowed: 1 to {AXES}")
+        kind = int(p.given(P.HAND_KIND, 1.0))
         if kind not in (CONTINUOUS, STEP):
-            raise ProgramError(1321, f"P8750 is {kind}; there are 1 continuous and 2 step")
+            raise ProgramError(Code.NOT_IN_HAND, f"P8750 is {kind}; there are 1 continuous and 2 step")
         per_mm = limits.increments_per_mm[axis]
-        edge = (12_030 if sign > 0 else 12_031) + AXIS_SIZE * axis
+        edge = of_axis(axis, Axis.LIMIT_HIGH if sign > 0 else Axis.LIMIT_LOW)
         far = p.get(edge) if p.loaded(edge) else sign * FURTHEST_MM
         here = counts[axis] / per_mm
         way = far - here if kind == CONTINUOUS else sign * step_mm(p)
         if sign * (here + way) > sign * far or (sign * way <= 0.0 and kind == CONTINUOUS):
-            raise ProgramError(2103 if sign > 0 else 2104, NAMES[axis])
-        fastest = min(p.given(8_754, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
+            raise ProgramError(Code.SOFTWARE_LIMIT_HIGH if sign > 0 else Code.SOFTWARE_LIMIT_LOW, NAMES[axis])
+        fastest = min(p.given(P.HAND_FASTEST, limits.hand[axis] * 60.0) / 60.0, limits.hand[axis])
         self.axis, self._kind = axis, kind
         self._parameters, self._axes, self._per_mm = p, axes, per_mm
-        self._speed_mm_s = min(p.given(8_755, SPEED_MM_MIN) / 60.0, fastest)
+        self._speed_mm_s = min(p.given(P.HAND_FEED, SPEED_MM_MIN) / 60.0, fastest)
         self._acceleration = limits.rapid_acceleration[axis] * per_mm
         self._left = float(round(way * per_mm))
         """Way that is left where the present run began."""
@@ -100,7 +101,7 @@ class Jog:
         if self._released:
             return
         self._override = override
-        self._parameters.write(8_756, override * self._speed_mm_s * 60.0)
+        self._parameters.write(P.HAND_FEED_NOW, override * self._speed_mm_s * 60.0)
         speed, now_ns = override * self._speed_mm_s * self._per_mm, self._axes.now_ns
         if self.run is not None:
             plan, tick = self._plan(self.run)

@@ -6,9 +6,9 @@ from collections import deque
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
-EVERY_BLOCK, START_FLAGS = 8_814, 8_806
 ONLY_REAL_TIME: Final = 0x1010
 """Of P8806: single block stops only after blocks that are something to the real time (byte 1 or 2, bit 4)."""
 
@@ -18,9 +18,9 @@ def halts(block: PathBlock, around: Surroundings) -> bool:
     if not around.single:
         return False
     p = around.parameters
-    if not (block.main or int(p.get(EVERY_BLOCK))):
+    if not (block.main or int(p.get(P.SINGLE_EVERY))):
         return False
-    return not int(p.get(START_FLAGS)) & ONLY_REAL_TIME or block.in_real_time
+    return not int(p.get(P.START_FLAGS_1)) & ONLY_REAL_TIME or block.in_real_time
 
 
 def breaks_after(block: PathBlock, around: Surroundings) -> bool:

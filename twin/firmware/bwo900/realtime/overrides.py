@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-FIRST: Final = 11_310
 COUNT: Final = 8
 SIZE: Final = 5
 """Parameters of an override: value, raw value, lowest, highest, table."""
@@ -26,26 +26,25 @@ HIGHEST: Final = 120.0
 """% that a potentiometer goes up to (3.7)."""
 FULL: Final = 255
 """Highest value of a potentiometer."""
-AXIS_OVERRIDE: Final = 125
 
 FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
-    **{11_330: 0.0, 11_335: 10.0, 11_340: 50.0, 11_345: 100.0},
-    11_370: 27.0,
-    **dict(enumerate((0.0, 1.0, 2.0, *(5.0 * n for n in range(1, 25))), start=11_371)),
+    **{P.OVERRIDE_5: 0.0, P.OVERRIDE_6: 10.0, P.OVERRIDE_7: 50.0, P.OVERRIDE_8: 100.0},
+    P.OVERRIDE_TABLE: 27.0,
+    **dict(enumerate((0.0, 1.0, 2.0, *(5.0 * n for n in range(1, 25))), start=P.OVERRIDE_TABLE + 1)),
 }
 """Parameters P of a new control: overrides 5 to 8, which are fixed, and the table."""
 
 
 def is_override(number: int) -> bool:
-    """Whether a parameter P belongs to an override."""
-    return FIRST <= number < FIRST + COUNT * SIZE
+    """True if a parameter P belongs to an override."""
+    return P.OVERRIDE <= number < P.OVERRIDE + COUNT * SIZE
 
 
 def written(parameters: Parameters, number: int) -> None:
     """A parameter of an override has been written: P11310 follows from P11311, and keeps within its limits."""
     if not is_override(number):
         return
-    first = number - (number - FIRST) % SIZE
+    first = number - (number - P.OVERRIDE) % SIZE
     if number - first == RAW and parameters.loaded(number):
         parameters.write(first, _from_raw(parameters, first, parameters.get(number)))
     if parameters.loaded(first):
@@ -53,26 +52,26 @@ def written(parameters: Parameters, number: int) -> None:
 
 
 def factor(parameters: Parameters, axes: int) -> float:
-    """What paths are slowed or hastened by now: 1 is 100 %, also for an override that nobody has set."""
-    return min(_percent(parameters, int(parameters.axis(axis, AXIS_OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
+    """The factor of all path speeds now: 1 is 100 %, also for an override that nobody has set."""
+    return min(_percent(parameters, int(parameters.axis(axis, Axis.OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
 
 
 def _percent(parameters: Parameters, override: int) -> float:
     if not 1 <= override <= COUNT:
         override = 1
-    first = FIRST + SIZE * (override - 1)
+    first = P.OVERRIDE + SIZE * (override - 1)
     return _limited(parameters, first, parameters.get(first, 100.0))
 
 
 def _limited(parameters: Parameters, first: int, percent: float) -> float:
-    """The highest counts more than the lowest."""
+    """Between the lowest and the highest value of the override; the highest wins where they cross."""
     lowest = max(parameters.get(first + LOWEST_OFFSET), 0.0)
     highest = min(max(parameters.get(first + HIGHEST_OFFSET, HIGHEST), 0.0), HIGHEST)
     return min(max(percent, lowest), highest)
 
 
 def _from_raw(parameters: Parameters, first: int, raw: float) -> float:
-    """A table that there is not, or that is empty, is none."""
+    """% for a raw value: from the table of the override, or linear if there is none or an empty one."""
     share = min(max(raw, 0.0), float(FULL))
     table = int(min(max(parameters.get(first + TABLE), 0.0), 1e9))
     try:

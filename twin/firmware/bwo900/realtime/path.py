@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
+from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.pieces import Pieces
 
@@ -52,7 +53,7 @@ SLOWEST: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What the axes and the path can, from the parameters; one value an axis."""
+    """What axes and path can do, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
     speed: Point
@@ -89,37 +90,40 @@ class MotionLimits:
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
-        fastest = tuple(positive(p.axis(a, 4, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(v / (1e-3 * positive(p.axis(a, 8, 0.0), DYNAMICS_MS)) for a, v in zip(axes, fastest, strict=True))
+        fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
+        first = tuple(
+            v / (1e-3 * positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS))
+            for a, v in zip(axes, fastest, strict=True)
+        )
         second = tuple(
-            min(v / (1e-3 * ms), f) if (ms := p.axis(a, 9, 0.0)) > 0.0 else f
+            min(v / (1e-3 * ms), f) if (ms := p.axis(a, Axis.DYNAMICS_2, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, fastest, first, strict=True)
         )
         hand = tuple(_slope(p, a, v) for a, v in enumerate(fastest))
-        speed = tuple(min(v, positive(p.axis(a, 120, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
-        exponent = p.get(8_851) if p.loaded(8_851) else 1.0
+        speed = tuple(min(v, positive(p.axis(a, Axis.HAND_SPEED, 0.0) / MINUTE_S, v)) for a, v in enumerate(hand))
+        exponent = p.get(P.CORNER_DYNAMICS) if p.loaded(P.CORNER_DYNAMICS) else 1.0
         return cls(
             increments_per_mm=tuple(increments_per_mm),
             speed=speed,
             acceleration=second,
             rapid_acceleration=first,
             hand=hand,
-            rapid=positive(p.get(8_816), max(fastest) * MINUTE_S) / MINUTE_S,
+            rapid=positive(p.get(P.RAPID), max(fastest) * MINUTE_S) / MINUTE_S,
             corner=exponent if exponent > 0.0 or exponent == -1.0 else 1.0,
-            deviation_mm=max(p.get(8_852), 0.0),
-            kv=min(positive(p.axis(a, 20, 0.0), KV_1_S) for a in axes),
-            test_feed=max(p.get(8_815), 0.0) / MINUTE_S or None,
-            feed_share=positive(p.get(8_818), 100.0) / 100.0,
-            contour_mm=max(p.get(8_857), 0.0),
-            convex=_share(p.get(8_848)),
-            concave=_share(p.get(8_849)),
-            reference_mm=max(p.get(8_850), 0.0),
-            sine=any(p.axis(a, 10, 0.0) == 1.0 for a in axes),
+            deviation_mm=max(p.get(P.CIRCLE_DYNAMICS), 0.0),
+            kv=min(positive(p.axis(a, Axis.KV, 0.0), KV_1_S) for a in axes),
+            test_feed=max(p.get(P.TEST_FEED), 0.0) / MINUTE_S or None,
+            feed_share=positive(p.get(P.FEED_SHARE), 100.0) / 100.0,
+            contour_mm=max(p.get(P.CONTOUR_DYNAMICS), 0.0),
+            convex=_share(p.get(P.CONVEX)),
+            concave=_share(p.get(P.CONCAVE)),
+            reference_mm=max(p.get(P.FEED_DYNAMICS), 0.0),
+            sine=any(p.axis(a, Axis.DYNAMICS_KIND, 0.0) == 1.0 for a in axes),
         )
 
 
 def positive(value: float, default: float) -> float:
-    """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
+    """The value of a parameter, or the default where it is 0, deleted or negative."""
     return value if value > 0.0 else default
 
 
@@ -154,8 +158,8 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
-    """What P12136 lets an axis do, mm/s: P12005 with byte 1, P12006 with byte 2, 10 and 20 % of P12004 unless set."""
-    asked = p.axis(axis, 136, 0.0)
+    """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
+    asked = p.axis(axis, Axis.SLOPE, 0.0)
     most = fastest
     for number, share in ((1, 0.1), (2, 0.2)):
         if byte(asked, number) & 1:
@@ -164,7 +168,7 @@ def _slope(p: Parameters, axis: int, fastest: float) -> float:
 
 
 def _share(percent: float) -> float:
-    """-100 to 100 %, as a share."""
+    """Percent, at most 100 either way, as a share."""
     return min(max(percent, -100.0), 100.0) / 100.0
 
 
@@ -180,7 +184,7 @@ def corner_factor(cosine: float, exponent: float) -> float:
 
 
 class PieceMaker:
-    """Makes pieces of blocks, one block after the other; remembers where the last one ended, and how."""
+    """Makes pieces of blocks; remembers place, direction and speed at the end of the last one."""
 
     def __init__(self, limits: MotionLimits, position: Point) -> None:
         """position: where the axes stand, mm."""
@@ -228,17 +232,17 @@ class PieceMaker:
         return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
-        """The axes stand at the end of the last piece: the next one begins at 0."""
+        """The axes stand at the end of the last piece: the next one begins with speed 0."""
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
         exact = [x * per for x, per in zip(place, self.limits.increments_per_mm, strict=True)]
         if not all(abs(value) <= FURTHEST for value in exact):
-            raise ProgramError(1202, "a place that no counter holds")
+            raise ProgramError(Code.TOO_LARGE, "a place that no counter holds")
         return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
-        """Speed that is wanted, speed that is never exceeded, acceleration."""
+        """Wanted speed, highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):
@@ -251,7 +255,7 @@ class PieceMaker:
             wanted = limits.rapid / max(direction)
         if not block.rapid:
             if block.feed_mm_min is None or block.feed_mm_min <= 0.0:
-                raise ProgramError(1230)
+                raise ProgramError(Code.NO_FEED)
             wanted = limits.test_feed or limits.feed_share * block.feed_mm_min / MINUTE_S
             if isinstance(element, Arc):
                 wanted *= feed_factor(element, block.correction, limits)
@@ -274,12 +278,12 @@ class PieceMaker:
                 acceleration = min(acceleration, able[axis] / share)
         if limits.deviation_mm:
             if limits.deviation_mm > radius:
-                raise ProgramError(1237, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
+                raise ProgramError(Code.CIRCLE_DYNAMICS, f"P8852 is {limits.deviation_mm:g}, the radius {radius:g} mm")
             speed = min(speed, limits.kv * math.sqrt(2.0 * radius * limits.deviation_mm))
         return speed, acceleration
 
     def _contour(self, element: Element) -> float:
-        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before it."""
+        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before."""
         limits = self.limits
         if not limits.contour_mm:
             return math.inf

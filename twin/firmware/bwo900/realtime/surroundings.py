@@ -5,18 +5,17 @@ Channel --- Surroundings ---> Execution (bwo900/execution.py)
 
 from __future__ import annotations
 
-from typing import Final, Protocol
+from typing import Protocol
 
 from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Message
+from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.syntax import Text
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
-
-WITHOUT_FUNCTIONS: Final = 8_813
 
 
 class Surroundings(Protocol):
@@ -49,7 +48,7 @@ class Surroundings(Protocol):
 
 def mute(around: Surroundings) -> bool:
     """P8813: programs are carried out without M functions."""
-    return bool(int(around.parameters.get(WITHOUT_FUNCTIONS)))
+    return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
 def send(around: Surroundings, functions: tuple[Machine, ...]) -> None:

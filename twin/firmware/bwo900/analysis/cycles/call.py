@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from isel_twin.firmware.bwo900.geometry.elements import Plane, Point
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import ProgramError, invalid
 
 
 class Kind(Enum):
@@ -73,9 +73,9 @@ class Call:
         """The parameter's value, None if it is deleted or 0: the manual's "0 or --"."""
         return self.parameters.get(number) or None
 
-    def needed(self, number: int, message: int) -> float:
-        """The parameter's value; ProgramError with that message if it is deleted."""
+    def needed(self, number: int) -> float:
+        """The parameter's value. Raises ProgramError, the message about that parameter, if it is deleted."""
         value = self.parameters.get(number)
         if value is None:
-            raise ProgramError(message, f"P{number} has no value")
+            raise ProgramError(invalid(number), f"P{number} has no value")
         return value

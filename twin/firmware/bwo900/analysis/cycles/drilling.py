@@ -20,14 +20,13 @@ from collections.abc import Iterator
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
+from isel_twin.firmware.bwo900.numbers import G, M, P
 
 SAFETY_MM: Final = 1.0
 """P38 where it is not programmed."""
 MOST: Final = 10_000
 """Strokes of a hole; more is a slip in a parameter (M8036)."""
-RIGHT, LEFT, STOP = 3, 4, 5
-"""M functions of the spindle."""
 
 
 def drilling(call: Call) -> Iterator[Move]:
@@ -45,7 +44,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
     if not call.words:
         return
     depth, approach, feed = _planes(call)
-    safety = SAFETY_MM if call.given(38) is None else abs(call.needed(38, 8038))
+    safety = SAFETY_MM if call.given(P.HOLE_SAFETY) is None else abs(call.needed(P.HOLE_SAFETY))
     back = safety if approach > depth else -safety
     depths = strokes(call, depth, approach)
     yield from _begin(call, approach)
@@ -55,7 +54,7 @@ def deep_hole(call: Call) -> Iterator[Move]:
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
         yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
-    if call.given(39) is not None:
+    if call.given(P.CYCLES_LAST) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
 
@@ -63,18 +62,18 @@ def deep_hole(call: Call) -> Iterator[Move]:
 def strokes(call: Call, depth: float, approach: float) -> list[float]:
     """Where each stroke of G83 ends. Raises ProgramError: M8036, M8037."""
     whole = depth - approach
-    if call.given(39) is None:
-        count = int(abs(call.needed(36, 8036)))
+    if call.given(P.CYCLES_LAST) is None:
+        count = int(abs(call.needed(P.STROKES)))
         if not 1 <= count <= MOST:
-            raise ProgramError(8036, f"P36 is {call.get(36):g}; allowed: 1 to {MOST}")
+            raise ProgramError(invalid(P.STROKES), f"P36 is {call.get(P.STROKES):g}; allowed: 1 to {MOST}")
         return [approach + whole * number / count for number in range(1, count + 1)]
-    less, stroke = abs(call.needed(36, 8036)), abs(call.needed(37, 8037))
+    less, stroke = abs(call.needed(P.STROKES)), abs(call.needed(P.FIRST_STROKE))
     if not less:
-        raise ProgramError(8036, "P36 is 0: strokes would never end")
+        raise ProgramError(invalid(P.STROKES), "P36 is 0: strokes would never end")
     if not stroke:
-        raise ProgramError(8037, "P37 is 0")
+        raise ProgramError(invalid(P.FIRST_STROKE), "P37 is 0")
     if abs(whole) > MOST * less:
-        raise ProgramError(8036, f"P36 is {less:g}: more than {MOST} strokes to {abs(whole):g} mm")
+        raise ProgramError(invalid(P.STROKES), f"P36 is {less:g}: more than {MOST} strokes to {abs(whole):g} mm")
     sign = 1.0 if whole > 0 else -1.0
     left, at, ends = abs(whole), approach, list[float]()
     while left > 0.0:
@@ -93,10 +92,10 @@ def tapping(call: Call) -> Iterator[Move]:
     if not call.words:
         return
     depth, approach, pitch = _planes(call)
-    left = int(call.get(31) or 0) == LEFT or (not call.get(31) and call.turning < 0)
+    left = int(call.get(P.THREAD) or 0) == M.SPINDLE_LEFT or (not call.get(P.THREAD) and call.turning < 0)
     feed = (call.speed_rpm or 0.0) * pitch
-    yield from _begin(call, approach, LEFT if left else RIGHT)
-    yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(RIGHT if left else LEFT,))
+    yield from _begin(call, approach, M.SPINDLE_LEFT if left else M.SPINDLE_RIGHT)
+    yield _to(call, Kind.TAP, depth, feed, exact_stop=True, m=(M.SPINDLE_RIGHT if left else M.SPINDLE_LEFT,))
     if (dwell := _dwell(call)) is not None:
         yield Move(Kind.LINE, dwell_s=dwell)
     yield _to(call, Kind.TAP, approach, feed, exact_stop=True)
@@ -116,37 +115,42 @@ def boring(call: Call) -> Iterator[Move]:
 
 def _planes(call: Call) -> tuple[float, float, float]:
     """Depth, approach plane, and feed or pitch. Raises ProgramError: M8032 to M8034, M8300 to M8302."""
-    depth, approach = call.needed(33, 8033), call.needed(34, 8034)
-    feed = call.needed(32, 8032)
+    depth, approach = call.needed(P.HOLE_DEPTH), call.needed(P.APPROACH_PLANE)
+    feed = call.needed(P.HOLE_FEED)
     if feed <= 0.0:
-        raise ProgramError(8032, f"P32 is {feed:g}; allowed: more than 0")
+        raise ProgramError(invalid(P.HOLE_FEED), f"P32 is {feed:g}; allowed: more than 0")
     if depth == approach:
-        raise ProgramError(8033, "P33 and P34 are the same plane")
+        raise ProgramError(invalid(P.HOLE_DEPTH), "P33 and P34 are the same plane")
     if call.speed_rpm is None:
-        raise ProgramError(8300)
+        raise ProgramError(Code.NO_SPINDLE_SPEED)
     if not call.speed_rpm:
-        raise ProgramError(8302, "S is 0")
+        raise ProgramError(Code.SPINDLE_SPEED_ZERO, "S is 0")
     if not call.turning:
-        raise ProgramError(8301, "neither M03 nor M04 is in force")
+        raise ProgramError(Code.NO_SPINDLE_DIRECTION, "neither M03 nor M04 is in force")
     return depth, approach, feed
 
 
 def _dwell(call: Call) -> float | None:
-    return call.given(30)
+    return call.given(P.HOLE_DWELL)
 
 
 def _begin(call: Call, approach: float, spindle: int | None = None) -> Iterator[Move]:
     """Spindle on, to the place in rapid, or, with polar coordinates on a circle, with F; to the approach plane."""
-    on = spindle or (RIGHT if call.turning > 0 else LEFT)
+    on = spindle or (M.SPINDLE_RIGHT if call.turning > 0 else M.SPINDLE_LEFT)
     yield Move(Kind.RAPID, m=(on,))
-    yield Move(Kind.PROGRAMMED if call.polar and call.motion in (2, 3) else Kind.RAPID, call.words)
+    yield Move(
+        Kind.PROGRAMMED
+        if call.polar and call.motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE)
+        else Kind.RAPID,
+        call.words,
+    )
     yield _to(call, Kind.RAPID, approach)
 
 
 def _end(call: Call, approach: float) -> Iterator[Move]:
     """To the retract plane in rapid, spindle off."""
-    retract = call.get(35)
-    yield _to(call, Kind.RAPID, approach if retract is None else retract, m=(STOP,))
+    retract = call.get(P.RETRACT_PLANE)
+    yield _to(call, Kind.RAPID, approach if retract is None else retract, m=(M.SPINDLE_OFF,))
 
 
 def _to(

@@ -28,7 +28,8 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
+from isel_twin.firmware.bwo900.numbers import P
 
 RETRACT_MM: Final = 2.0
 """Above the floor, between rows and layers (manual)."""
@@ -226,33 +227,35 @@ def _zigzag(pocket: _Pocket, lines: Sequence[float]) -> Iterator[_Way]:
 def _rectangular(call: Call) -> tuple[_Job, _Pocket]:
     """Checks the parameters of G71 to G73. Raises ProgramError: M8001 to M8021."""
     radius = _tool(call)
-    first, second = _positive(call, 11, 8011), _positive(call, 12, 8012)
+    first, second = _positive(call, P.SIZE_1), _positive(call, P.SIZE_2)
     job = _job(call, radius, 0)
-    corner = call.get(14)
+    corner = call.get(P.POCKET_RADIUS)
     if corner is not None and corner < 0.0:
-        raise ProgramError(8014, f"P14 is {corner:g}")
+        raise ProgramError(invalid(P.POCKET_RADIUS), f"P14 is {corner:g}")
     if corner is None:
         corner = radius
     if min(first, second) - 2.0 * (job.allowance + radius) < -NEAR_MM:
-        raise ProgramError(8001, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15")
+        raise ProgramError(
+            Code.POCKET_IMPOSSIBLE, f"a tool of radius {radius:g} mm does not fit {min(first, second):g} mm with P15"
+        )
     if corner < radius:
-        raise ProgramError(8001, f"P14 is {corner:g}, the tool's radius {radius:g} mm")
+        raise ProgramError(Code.POCKET_IMPOSSIBLE, f"P14 is {corner:g}, the tool's radius {radius:g} mm")
     if 2.0 * corner > min(first, second) + NEAR_MM:
-        raise ProgramError(8004, f"P14 is {corner:g}, the shorter side {min(first, second):g} mm")
+        raise ProgramError(Code.CORNER_TOO_LARGE, f"P14 is {corner:g}, the shorter side {min(first, second):g} mm")
     quarters = 0 if first >= second else 3
-    if call.needed(16, 8016) < 0.0:
+    if call.needed(P.INFEED_ACROSS) < 0.0:
         quarters += 2
     job = _job(call, radius, quarters)
     pocket = _grown(call, job, job.allowance)
-    _counted(call, 16, 8016, 2.0 * pocket.b, job.infeed)
+    _counted(P.INFEED_ACROSS, 2.0 * pocket.b, job.infeed)
     return job, pocket
 
 
 def _grown(call: Call, job: _Job, allowance: float) -> _Pocket:
     """The pocket of the tool's centre with an allowance."""
-    sizes = call.needed(11, 8011), call.needed(12, 8012)
+    sizes = call.needed(P.SIZE_1), call.needed(P.SIZE_2)
     inset = allowance + job.radius
-    corner = call.given(14) or job.radius
+    corner = call.given(P.POCKET_RADIUS) or job.radius
     b = min(sizes) / 2.0 - inset
     return _Pocket(max(sizes) / 2.0 - inset, b, max(min(corner - inset, b), 0.0))
 
@@ -301,31 +304,33 @@ def circle_finished(call: Call) -> Iterator[Move]:
 def _circular(call: Call) -> tuple[_Job, int]:
     """Checks the parameters of G74 and G75; the turn. Raises ProgramError: M8001 to M8021."""
     tool = _tool(call)
-    radius = _positive(call, 14, 8014)
-    drilled = call.get(11) or 0.0
+    radius = _positive(call, P.POCKET_RADIUS)
+    drilled = call.get(P.SIZE_1) or 0.0
     if drilled < 0.0:
-        raise ProgramError(8010, f"P11 is {drilled:g}")
+        raise ProgramError(Code.INNER_RADIUS, f"P11 is {drilled:g}")
     if radius < tool:
-        raise ProgramError(8007, f"P14 is {radius:g}, the tool's radius {tool:g} mm")
+        raise ProgramError(Code.POCKET_TOO_SMALL, f"P14 is {radius:g}, the tool's radius {tool:g} mm")
     job = _job(call, tool, 0)
     if drilled + job.infeed > radius:
-        raise ProgramError(8008, f"P11 and P16 are {drilled + job.infeed:g}, P14 {radius:g}")
-    _counted(call, 16, 8016, radius, job.infeed)
+        raise ProgramError(Code.INFEED_BEYOND_POCKET, f"P11 and P16 are {drilled + job.infeed:g}, P14 {radius:g}")
+    _counted(P.INFEED_ACROSS, radius, job.infeed)
     if _radius(call, job, job.allowance) < -NEAR_MM:
-        raise ProgramError(8001, f"a tool of radius {tool:g} mm does not fit radius {radius:g} mm with P15")
-    return job, -1 if call.needed(16, 8016) > 0.0 else 1
+        raise ProgramError(
+            Code.POCKET_IMPOSSIBLE, f"a tool of radius {tool:g} mm does not fit radius {radius:g} mm with P15"
+        )
+    return job, -1 if call.needed(P.INFEED_ACROSS) > 0.0 else 1
 
 
 def _radius(call: Call, job: _Job, allowance: float) -> float:
     """Of the tool's centre on the wall."""
-    return call.needed(14, 8014) - allowance - job.radius
+    return call.needed(P.POCKET_RADIUS) - allowance - job.radius
 
 
 def _spiral(call: Call, job: _Job, last: float, turn: int) -> Iterator[_Way]:
     """From the middle to the wall: along the first axis, a circle, half circles that grow, a circle."""
     if last <= NEAR_MM:
         return
-    at = min((call.get(11) or 0.0) + job.infeed, last)
+    at = min((call.get(P.SIZE_1) or 0.0) + job.infeed, last)
     yield _Way((0.0, 0.0), (at, 0.0))
     yield from _full(at, turn)
     while at < last - NEAR_MM:
@@ -355,47 +360,50 @@ def _away(radius: float, turn: int) -> _Way:
 
 def _tool(call: Call) -> float:
     if call.tool_radius_mm <= 0.0:
-        raise ProgramError(8001, "the tool has no radius")
+        raise ProgramError(Code.POCKET_IMPOSSIBLE, "the tool has no radius")
     return call.tool_radius_mm
 
 
-def _positive(call: Call, number: int, error: int) -> float:
-    value = call.needed(number, error)
+def _positive(call: Call, number: int) -> float:
+    value = call.needed(number)
     if value <= 0.0:
-        raise ProgramError(error, f"P{number} is {value:g}; allowed: more than 0")
+        raise ProgramError(invalid(number), f"P{number} is {value:g}; allowed: more than 0")
     return value
 
 
-def _counted(call: Call, number: int, error: int, way: float, step: float) -> None:
+def _counted(number: int, way: float, step: float) -> None:
     if way > MOST * step:
-        raise ProgramError(error, f"P{number} is {step:g}: more than {MOST} infeeds to {way:g} mm")
+        raise ProgramError(invalid(number), f"P{number} is {step:g}: more than {MOST} infeeds to {way:g} mm")
 
 
-def _not_negative(call: Call, number: int, error: int) -> float:
+def _not_negative(call: Call, number: int) -> float:
     value = call.get(number) or 0.0
     if value < 0.0:
-        raise ProgramError(error, f"P{number} is {value:g}; allowed: 0 and more")
+        raise ProgramError(invalid(number), f"P{number} is {value:g}; allowed: 0 and more")
     return value
 
 
 def _job(call: Call, radius: float, quarters: int) -> _Job:
     """What all of them check. Raises ProgramError: M8009, M8013, M8015 to M8019, M8021, M1230 no feed."""
-    depth = _positive(call, 13, 8013)
-    allowance = _not_negative(call, 15, 8015)
-    infeed = abs(call.needed(16, 8016))
+    depth = _positive(call, P.POCKET_DEPTH)
+    allowance = _not_negative(call, P.ALLOWANCE)
+    infeed = abs(call.needed(P.INFEED_ACROSS))
     if not 0.0 < infeed <= 2.0 * radius + NEAR_MM:
-        raise ProgramError(8016, f"P16 is {call.get(16):g}; allowed: to the tool's diameter, {2.0 * radius:g} mm")
-    step = _positive(call, 17, 8017)
-    left = _not_negative(call, 18, 8018)
+        raise ProgramError(
+            invalid(P.INFEED_ACROSS),
+            f"P16 is {call.get(P.INFEED_ACROSS):g}; allowed: to the tool's diameter, {2.0 * radius:g} mm",
+        )
+    step = _positive(call, P.INFEED_DEPTH)
+    left = _not_negative(call, P.DEPTH_ALLOWANCE)
     if left >= depth:
-        raise ProgramError(8018, f"P18 is {left:g}, P13 {depth:g}")
+        raise ProgramError(invalid(P.DEPTH_ALLOWANCE), f"P18 is {left:g}, P13 {depth:g}")
     if step > depth - left + NEAR_MM:
-        raise ProgramError(8009, f"P17 is {step:g}, P13 less P18 {depth - left:g}")
-    _counted(call, 17, 8017, depth - left, step)
-    safety = _positive(call, 19, 8019)
-    plunge = _not_negative(call, 21, 8021) or call.feed_mm_min
+        raise ProgramError(Code.INFEED_BEYOND_DEPTH, f"P17 is {step:g}, P13 less P18 {depth - left:g}")
+    _counted(P.INFEED_DEPTH, depth - left, step)
+    safety = _positive(call, P.POCKET_SAFETY)
+    plunge = _not_negative(call, P.PLUNGING_FEED) or call.feed_mm_min
     if call.feed_mm_min is None or plunge is None:
-        raise ProgramError(1230)
+        raise ProgramError(Code.NO_FEED)
     plane = call.plane
     u, v = plane.of(call.position)
     height = call.words.get(plane.third, call.position[plane.third])
@@ -417,8 +425,8 @@ def _finishing(call: Call, job: _Job) -> list[float]:
     """Allowances of the finishing cuts, 0 the last; none where there is no allowance. Raises ProgramError: M8020."""
     if not job.allowance:
         return []
-    step = _positive(call, 20, 8020)
-    _counted(call, 20, 8020, job.allowance, step)
+    step = _positive(call, P.FINISHING_INFEED)
+    _counted(P.FINISHING_INFEED, job.allowance, step)
     return [job.allowance - reached for reached in layers(job.allowance, step)]
 
 
@@ -440,7 +448,7 @@ def _level(job: _Job, height: float, kind: Kind, feed: float | None = None) -> M
 def _down(job: _Job, layer: int) -> Iterator[Move]:
     """To a layer's floor: rapid through what is free, with a safety distance, then with the plunging feed."""
     if layer:
-        over = job.floors[layer - 1] + job.call.needed(19, 8019)
+        over = job.floors[layer - 1] + job.call.needed(P.POCKET_SAFETY)
         if over < job.height:
             yield _level(job, over, Kind.RAPID)
     yield _level(job, job.floors[layer], Kind.LINE, job.plunge)

@@ -20,10 +20,17 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
 from isel_twin.firmware.bwo900.geometry.frames import Rotation
-from isel_twin.firmware.bwo900.messages import ProgramError
+from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
+from isel_twin.firmware.bwo900.numbers import G, P, Ray
 
+TURNS: Final = {G.CIRCLE_CLOCKWISE: Kind.CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE: Kind.COUNTER_CLOCKWISE}
 AGREE_MM: Final = 1e-3
 """What is said twice may differ by so much."""
+RAY_CODES: Final[Mapping[int, tuple[Code, Code, Code]]] = {
+    P.RAY_1: (Code.RAY_1_PLACES_MISSING, Code.RAY_1_LENGTH_TWICE, Code.RAY_1_PLACES_TWICE),
+    P.RAY_2: (Code.RAY_2_PLACES_MISSING, Code.RAY_2_LENGTH_TWICE, Code.RAY_2_PLACES_TWICE),
+}
+"""By the first parameter of a ray: the places are missing; the length, the places are said twice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +49,7 @@ class _Ray:
 
 def ray(call: Call) -> Iterator[Move]:
     """G86."""
-    begin, line = _start(call), _ray(call, 100)
+    begin, line = _start(call), _ray(call, P.RAY_1)
     yield from _come(call, begin)
     if line.count < 2:
         yield _place(call, begin, line.at(1.0), line.count == 1)
@@ -53,7 +60,7 @@ def ray(call: Call) -> Iterator[Move]:
 
 def perimeter(call: Call) -> Iterator[Move]:
     """G87."""
-    begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
+    begin, first, second = _start(call), _ray(call, P.RAY_1), _ray(call, P.RAY_2)
     yield from _come(call, begin)
     n, m = max(first.count, 1), max(second.count, 1)
     along, across = ((i, 0) for i in range(n)), ((n - 1, j) for j in range(1, m))
@@ -65,7 +72,7 @@ def perimeter(call: Call) -> Iterator[Move]:
 
 def grid(call: Call) -> Iterator[Move]:
     """G88."""
-    begin, first, second = _start(call), _ray(call, 100), _ray(call, 110)
+    begin, first, second = _start(call), _ray(call, P.RAY_1), _ray(call, P.RAY_2)
     yield from _come(call, begin)
     n, m = max(first.count, 1), max(second.count, 1)
     for j in range(m):
@@ -76,13 +83,13 @@ def grid(call: Call) -> Iterator[Move]:
 
 def circle(call: Call) -> Iterator[Move]:
     """G89."""
-    centre = (call.needed(120, 8120), call.needed(121, 8121))
-    radius = abs(call.needed(122, 8122)) / 2.0
+    centre = (call.needed(P.CENTRE_X), call.needed(P.CENTRE_Y))
+    radius = abs(call.needed(P.DIAMETER)) / 2.0
     if not radius:
-        raise ProgramError(8122, "P122 is 0")
-    start = math.fmod(call.needed(123, 8123), 360.0)
+        raise ProgramError(invalid(P.DIAMETER), "P122 is 0")
+    start = math.fmod(call.needed(P.START_ANGLE), 360.0)
     travel, count = _circle_places(call)
-    kind = {2: Kind.CLOCKWISE, 3: Kind.COUNTER_CLOCKWISE}.get(call.motion, Kind.RAPID) if travel else Kind.RAPID
+    kind = TURNS.get(call.motion, Kind.RAPID) if travel else Kind.RAPID
     yield _move(call, Kind.RAPID, _on_circle(centre, radius, start), count > 1, others=call.words)
     steps = max(count, 2)
     for number in range(1, steps):
@@ -95,26 +102,28 @@ def circle(call: Call) -> Iterator[Move]:
 
 def _circle_places(call: Call) -> tuple[float, int]:
     """Travel angle in degrees, and how many places. Raises ProgramError: M8124 to M8126, M8333, M8334."""
-    travel, division, count = call.get(124), call.get(125), call.get(126)
+    travel, division, count = call.get(P.TRAVEL_ANGLE), call.get(P.DIVISION_ANGLE), call.get(P.PLACES)
     number = None if count is None else int(abs(count))
     if travel is None and number is None:
         if not division:
-            raise ProgramError(8125, "neither P124 nor P125 with P126 says where it ends")
-        number = _places(360.0, abs(division), 8125) - 1  # a full circle
+            raise ProgramError(invalid(P.DIVISION_ANGLE), "neither P124 nor P125 with P126 says where it ends")
+        number = _places(360.0, abs(division), P.DIVISION_ANGLE) - 1  # a full circle
         return division * (number - 1), number
     if travel is None:
         if division is None:
-            raise ProgramError(8124, "neither P124 nor P125")
+            raise ProgramError(invalid(P.TRAVEL_ANGLE), "neither P124 nor P125")
         assert number is not None
         return division * (number - 1), number
     if number is None:
         if division is None:
-            raise ProgramError(8126, "neither P125 nor P126")
+            raise ProgramError(invalid(P.PLACES), "neither P125 nor P126")
         if not division:
-            raise ProgramError(8334)
-        return travel, _places(abs(travel), abs(division), 8125)
+            raise ProgramError(Code.DIVISION_ANGLE_ZERO)
+        return travel, _places(abs(travel), abs(division), P.DIVISION_ANGLE)
     if division and number > 1 and abs(abs(division) * (number - 1) - abs(travel)) > AGREE_MM:
-        raise ProgramError(8333, f"{number} places of {division:g} degrees are not {travel:g} degrees")
+        raise ProgramError(
+            Code.CIRCLE_PLACES_TWICE, f"{number} places of {division:g} degrees are not {travel:g} degrees"
+        )
     return travel, number
 
 
@@ -125,45 +134,51 @@ def _on_circle(centre: tuple[float, float], radius: float, angle_deg: float) -> 
 
 def _ray(call: Call, base: int) -> _Ray:
     """The ray of P100 .. or P110 .. Raises ProgramError: missing or contradicting parameters."""
-    u, v, angle, length, division, count = (call.get(base + k) for k in (0, 1, 3, 4, 5, 6))
-    message = 8000 + base
+    u, v, angle, length, division, count = (
+        call.get(base + k) for k in (Ray.X, Ray.Y, Ray.ANGLE, Ray.LENGTH, Ray.DIVISION, Ray.PLACES)
+    )
     number = None if count is None else int(abs(count))
     division = None if division is None else abs(division)
     length = None if length is None else abs(length)
-    twice = 8_300 + (base - 100)  # 8311 and 8315 of ray 1, 8321 and 8325 of ray 2
+    missing, length_twice, places_twice = RAY_CODES[base]
     if u is not None or v is not None:
         if u is None or v is None:
-            raise ProgramError(message + (u is not None), f"P{base} and P{base + 1} are the end, one has no value")
+            raise ProgramError(
+                invalid(base + (Ray.X if u is None else Ray.Y)),
+                f"P{base} and P{base + 1} are the end, one has no value",
+            )
         size = math.hypot(u, v)
         if length is not None and abs(length - size) > AGREE_MM:
-            raise ProgramError(twice + 11, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
+            raise ProgramError(length_twice, f"P{base + 4} is {length:g}, the vector {size:g} mm long")
         if angle is not None and math.dist(_along(angle, size), (u, v)) > AGREE_MM:
-            raise ProgramError(message + 3, f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere")
+            raise ProgramError(
+                invalid(base + Ray.ANGLE), f"P{base + 3} is {angle:g} degrees, the vector goes elsewhere"
+            )
     else:
         if angle is None:
-            raise ProgramError(message + 3, f"neither P{base}, P{base + 1} nor P{base + 3}")
+            raise ProgramError(invalid(base + Ray.ANGLE), f"neither P{base}, P{base + 1} nor P{base + 3}")
         if length is None:
             if division is None or number is None:
-                raise ProgramError(message + 4, f"neither P{base + 4} nor P{base + 5} with P{base + 6}")
+                raise ProgramError(invalid(base + Ray.LENGTH), f"neither P{base + 4} nor P{base + 5} with P{base + 6}")
             length = division * (number - 1 if number > 1 else number)
         size = length
         u, v = _along(angle, size)
     if number is None:
         if division is None:
-            raise ProgramError(message + 7, f"neither P{base + 5} nor P{base + 6}")
+            raise ProgramError(missing, f"neither P{base + 5} nor P{base + 6}")
         if not division:
-            raise ProgramError(message + 5, f"P{base + 5} is 0")
-        number = _places(size, division, message + 5)
+            raise ProgramError(invalid(base + Ray.DIVISION), f"P{base + 5} is 0")
+        number = _places(size, division, base + Ray.DIVISION)
     elif division and number > 1 and abs(division * (number - 1) - size) > AGREE_MM:
-        raise ProgramError(twice + 15, f"{number} places of {division:g} mm are not {size:g} mm")
+        raise ProgramError(places_twice, f"{number} places of {division:g} mm are not {size:g} mm")
     return _Ray(u, v, number)
 
 
-def _places(way: float, division: float, error: int) -> int:
-    """How many places there are on a way. Raises ProgramError if no number is so large."""
+def _places(way: float, division: float, number_of_division: int) -> int:
+    """How many places there are on a way. Raises ProgramError about the division's P if no number is so large."""
     number = way / division
     if not math.isfinite(number):
-        raise ProgramError(error, f"{way:g} in parts of {division:g}")
+        raise ProgramError(invalid(number_of_division), f"{way:g} in parts of {division:g}")
     return int(number + 1e-9) + 1
 
 

@@ -7,19 +7,20 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.cycles import drilling, milling, pattern
 from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Move
+from isel_twin.firmware.bwo900.numbers import G
 
 CYCLES: Final[Mapping[int, Callable[[Call], Iterator[Move]]]] = {
-    71: milling.rectangle,
-    72: milling.rectangle_zigzag,
-    73: milling.rectangle_finished,
-    74: milling.circle,
-    75: milling.circle_finished,
-    81: drilling.drilling,
-    83: drilling.deep_hole,
-    84: drilling.tapping,
-    85: drilling.boring,
-    86: pattern.ray,
-    87: pattern.perimeter,
-    88: pattern.grid,
-    89: pattern.circle,
+    G.RECTANGLE: milling.rectangle,
+    G.RECTANGLE_ZIGZAG: milling.rectangle_zigzag,
+    G.RECTANGLE_FINISHED: milling.rectangle_finished,
+    G.CIRCULAR_POCKET: milling.circle,
+    G.CIRCULAR_POCKET_FINISHED: milling.circle_finished,
+    G.DRILLING: drilling.drilling,
+    G.DEEP_HOLE: drilling.deep_hole,
+    G.TAPPING: drilling.tapping,
+    G.BORING: drilling.boring,
+    G.RAY: pattern.ray,
+    G.PERIMETER: pattern.perimeter,
+    G.GRID: pattern.grid,
+    G.CIRCLE_OF_PLACES: pattern.circle,
 }
