@@ -10,8 +10,8 @@ Goal: every command of the tables in commands.py and every reply code in words, 
 
 Replies come in the order of the commands, so a queue tells which of them an answer belongs to. How lines are read
 depends on the axes that are set, the device number, and a data field between `@0i` and `9`. These are followed twice:
-`_told` by what has been answered, to read answers, and `_ahead` by what has been sent, as if all were accepted, to explain
-commands. Both are the same whenever nothing is left to be answered.
+`_told` by what has been answered, to read answers, and `_ahead` by what has been sent, as if all were accepted, to
+explain commands. Both are the same whenever nothing is left to be answered.
 
 Bytes alone do not tell everything: a byte for a stored program that waits for one is taken for the beginning of a line,
 and a reply code that a stored program sends for a reply. After a lost answer each answer is explained as that of the

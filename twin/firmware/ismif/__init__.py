@@ -8,8 +8,8 @@
     configuration.py   what can be set
     moves.py           ramp law, full steps
 
-docs/ismif.md has what the manual leaves open and the ramp law in closed form. Sections in the docstrings are those of the
-manual; S1, S2 ... are in docs/decisions.md.
+docs/ismif.md has what the manual leaves open and the ramp law in closed form. Sections in the docstrings are the
+manual's; S1, S2 ... are in docs/decisions.md.
 """
 
 from __future__ import annotations

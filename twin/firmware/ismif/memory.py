@@ -1,7 +1,7 @@
 """The iSMIF's job memory: 64 KB of commands that wait for their start; and the lines that wait for room in it.
 
 Section 5.2 as a queue: commands enter at the tail with the bytes they took on the line, and leave at the head when they
-are carried out. Only *released* ones may leave: 01h releases everything stored so far, and so does a memory that is full.
+are carried out. Only *released* ones may leave: 01h releases everything stored so far, and so does a full memory.
 
       head |==========released==========|------stored------|.........free.........|
            next to be carried out                           ^ tail        RESERVE: 03h from here on
