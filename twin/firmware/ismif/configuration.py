@@ -50,8 +50,8 @@ class Configuration:
                 self.speed_hz[index] = speed_hz
             case "#R", (ramp_ms,):
                 self.ramp_ms = ramp_ms
-            case "#D", (axis, positive, *speeds):
+            case "#D", (axis, positive, search, free, offset_speed):
                 offset = self.reference[axis].offset
-                self.reference[axis] = ReferenceSettings(positive == 1, *speeds, offset)
+                self.reference[axis] = ReferenceSettings(positive == 1, search, free, offset_speed, offset)
             case "#O", (axis, offset):
                 self.reference[axis] = replace(self.reference[axis], offset=offset)
