@@ -60,9 +60,8 @@ class Files:
         """Raise CallError unless all of them can be written, without replacing a file that the call needs (`kept`)."""
         self.kinds()
         if self.report is not None and self.report.suffix.lower() == ".png" and find_spec("matplotlib") is None:
-            raise CallError(
-                f"report {self.report}: a picture needs matplotlib: pip install 'isel-twin[report]'", option=True
-            )
+            why = "a picture needs matplotlib: pip install 'isel-twin[report]'"
+            raise CallError(f"report {self.report}: {why}", option=True)
         check_record(self.record)
         check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
 
