@@ -80,7 +80,7 @@ def exec_(
         outputs.say(done.reason)
     if steps is not None:
         with call_errors():
-            write_trace(steps, driven, None, ".npz")
+            write_trace(steps, driven.steps, None, ".npz")
     if json:
         called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
         outputs.say_json(summary(done) | called)

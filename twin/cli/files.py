@@ -101,7 +101,7 @@ class Writing:
         for path, kind in zip((files.steps, files.vcd, files.trace), files.kinds(), strict=True):
             if path is not None:
                 with outputs.put_off(failures, path):
-                    write_trace(path, self.twin, self.recorder, kind)
+                    write_trace(path, self.twin.steps, self.recorder, kind)
         if self.recording is not None and files.record is not None:
             with outputs.put_off(failures, files.record):
                 whole = keep(self.recording, files.record)

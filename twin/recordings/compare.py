@@ -13,14 +13,14 @@ the stream has made by then since the counter was set.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
 import numpy as np
 
 from isel_twin.language import Language, readable
-from isel_twin.recordings.reading import Entry, Recorded, RecordingError
+from isel_twin.recordings.reading import Recorded, RecordingError
 
 MOST_UNLIKE = 4000
 """Commands that are matched as a text is; between longer stretches without a likeness at their ends each is compared
@@ -44,7 +44,6 @@ class Exchange:
 
     @property
     def duration_ns(self) -> int | None:
-        """From the command to the end of its reply."""
         return None if self.replied_ns is None else self.replied_ns - self.sent_ns
 
 
@@ -76,8 +75,6 @@ class Pair:
 
 @dataclass(frozen=True)
 class Comparison:
-    """See the module."""
-
     pairs: tuple[Pair, ...]
     only_a: tuple[Exchange, ...]
     only_b: tuple[Exchange, ...]
@@ -168,19 +165,17 @@ def paired(pieces: Iterable[tuple[int, bytes, bool, int]], language: Language) -
             elif replies:
                 replies[waiting.pop(0) if waiting else -1].append((time_ns - max(left, 0) * byte_ns, message.data))
     return [
-        Exchange(
-            sent_ns, command, text, explanation, b"".join(data for _, data in came), came[-1][0] if came else None, None
-        )
-        for (sent_ns, command, text, explanation), came in zip(sent, replies, strict=True)
+        Exchange(*command, b"".join(data for _, data in came), came[-1][0] if came else None, None)
+        for command, came in zip(sent, replies, strict=True)
     ]
 
 
 def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
     """Time, bytes, by the host?, ns a byte: in the order in which the last bytes came, without those that did not."""
-    lost = {(entry.time_ns, data) for entry, data in _bytes_of(recorded, "/host/lost")}
+    lost = {(entry.time_ns, recorded.data(entry)) for entry in recorded.of("/host/lost")}
     found = []
-    for entry, data in _bytes_of(recorded, "/host/sent", "/host/received"):
-        byte_ns = int(entry.content.get("byte_ns", 0))
+    for entry in recorded.of("/host/sent", "/host/received"):
+        data, byte_ns = recorded.data(entry), int(entry.content.get("byte_ns", 0))
         by_host = entry.channel == "/host/sent"
         if by_host or not lost:
             found.append((entry.time_ns, data, by_host, byte_ns))
@@ -191,14 +186,6 @@ def traffic(recorded: Recorded) -> list[tuple[int, bytes, bool, int]]:
         elif (entry.time_ns, data) not in lost:
             found.append((entry.time_ns, data, False, 0))
     return sorted(found, key=lambda piece: piece[0])
-
-
-def _bytes_of(recorded: Recorded, *channels: str) -> Iterator[tuple[Entry, bytes]]:
-    for entry in recorded.of(*channels):
-        try:
-            yield entry, bytes.fromhex(entry.content["hex"])
-        except (KeyError, TypeError, ValueError):
-            raise RecordingError(f"{recorded.path}: {entry.channel} at {entry.time_ns} ns has no bytes") from None
 
 
 class Counters:
@@ -224,12 +211,11 @@ class Counters:
         self._offset_times = np.array([time_ns for time_ns, _ in self._offsets], dtype=np.int64)
 
     def at(self, time_ns: int) -> tuple[int, ...]:
-        """The counters at time_ns, one an axis."""
         index = int(self._offset_times.searchsorted(time_ns, side="right")) - 1
         return tuple(n + o for n, o in zip(self._total(time_ns), self._offsets[index][1], strict=True))
 
     def _total(self, time_ns: int) -> list[int]:
-        """All ticks made by then."""
+        """All ticks made by then, of each axis."""
         index = int(self._starts.searchsorted(time_ns, side="right"))
         total = [int(n) for n in self._before[max(index - 1, 0)]]
         if index:

@@ -1,7 +1,4 @@
-"""A recording as a file of another kind: what `--record OUT.vcd` and `isel-twin export` write.
-
-session.mcap  --- read ---> stream, samples, changes --- write.py ---> .npz  .vcd  .parquet  .csv
-"""
+"""A recording as a file of another kind (write.py): what `--record OUT.vcd` and `isel-twin export` write."""
 
 from __future__ import annotations
 
@@ -9,11 +6,11 @@ import os
 from pathlib import Path
 
 from isel_twin.recordings.reading import Played, RecordingError, read
-from isel_twin.recordings.write import trace_kind, write_steps_and_samples
+from isel_twin.recordings.write import trace_kind, write_trace
 
 
 def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
-    """Write a recording as a file of a kind of `write.KINDS`; without `kind`, the one that its name ends in.
+    """Write a recording as a file of one of `write.KINDS`; without `kind`, the one that its name ends in.
 
     Returns False if the recording was cut off. Raises RecordingError for one of a real controller, which has nothing
     but bytes, and as `read` does; ValueError for an unknown kind; OSError.
@@ -23,5 +20,5 @@ def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind:
     recorded = read(recording)
     if not recorded.of_twin:
         raise RecordingError(f"{recording}: has bytes of a line and nothing else; `isel-twin decode` explains them")
-    write_steps_and_samples(out, recorded.steps(), None if kind == ".npz" else Played(recorded), kind)
+    write_trace(out, recorded.steps(), None if kind == ".npz" else Played(recorded), kind)
     return recorded.whole

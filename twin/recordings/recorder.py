@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 BUFFER = 4096
 """Samples kept before they go to the file."""
-
 log = logging.getLogger("isel_twin")
 
 
@@ -44,15 +43,9 @@ class Change:
 
 
 def sample_dtype(axes: int) -> np.dtype[np.void]:
-    """One sample of a controller with that many axes: time_ns, counts [axes], position_mm [3], lost_steps [axes]."""
-    return np.dtype(
-        [
-            ("time_ns", np.int64),
-            ("counts", np.int64, (axes,)),
-            ("position_mm", np.float64, (len(CARRIAGES),)),
-            ("lost_steps", np.float64, (axes,)),
-        ]
-    )
+    """One sample of a controller with that many axes."""
+    counts, lost = ("counts", np.int64, (axes,)), ("lost_steps", np.float64, (axes,))
+    return np.dtype([("time_ns", np.int64), counts, ("position_mm", np.float64, (len(CARRIAGES),)), lost])
 
 
 class Samples(Protocol):
@@ -95,11 +88,9 @@ class Recorder:
         self.close()
 
     def close(self) -> None:
-        """Forget the samples."""
         self._file.close()
 
     def __len__(self) -> int:
-        """Number of samples taken."""
         return self._stored + self._buffered
 
     def _hear(self, time_ns: int, kind: str, what: Any) -> None:
@@ -130,11 +121,8 @@ class Recorder:
             self._buffer.tofile(self._file)
         except OSError:  # numpy does not say why
             self.ended = True
-            log.error(
-                "the recording ends at %.3f s: no room for it in %s",
-                self._buffer["time_ns"][-1] / 1e9,
-                tempfile.gettempdir(),
-            )
+            now_s, folder = self._buffer["time_ns"][-1] / 1e9, tempfile.gettempdir()
+            log.error("the recording ends at %.3f s: no room for it in %s", now_s, folder)
             return False
         self._stored += BUFFER
         self._buffered = 0
@@ -168,7 +156,7 @@ class Recorder:
 
 
 def _in_words(what: Any) -> str:
-    """An event, which is a table, or a remark."""
+    """what: an event, which is a table, or a remark."""
     if isinstance(what, Mapping):
         return ", ".join(f"{key} {_in_words(value)}" for key, value in what.items())
     return str(what)

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.core.journal import Received
 from isel_twin.core.position import position_error_mm
 from isel_twin.core.told import StateError
 from isel_twin.language import create_language
@@ -43,19 +42,14 @@ MODEL, FIXTURE = "model", "fixture"
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
 """Files beside a model that it may need."""
 MOST_ASSET_BYTES = 1 << 24
-
 GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
 """Channel of each group of a `recorder.Change`."""
-
 MOST_LOOKS = 100
 """Most samples of changes that wait for those of the plant."""
-
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 
 class Sink(Protocol):
-    """Where messages go."""
-
     def sent(self, time_ns: int, data: bytes) -> None: ...
     def received(self, time_ns: int, data: bytes, byte_ns: int = 0) -> None: ...
     def message(self, channel: str, time_ns: int, content: Mapping[str, Any]) -> None: ...
@@ -86,7 +80,7 @@ class Recording:
 
     @property
     def waiting(self) -> bool:
-        """True if the sink has not been told of everything."""
+        """The sink has not been told of everything."""
         return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
 
     def hand_on(self) -> None:
@@ -103,7 +97,6 @@ class Recording:
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
 
     def _take(self, samples: TwinSamples) -> None:
-        """Samples of the plant."""
         rows = np.empty(len(samples.time_ns), dtype=self._dtype)
         for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
             rows[name] = getattr(samples, name)
@@ -129,7 +122,7 @@ class Recording:
         if kind == "sent":
             sink.sent(time_ns, what)
         elif kind == "received":
-            self._received(what)
+            sink.received(what.arrival_ns, what.data, what.byte_ns)
         elif kind == "lost":
             sink.message("/host/lost", what.arrival_ns, {"hex": what.data.hex()})
         elif kind == "motion":
@@ -146,17 +139,14 @@ class Recording:
         else:
             sink.message({"operated": "/operator", "scenario": "/scenario"}[kind], time_ns, what)
 
-    def _received(self, reply: Received) -> None:
-        self._sink.received(reply.arrival_ns, reply.data, reply.byte_ns)
-
     def _follow(self, time_ns: int, motion: Motion | None) -> None:
         before, self._motion = self._motion, motion
         if motion is None:
             self._sink.message("/runs", time_ns, {"run": None})
             return
         continues = before is not None and motion.continues(before)
-        known = before if continues else None
-        self._sink.message("/runs", time_ns, {"run": described(motion, known, time_ns), "continues": continues})
+        run = described(motion, before if continues else None, time_ns)
+        self._sink.message("/runs", time_ns, {"run": run, "continues": continues})
 
     def _look(self, twin: Twin) -> None:
         time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm
@@ -256,13 +246,20 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
 
 def packages() -> dict[str, str]:
     """Versions of what decides the last bit, by package."""
-    return {name: _version(name) for name in PACKAGES}
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
 
 
 def attachments(origin: TwinSpec) -> dict[str, bytes]:
     """Files that belong to it, by name. Raises OSError for a scenario that has gone."""
     machine = origin.as_built
-    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": _content(machine.file)}
+    text = machine.file.read_bytes() if machine.file.is_file() else b""
+    files = {MACHINE: json.dumps(machine.tree, default=_plain).encode(), "machine.toml": text}
     for folder, model in ((MODEL, machine.model_file), (FIXTURE, machine.fixture_file)):
         if model is not None:
             for path in sorted(model.resolve().parent.iterdir()):
@@ -275,17 +272,6 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
     return files
 
 
-def _content(path: Path) -> bytes:
-    return path.read_bytes() if path.is_file() else b""
-
-
 def _plain(value: Any) -> Any:
     """What JSON cannot hold: numpy's numbers and arrays, paths."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"

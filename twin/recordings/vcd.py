@@ -44,8 +44,7 @@ SETUP_NS = 1000
 CHUNK = 1 << 16
 """Ticks expanded at a time."""
 
-_Entry = tuple[int, str, int | float | str]
-"""(time in ns, name of the signal, new value)"""
+_Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 
 
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
@@ -140,7 +139,6 @@ def _pulses(steps: Steps, doubled: bool) -> Iterator[_Entry]:
 
 
 def _commands(steps: Steps) -> Iterator[_Entry]:
-    """Sum of the changes after each tick."""
     command = [0] * steps.axes
     for time, changes in _ticks(steps, every=True):
         for axis, change in enumerate(changes):
