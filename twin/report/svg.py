@@ -28,7 +28,6 @@ def tenths(value: float) -> str:
 
 
 def number(value: float) -> str:
-    """A number at an axis."""
     return f"{value + 0.0:g}" if abs(value) >= 1e-9 else "0"
 
 
