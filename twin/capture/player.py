@@ -25,7 +25,6 @@ from isel_twin.motion import Displacement, StepRun
 
 NAME = "player"
 """What twins and recordings call it."""
-
 GAP_NS = 100_000_000
 """Pause between two ticks that ends a motion: no start-stop frequency is below 10 Hz."""
 LEAD_NS = 1000
@@ -112,7 +111,6 @@ class Player:
         axes = ticks.delta.shape[1]
         self.direction = (1,) * axes
         self.motions: tuple[StepRun, ...] = tuple(_motions(ticks, gap_ns))
-        """The motions of the capture, in the order of time."""
         self.run: StepRun | None = None
         self._ticks = ticks
         self._contacts = contacts

@@ -28,15 +28,12 @@ class WrongCallError(CaptureError):
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """One signal; see the module."""
-
     first: bool
     """Level before the first change."""
     t_ns: NDArray[np.int64]
     """int64 [n], never decreasing: times of its changes."""
 
     def inverted(self) -> Wave:
-        """The opposite level at every time."""
         return Wave(not self.first, self.t_ns)
 
     def edges(self, rising: bool) -> NDArray[np.int64]:

@@ -42,6 +42,16 @@ class Change:
     value: int | str
 
 
+def changes(last: dict[str, int | str], values: Mapping[str, int | str]) -> dict[str, int | str]:
+    """The values that are not as in `last`, which has them from now on; numbers in JSON's types."""
+    if values == last:
+        return {}
+    plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
+    changed = {name: value for name, value in plain.items() if last.get(name) != value}
+    last |= changed
+    return changed
+
+
 def sample_dtype(axes: int) -> np.dtype[np.void]:
     """One sample of a controller with that many axes."""
     counts, lost = ("counts", np.int64, (axes,)), ("lost_steps", np.float64, (axes,))
@@ -111,9 +121,9 @@ class Recorder:
         if not again:  # of several looks at one instant, the last one counts
             self._buffered += 1
         self._buffer[self._buffered - 1] = (time_ns, seen.counts, seen.position_mm, seen.lost_steps)
-        self._compare(time_ns, "level", seen.levels)
-        self._compare(time_ns, "input", seen.inputs)
-        self._compare(time_ns, "output", seen.outputs)
+        for group, values in (("level", seen.levels), ("input", seen.inputs), ("output", seen.outputs)):
+            changed = changes(self._last[group], values)
+            self.changes += [Change(time_ns, group, name, value) for name, value in changed.items()]
 
     def _store(self) -> bool:
         """Move the buffer to the file. False if there is no room for it, which ends the recording."""
@@ -127,16 +137,6 @@ class Recorder:
         self._stored += BUFFER
         self._buffered = 0
         return True
-
-    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
-        last = self._last[group]
-        if values == last:
-            return
-        for name, value in values.items():
-            value = value if isinstance(value, str) else int(value)
-            if last.get(name) != value:
-                last[name] = value
-                self.changes.append(Change(time_ns, group, name, value))
 
     def samples(self, size: int = 65_536) -> Iterator[NDArray[np.void]]:
         """All samples so far in pieces of at most `size`, dtype `sample_dtype(axes)`, in the order of time."""

@@ -26,6 +26,7 @@ from isel_twin.core.position import position_error_mm
 from isel_twin.core.told import StateError
 from isel_twin.language import create_language
 from isel_twin.recordings.mcap import RecordingWriter
+from isel_twin.recordings.recorder import changes
 from isel_twin.recordings.runs import described
 from isel_twin.recordings.samples import sample_dtype, samples_schema
 
@@ -97,13 +98,16 @@ class Recording:
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
 
     def _take(self, samples: TwinSamples) -> None:
-        rows = np.empty(len(samples.time_ns), dtype=self._dtype)
+        self._tell_samples(samples.time_ns, self._rows(samples, len(samples.time_ns)))
+
+    def _rows(self, seen: Twin | TwinSamples, number: int) -> NDArray[np.void]:
+        rows = np.empty(number, dtype=self._dtype)
         for name in ("counts", "position_mm", "velocity_mm_s", "lost_steps", "margin", "supply_v"):
-            rows[name] = getattr(samples, name)
-        rows["position_error_mm"] = position_error_mm(samples.position_mm, samples.counts, self._step_mm)
+            rows[name] = getattr(seen, name)
+        rows["position_error_mm"] = position_error_mm(rows["position_mm"], rows["counts"], self._step_mm)
         if self._motors:
-            rows["current"] = samples.current_fraction
-        self._tell_samples(samples.time_ns, rows)
+            rows["current"] = seen.current_fraction
+        return rows
 
     def _tell_samples(self, times_ns: NDArray[np.int64], rows: NDArray[np.void]) -> None:
         """Tell the sink of samples, and of the looks that have come in between, in the order of time."""
@@ -149,35 +153,16 @@ class Recording:
         self._sink.message("/runs", time_ns, {"run": run, "continues": continues})
 
     def _look(self, twin: Twin) -> None:
-        time_ns, counts, position_mm = twin.time_ns, twin.counts, twin.position_mm
-        row = np.empty(1, dtype=self._dtype)
-        row["counts"] = counts
-        row["position_mm"] = position_mm
-        row["position_error_mm"] = position_error_mm(position_mm, counts, self._step_mm)
-        row["velocity_mm_s"] = twin.velocity_mm_s
-        row["lost_steps"] = twin.lost_steps
-        row["margin"] = twin.margin
-        row["supply_v"] = twin.supply_v
-        if self._motors:
-            row["current"] = twin.current_fraction
-        self._looks.append((time_ns, row))
+        time_ns = twin.time_ns
+        self._looks.append((time_ns, self._rows(twin, 1)))
         if self._sampler is None or len(self._looks) >= MOST_LOOKS:
             self.hand_on()
-        self._compare(time_ns, "level", twin.levels)
-        self._compare(time_ns, "input", twin.inputs)
-        self._compare(time_ns, "output", twin.outputs)
+        for group, values in (("level", twin.levels), ("input", twin.inputs), ("output", twin.outputs)):
+            if changed := changes(self._last[group], values):
+                self._sink.message(GROUPS[group], time_ns, changed)
         if (faults := twin.faults) != self._faults:
             self._faults = dict(faults)
             self._sink.message("/faults", time_ns, {"faults": self._faults})
-
-    def _compare(self, time_ns: int, group: str, values: Mapping[str, int | str]) -> None:
-        last = self._last[group]
-        if values == last:
-            return
-        plain = {name: value if isinstance(value, str) else int(value) for name, value in values.items()}
-        changed = {name: value for name, value in plain.items() if last.get(name) != value}
-        last |= changed
-        self._sink.message(GROUPS[group], time_ns, changed)
 
 
 class FileRecording:
