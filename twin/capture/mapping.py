@@ -21,9 +21,7 @@ from dataclasses import dataclass
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.capture.wave import CaptureError, WrongCallError
 
-OUTPUTS = ("stages", "brake", "current_lowering")
-"""Outputs of a controller that drives heed."""
-
+OUTPUTS = ("stages", "brake", "current_lowering")  # outputs of a controller that drives heed
 _KINDS = ("step", "dir", "plus", "minus")
 _ROLES = {*(f"{axis}.{kind}" for axis in AXIS_NAMES for kind in _KINDS), "enable"}
 _WORDS = {
@@ -42,8 +40,7 @@ _USUAL: Mapping[str, str] = {
     },
     **dict.fromkeys(("enable", "en", "enabled"), "enable"),
 }
-MOST_NAMES = 24
-"""Names listed in a message."""
+MOST_NAMES = 24  # names listed in a message
 
 
 @dataclass(frozen=True)

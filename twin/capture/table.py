@@ -28,14 +28,10 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.vcd import scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
-UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}
-"""Powers of ten from a unit of time to nanoseconds."""
-HEADER_LINES = 200
-"""Lines among which the first row must be found."""
-LONGEST_LINE = 1 << 16
-"""Bytes of a line beyond which a file is taken for no table."""
+UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}  # powers of ten from a unit of time to nanoseconds
+HEADER_LINES = 200  # lines among which the first row must be found
+LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is taken for no table
 FASTEST_HZ = 4 * SECOND_NS
-
 _PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # of the state of the scanner; _TIME or number of a row
 _LF, _CR, _SPACE, _QUOTE, _HASH, _PLUS, _COMMA, _MINUS, _POINT, _SEMICOLON = b'\n\r "#+,-.;'
 _IS_TIME = -2

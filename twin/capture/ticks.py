@@ -27,12 +27,9 @@ from isel_twin.capture.wave import Capture, Wave
 class Needs:
     """Least times that drives need. The values given are those of a DRV8825 (TI, SLVSA73, timing requirements)."""
 
-    pulse_ns: int = 1900
-    """Of a step signal at either level."""
-    setup_ns: int = 650
-    """From a change of direction to an active edge of step."""
-    hold_ns: int = 650
-    """From an active edge of step to a change of direction."""
+    pulse_ns: int = 1900  # of a step signal at either level
+    setup_ns: int = 650  # from a change of direction to an active edge of step
+    hold_ns: int = 650  # from an active edge of step to a change of direction
 
 
 @dataclass(frozen=True)
@@ -47,33 +44,26 @@ class Offence:
 @dataclass(frozen=True)
 class AxisTiming:
     steps: int
-    fastest_hz: float
-    """Of two steps in a row, 0 if there are none."""
+    fastest_hz: float  # of two steps in a row, 0 if there are none
     short_pulses: Offence | None
     short_pauses: Offence | None
     setup: Offence | None
     hold: Offence | None
-    while_off: int
-    """Steps while the power stages were off; a drive does not make them."""
+    while_off: int  # steps while the power stages were off; a drive does not make them
 
 
 @dataclass(frozen=True, eq=False)
 class Ticks:
     """A stream as captured; times from the beginning of the capture."""
 
-    t_ns: NDArray[np.int64]
-    """int64 [n], strictly increasing."""
-    delta: NDArray[np.int8]
-    """int8 [n, axes]."""
+    t_ns: NDArray[np.int64]  # int64 [n], strictly increasing
+    delta: NDArray[np.int8]  # int8 [n, axes]
     end_ns: int
     outputs: tuple[tuple[int, str, int], ...] = ((0, "stages", 1),)
     """(time, output, level), in the order of time: what the drives are told beside steps."""
-    timing: Mapping[str, AxisTiming] = field(default_factory=dict)
-    """By axis; empty if the file has no signals."""
-    resolution_ns: float = 0.0
-    """Time between two samples, 0 if unknown."""
-    shift_ns: int = 0
-    """What was added to the times of the file."""
+    timing: Mapping[str, AxisTiming] = field(default_factory=dict)  # by axis; empty if the file has no signals
+    resolution_ns: float = 0.0  # time between two samples, 0 if unknown
+    shift_ns: int = 0  # what was added to the times of the file
 
     @property
     def over_ns(self) -> int:

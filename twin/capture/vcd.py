@@ -23,15 +23,11 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 
-MOST_CHANGES = 1 << 20
-"""Changes that one call of a scanner gives at most."""
-Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]
-"""Times and signals of changes."""
-
+MOST_CHANGES = 1 << 20  # changes that one call of a scanner gives at most
+Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]  # times and signals of changes
 _PLACE, _LINE, _TIME, _PROBLEM = range(4)  # of the state of a scanner
 _LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
 _NO_CHANGE = -2
-
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _PROBLEMS = {
@@ -59,8 +55,7 @@ class Dump:
             raise CaptureError(f"{path}: is no value change dump: it has no $enddefinitions; export it as VCD again")
         header = self._data[:keyword].decode("latin-1")
         self._unit_fs = 0
-        self._variables: list[tuple[str, str]] = []
-        """Name and code of each."""
+        self._variables: list[tuple[str, str]] = []  # name and code of each
         self._read_header(header)
         self._line = header.count("\n") + self._data[keyword : self._begin].count(b"\n") + 1
 

@@ -112,8 +112,7 @@ def _say(code: int, text: str) -> int:
     return code
 
 
-_MAY_STAND_ALONE = ("--pty", "--panel")
-"""Options whose value may be left out."""
+_MAY_STAND_ALONE = ("--pty", "--panel")  # options whose value may be left out
 
 
 def _plain_tokens(tokens: Iterable[str]) -> Iterator[str]:

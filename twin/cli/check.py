@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.checks import Report
     from isel_twin.jobs.checks.settings import Task
 
-INTERVAL_NS = 10_000_000
-"""Between two samples of what a page shows."""
+INTERVAL_NS = 10_000_000  # between two samples of what a page shows
 
 
 def check(

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.compare import Comparison, Exchange, Pair
     from isel_twin.recordings.reading import Recorded
 
-ROWS = 40
-"""Most rows of a table that is not asked to have all."""
+ROWS = 40  # most rows of a table that is not asked to have all
 
 
 def compare(

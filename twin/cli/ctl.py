@@ -27,11 +27,8 @@ Command = Literal[
     "resume", "step", "speed", "state", "settable", "keys", "wait", "stop",
 ]  # fmt: skip
 
-CONNECT_S = 10.0
-"""Wall time in which the server must take the connection, and answer what needs no waiting."""
-
-_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}
-"""Other words for keys of an event."""
+CONNECT_S = 10.0  # wall time in which the server must take the connection, and answer what needs no waiting
+_SHORT = {"fault": "set", "force": "force_n", "phase": "phase_lost"}  # other words for keys of an event
 _ALONE = ("pause", "resume", "state", "settable", "keys", "stop")
 
 

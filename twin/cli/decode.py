@@ -21,10 +21,8 @@ if TYPE_CHECKING:
     from isel_twin.language import Language
     from isel_twin.recordings.reading import Recorded
 
-CHUNK_BYTES = 1 << 16
-"""Read at once, so that a file of any size takes the same memory."""
-MARKED_BYTES = 1 << 26
-"""Largest file of marked lines: 64 MiB."""
+CHUNK_BYTES = 1 << 16  # read at once, so that a file of any size takes the same memory
+MARKED_BYTES = 1 << 26  # largest file of marked lines: 64 MiB
 _FILE_NAME = re.compile(r".*/.*|[\w-][\w. -]*\.[A-Za-z]\w{0,7}", re.DOTALL)
 """What looks like the name of a file rather than like a command."""
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 100_000_000
 """Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
-
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
 TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]
@@ -38,8 +37,7 @@ class Files:
     trace: Path | None
     report: Path | None
     record: Path | None
-    interval_s: float
-    """Virtual time between two samples."""
+    interval_s: float  # virtual time between two samples
 
     @property
     def needs_recorder(self) -> bool:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 golden = App(name="golden", help="Jobs that have to do what they did: write down a run, compare with it.")
 
-MOST = 20
-"""Differences of a job that are told."""
+MOST = 20  # differences of a job that are told
 Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.")]
 
 

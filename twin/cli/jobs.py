@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 JOB_BYTES = 1 << 24
 """Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
-PROGRAM_BYTES = 1 << 30
-"""Longest file for a controller that runs programs, which are long."""
+PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs, which are long
 
 
 def job_name(job: Path) -> str:

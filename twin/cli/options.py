@@ -87,11 +87,9 @@ class TwinOptions:
 
 
 DEFAULT_TWIN = TwinOptions()
-STANDARD_INPUT = "/dev/stdin"
-"""What `-` stands for."""
+STANDARD_INPUT = "/dev/stdin"  # what `-` stands for
 STREAMS = {STANDARD_INPUT: "standard input", "/dev/stdout": "standard output"}
-LONGEST_S = 1e9
-"""Longest time a call may name, in virtual seconds, as for the times of a scenario."""
+LONGEST_S = 1e9  # longest time a call may name, in virtual seconds, as for the times of a scenario
 
 
 def is_standard_input(path: Path) -> bool:

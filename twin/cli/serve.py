@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 KEPT_MOTIONS = 1000
 """Motions in the record of a server: what its panel or a visitor may want to look back at; recordings have all."""
-PANEL = "127.0.0.1:8217"
-"""Where the panel is without an address."""
+PANEL = "127.0.0.1:8217"  # where the panel is without an address
 
 
 def serve(

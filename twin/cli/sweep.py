@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from isel_twin.many.studies.sensitivity import Index
     from isel_twin.many.studies.table import Table
 
-MOST_GROUPS = 12
-"""Values of a parameter that are told one by one."""
+MOST_GROUPS = 12  # values of a parameter that are told one by one
 
 
 def sweep(

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.controller import SerialFormat
 
-SWITCH_S = 0.0005
-"""A writing thread gives way so soon to one that has a byte to stamp; Python's own value is 5 ms."""
+SWITCH_S = 0.0005  # a writing thread gives way so soon to one that has a byte to stamp; Python's own value is 5 ms
 
 
 def tap(

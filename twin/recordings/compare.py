@@ -31,16 +31,13 @@ with the one at its place."""
 class Exchange:
     """A command and its reply."""
 
-    sent_ns: int
-    """When its last byte was sent."""
+    sent_ns: int  # when its last byte was sent
     command: bytes
     text: str
     explanation: str
     reply: bytes
-    replied_ns: int | None
-    """When the last byte of the reply came; None: nothing came."""
-    counts: tuple[int, ...] | None
-    """The controller's counters then; None if unknown."""
+    replied_ns: int | None  # when the last byte of the reply came; None: nothing came
+    counts: tuple[int, ...] | None  # the controller's counters then; None if unknown
 
     @property
     def duration_ns(self) -> int | None:
@@ -51,8 +48,7 @@ class Exchange:
 class Pair:
     """The same command on both sides."""
 
-    number: int
-    """Of the command on side A, from 1."""
+    number: int  # of the command on side A, from 1
     a: Exchange
     b: Exchange
 
@@ -79,8 +75,7 @@ class Comparison:
     only_a: tuple[Exchange, ...]
     only_b: tuple[Exchange, ...]
     tolerance_ns: int
-    different: tuple[Pair, ...] = field(init=False)
-    """The pairs that differ in something, in the order of side A."""
+    different: tuple[Pair, ...] = field(init=False)  # the pairs that differ in something, in the order of side A
 
     def __post_init__(self) -> None:
         different = tuple(pair for pair in self.pairs if pair.differs(self.tolerance_ns))

@@ -24,8 +24,7 @@ MAGIC: Final = bytes((137, 77, 67, 65, 80, 48, 13, 10))
     _STATISTICS, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET, _DATA_END,
 ) = range(1, 16)  # fmt: skip
 _COMPRESSION: Final = "zstd"
-_LEVEL: Final = -3
-"""Four times as fast as the library's default, and a quarter larger."""
+_LEVEL: Final = -3  # four times as fast as the library's default, and a quarter larger
 _MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, number in its channel, log time, publish time."""
 _ENTRY: Final = np.dtype([("time_ns", "<u8"), ("offset", "<u8")])
@@ -70,8 +69,7 @@ class Container:
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._output = output
         self._chunk = _Chunk()
-        self._messages: dict[int, int] = {}
-        """How many of each channel."""
+        self._messages: dict[int, int] = {}  # how many of each channel
         self._first_ns, self._last_ns = 1 << 63, 0
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []

@@ -35,10 +35,8 @@ if TYPE_CHECKING:
 
     from isel_twin.language import Language
 
-METADATA: Final = "isel-twin"
-"""Name of the metadata record: plain text by key."""
-CHUNK_BYTES = 256 * 1024
-"""Size before compression at which a chunk is written by itself."""
+METADATA: Final = "isel-twin"  # name of the metadata record: plain text by key
+CHUNK_BYTES = 256 * 1024  # size before compression at which a chunk is written by itself
 log = logging.getLogger("isel_twin")
 
 _TEXT: Final = {"type": "string"}
@@ -66,10 +64,8 @@ CHANNELS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "/port": ("what became of the controller's port: gone, back, set otherwise", {"text": _TEXT}),
 }
 """What each channel carries, and the properties of its messages; none: whatever names there are."""
-
 _JSON: Final = json.JSONEncoder(separators=(",", ":"))
-SAMPLES: Final = "/samples"
-"""The channel of the samples (samples.py)."""
+SAMPLES: Final = "/samples"  # the channel of the samples (samples.py)
 
 
 class RecordingWriter:
@@ -88,12 +84,9 @@ class RecordingWriter:
         language: explains the bytes; an instance of its own.
         """
         self.path = Path(path)
-        self.ended = False
-        """True once nothing more is recorded: closed, or the disk is full."""
-        self.broken = False
-        """True if the disk was full and something is missing."""
-        self.unwritten = False
-        """Something has been recorded since the last `flush`."""
+        self.ended = False  # True once nothing more is recorded: closed, or the disk is full
+        self.broken = False  # True if the disk was full and something is missing
+        self.unwritten = False  # something has been recorded since the last `flush`
         self._language = language
         self._file = _File(self.path)
         self._channels: dict[str, int] = {}

@@ -48,14 +48,10 @@ class Recorded:
     path: Path
     metadata: Mapping[str, str]
     attachments: Mapping[str, bytes]
-    entries: tuple[Entry, ...]
-    """In the order in which they were written."""
-    sample_times_ns: NDArray[np.int64]
-    """Never decreasing."""
-    sample_bytes: bytes
-    """The samples one after the other, without the header of each."""
-    whole: bool
-    """False if it was cut off: the process was killed, or the disk was full."""
+    entries: tuple[Entry, ...]  # in the order in which they were written
+    sample_times_ns: NDArray[np.int64]  # never decreasing
+    sample_bytes: bytes  # the samples one after the other, without the header of each
+    whole: bool  # False if it was cut off: the process was killed, or the disk was full
 
     @property
     def controller(self) -> str:

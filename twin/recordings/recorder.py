@@ -27,8 +27,7 @@ from isel_twin.core.told import StateError
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-BUFFER = 4096
-"""Samples kept before they go to the file."""
+BUFFER = 4096  # samples kept before they go to the file
 log = logging.getLogger("isel_twin")
 
 
@@ -77,8 +76,7 @@ class Recorder:
         self.changes: list[Change] = []
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
-        self.ended = False
-        """True once the disk was full; nothing more is recorded."""
+        self.ended = False  # True once the disk was full; nothing more is recorded
         self.counters_set_ns: list[int] = []
         """When counters were set anew, so that positions before and after are no motion."""
         self.events: list[tuple[int, str, str]] = []

@@ -40,13 +40,11 @@ FLASH, SCENARIO, MACHINE = "flash", "scenario.toml", "machine.json"
 """Names of attachments: flash memory before power-on, scenario, the machine file with all it is based on."""
 MODEL, FIXTURE = "model", "fixture"
 """Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
-ASSETS: Final = (".xml", ".stl", ".obj", ".msh")
-"""Files beside a model that it may need."""
+ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
 MOST_ASSET_BYTES = 1 << 24
 GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
 """Channel of each group of a `recorder.Change`."""
-MOST_LOOKS = 100
-"""Most samples of changes that wait for those of the plant."""
+MOST_LOOKS = 100  # most samples of changes that wait for those of the plant
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 

@@ -39,25 +39,19 @@ from isel_twin.recordings.recording import FIXTURE, FLASH, MACHINE, MODEL, SCENA
 from isel_twin.version import VERSION
 from isel_twin.wiring import ScenarioError, event_now
 
-SLICE_NS = 10 * MILLISECOND_NS
-"""Virtual time after which a paced replay looks at the clock."""
-PATIENCE_S = 3600.0
-"""Virtual seconds a host waits for a reply that the real controller gave."""
+SLICE_NS = 10 * MILLISECOND_NS  # virtual time after which a paced replay looks at the clock
+PATIENCE_S = 3600.0  # virtual seconds a host waits for a reply that the real controller gave
 CAUSES = ("/host/sent", "/operator")
 _TRAFFIC = ("/host/sent", "/host/received")
-_NOT_COMPARED = ("/time",)
-"""At what speed time passed."""
-
-Pace = Callable[[int], None]
-"""pace(time_ns): wait until virtual time time_ns is due."""
+_NOT_COMPARED = ("/time",)  # at what speed time passed
+Pace = Callable[[int], None]  # pace(time_ns): wait until virtual time time_ns is due
 
 
 @dataclass(frozen=True)
 class Difference:
     time_ns: int
     channel: str
-    recorded: str
-    """What the recording has there; "nothing" if it has nothing."""
+    recorded: str  # what the recording has there; "nothing" if it has nothing
     replayed: str
 
     def __str__(self) -> str:

@@ -31,8 +31,7 @@ from isel_twin.motion.path import StepLine, StepPath
 from isel_twin.motion.stretch import Stretch, since, written
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
-MOST_TICKS = 1 << 31
-"""Ticks of a listed motion that are read; more are no recording of ours."""
+MOST_TICKS = 1 << 31  # ticks of a listed motion that are read; more are no recording of ours
 
 
 def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) -> dict[str, Any]:

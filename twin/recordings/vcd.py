@@ -37,13 +37,9 @@ from isel_twin.base.files import replacing
 from isel_twin.motion import Steps
 from isel_twin.recordings.recorder import Change, Samples
 
-PULSE_NS = 5000
-"""Longest high time of a step pulse."""
-SETUP_NS = 1000
-"""Time by which a direction is set before its first pulse."""
-CHUNK = 1 << 16
-"""Ticks expanded at a time."""
-
+PULSE_NS = 5000  # longest high time of a step pulse
+SETUP_NS = 1000  # time by which a direction is set before its first pulse
+CHUNK = 1 << 16  # ticks expanded at a time
 _Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 
 

@@ -23,17 +23,12 @@ from isel_twin.core.position import position_error_mm
 if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
 
-COLUMNS = 3000
-"""Columns of a curve: what a screen of 1500 pixels shows at twice its width."""
-MOST_WAY = 16_000
-"""Most vertices of a path."""
+COLUMNS = 3000  # columns of a curve: what a screen of 1500 pixels shows at twice its width
+MOST_WAY = 16_000  # most vertices of a path
 SHORTEST_NS = 2 * MILLISECOND_NS
 """Between two samples that a speed is taken of: in less, one step more or less is all there is."""
-PIXELS = 1500
-"""Way in pixels of the longest extent: vertices within one are one."""
-
-Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Least and greatest values."""
+PIXELS = 1500  # way in pixels of the longest extent: vertices within one are one
+Pair = tuple[NDArray[np.float64], NDArray[np.float64]]  # least and greatest values
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +38,7 @@ class Columns:
     first_ns: int
     last_ns: int
     time_ns: NDArray[np.int64]
-    piece: NDArray[np.int64]
-    """Columns of one piece are joined by a line."""
+    piece: NDArray[np.int64]  # columns of one piece are joined by a line
     position_mm: Pair
     error_mm: Pair
     speed_mm_s: Pair

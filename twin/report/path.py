@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
 """Of deviations, from none to the largest."""
-LEAST_UM = 1.0
-"""Deviation up to which all is one colour: rounding is not worth one."""
-BOX = 62.0, 28.0, 490.0, 350.0
-"""Of a view: left, top, width and height of the frame, px."""
+LEAST_UM = 1.0  # deviation up to which all is one colour: rounding is not worth one
+BOX = 62.0, 28.0, 490.0, 350.0  # of a view: left, top, width and height of the frame, px
 
 
 def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:

@@ -34,12 +34,9 @@ if TYPE_CHECKING:
     from isel_twin.jobs.result import Part
     from isel_twin.recordings.recorder import Recorder
 
-ROWS = 1000
-"""Most commands listed, beside those with a finding."""
-PICTURES = 60
-"""Most findings with a picture."""
-LONG = 400
-"""Most characters of a command or reply that are shown."""
+ROWS = 1000  # most commands listed, beside those with a finding
+PICTURES = 60  # most findings with a picture
+LONG = 400  # most characters of a command or reply that are shown
 
 
 def write_report(

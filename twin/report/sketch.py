@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.recorder import Recorder
 
-POINTS = 4000
-"""Samples drawn, about."""
+POINTS = 4000  # samples drawn, about
 
 
 def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, zero_ns: int = 0) -> None:

@@ -27,13 +27,9 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
     from isel_twin.recordings.recorder import Change, Recorder
 
-MM_FROM_UM = 1000.0
-"""Deviations and errors from here on are told in mm."""
-LEFT, RIGHT = 120, 20
-"""Of the time plots, px."""
-MOST_SPANS = 1500
-"""Of a lane; shorter ones than that part of the job are joined."""
-
+MM_FROM_UM = 1000.0  # deviations and errors from here on are told in mm
+LEFT, RIGHT = 120, 20  # of the time plots, px
+MOST_SPANS = 1500  # of a lane; shorter ones than that part of the job are joined
 _Pixels = Callable[[int], float]
 
 
