@@ -9,7 +9,7 @@ What they share:
 
     options.py       options that several commands have, and checks of their values
     jobs.py          job files as they are given to a command
-    outputs.py       what is told, as a table or JSON; files.py, recording.py: what is written
+    outputs.py       what is told, as a table or JSON; files.py: what is written
     interruption.py  Ctrl-C
 
 Exit codes: 0 all well; 1 a job in which a command was refused or steps were lost; 2 a call that cannot be carried out,

@@ -67,14 +67,10 @@ def decode(
         first = next(pieces, None)  # whatever is wrong with the source, before anything is printed
     timed = recorded is not None
     if not json:
-        print(f"{'no':>6} {'time / s' if timed else 'offset':>{_width(timed)}}  dir   {'text':<32}  explanation")
+        print(f"{'no':>6} {'time / s' if timed else 'offset':>{14 if timed else 8}}  dir   {'text':<32}  explanation")
     for row in explain(chain([first] if first else [], pieces), language):
         print(_json(row) if json else _line(row, timed), flush=source == STANDARD_INPUT)
     return 0
-
-
-def _width(timed: bool) -> int:
-    return 14 if timed else 8
 
 
 def _recording(source: str) -> Recorded | None:
@@ -171,7 +167,7 @@ def _line(row: Row, timed: bool) -> str:
     if timed:
         where = "" if row.time_ns is None else f"{row.time_ns / SECOND_NS:.6f}"
     by = "host" if row.sent else "twin"
-    return f"{row.number:>6} {where:>{_width(timed)}}  {by}  {row.text:<32}  {row.explanation}".rstrip()
+    return f"{row.number:>6} {where:>{14 if timed else 8}}  {by}  {row.text:<32}  {row.explanation}".rstrip()
 
 
 def _json(row: Row) -> str:

@@ -13,9 +13,8 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
-from isel_twin.cli.recording import RecordPath
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.recording import RecordPath, begin, check_record, keep
+from isel_twin.cli.files import RecordPath, begin, check_record, keep
 
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.wire_log import WireLog

@@ -23,14 +23,13 @@ def export(
     A recording that was cut off (a killed process, a full disk) is written as far as it goes.
     """
     from isel_twin.cli.outputs import say, say_json
-    from isel_twin.recordings.export import export
-    from isel_twin.recordings.write import trace_kind
+    from isel_twin.recordings import write
 
     with call_errors():
-        trace_kind(out)
+        write.trace_kind(out)
     check_writable(out, kept=(recording,))
     with call_errors(recording):
-        whole = export(recording, out)
+        whole = write.export(recording, out)
     if not whole:
         say(f"{recording}: has no end, it was cut off; {out} has what there is")
     if json:

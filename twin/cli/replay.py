@@ -11,14 +11,14 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options
+from isel_twin.cli.files import RecordPath, begin, check_record, keep
 from isel_twin.cli.options import Overrides
-from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.recordings.reading import Recorded
-    from isel_twin.recordings.replay import Difference, Pace
+    from isel_twin.recordings.replay import Pace
 
 
 def replay(
@@ -77,7 +77,8 @@ def replay(
     if not recorded.whole:
         told.append("the recording has no end, it was cut off; it is played as far as it goes")
     if json:
-        say_json(_summary(difference, twin, told))
+        first = None if difference is None else dataclasses.asdict(difference)
+        say_json({"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told})
         return 0 if difference is None else 1
     for line in told:
         say(f"{recording}: {line}")
@@ -102,8 +103,3 @@ def _twin(recorded: Recorded, folder: Path, controller: str, call: TwinSpec) -> 
     if not name:
         raise CallError(f"{recorded.path}: does not say which controller it is of; --controller NAME does")
     return call.with_(controller=name, line_speed=True).build(keep_motions=1)
-
-
-def _summary(difference: Difference | None, twin: Twin, told: list[str]) -> dict[str, object]:
-    first = None if difference is None else dataclasses.asdict(difference)
-    return {"same": difference is None, "difference": first, "time_ns": twin.time_ns, "told": told}

@@ -15,10 +15,9 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli import options, outputs
-from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPath
+from isel_twin.cli.files import MOST_SAMPLES, Files, RecordPath, StepsPath, TracePath, VcdPath
 from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import check_names, job_name, read_job
-from isel_twin.cli.recording import RecordPath
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec

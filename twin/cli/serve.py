@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli import options
-from isel_twin.cli.recording import MCAP, RecordPath, check_record
+from isel_twin.cli.files import MCAP, RecordPath, check_record
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -64,8 +64,8 @@ def serve(
     from isel_twin.bridge.serve.registry import registered
     from isel_twin.bridge.serve.server import Server
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
+    from isel_twin.cli.files import begin, keep
     from isel_twin.cli.outputs import say_json
-    from isel_twin.cli.recording import begin, keep
     from isel_twin.core.warm import warm_up
     from isel_twin.language import create_language
 

@@ -91,13 +91,9 @@ def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
 
     if address is not None:
         return cluster(address)
-    return crew_of(max(1, min(workers if workers is not None else _processors(), missing)))
-
-
-def _processors() -> int:
-    """That this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)  # processors that this process may use; not everywhere
+    processors = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    return crew_of(max(1, min(workers or processors, missing)))
 
 
 def _try_out(plan: Plan) -> None:

@@ -25,22 +25,16 @@ if TYPE_CHECKING:
     from isel_twin.many.tuning import Tuned
     from isel_twin.many.tuning.study import Study
 
-TRIALS = 60
-ROBUST = 5
-CONFIRM = 50
-LEAST = 0.2
-BATCH = 8
-
 
 def tune(
     job: Annotated[Path, Parameter(help="File of controller commands, one a line.")],
     /,
     *,
     each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
-    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = TRIALS,
-    margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = LEAST,
-    robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = ROBUST,
-    confirm: Annotated[Whole, Parameter(help="Further machines on which the tuned job has to hold.")] = CONFIRM,
+    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = 60,
+    margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = 0.2,
+    robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = 5,
+    confirm: Annotated[Whole, Parameter(help="Further machines on which the tuned job has to hold.")] = 50,
     speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
     acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
     start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None,
@@ -59,7 +53,7 @@ def tune(
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
     workers: options.Workers = 1,
-    batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = BATCH,
+    batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = 8,
     out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
     permanent: Annotated[
         Path | None, Parameter(help="Commands that make its ramps the controller's own. JOB.permanent.txt")

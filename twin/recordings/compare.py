@@ -122,11 +122,9 @@ def _matched(a: Sequence[bytes], b: Sequence[bytes]) -> list[tuple[int, int, int
             at_a, at_b = match.a + match.size, match.b + match.size
             stretches.append((head + match.a, head + at_a, head + match.b, head + at_b, True))
     else:
-        for place in range(max(len(middle_a), len(middle_b))):
-            in_a, in_b = min(place + 1, len(middle_a)), min(place + 1, len(middle_b))
-            from_a, from_b = min(place, len(middle_a)), min(place, len(middle_b))
-            alike = in_a > from_a and in_b > from_b and middle_a[from_a] == middle_b[from_b]
-            stretches.append((head + from_a, head + in_a, head + from_b, head + in_b, alike))
+        both = head + min(len(middle_a), len(middle_b))
+        stretches += [(k, k + 1, k, k + 1, a[k] == b[k]) for k in range(head, both)]
+        stretches.append((both, len(a) - tail, both, len(b) - tail, False))
     stretches.append((len(a) - tail, len(a), len(b) - tail, len(b), True))
     return [stretch for stretch in stretches if stretch[0] < stretch[1] or stretch[2] < stretch[3]]
 

@@ -206,7 +206,7 @@ class FileRecording:
 def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
     """What a recording of this twin says of it, plain text by key."""
     origin = twin.origin
-    said = {
+    return {
         "kind": "twin",
         "machine": origin.as_built.name,
         "controller": origin.controller,
@@ -224,8 +224,8 @@ def metadata(twin: Twin, interval_ns: int) -> dict[str, str]:
         "begins_ns": str(twin.time_ns),
         "python": platform.python_version(),
         "platform": platform.platform(),
+        **packages(),
     }
-    return said | packages()
 
 
 def packages() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""One way to write a trace: the suffix of the file says which.
+"""One way to write a trace, of a twin or of a recording: the suffix of the file says which.
 
     .npz        the step stream, exactly                    npz.py
     .vcd        a value change dump for waveform viewers    vcd.py
@@ -60,3 +60,20 @@ def write_trace(path: Path, steps: Steps, recorder: Samples | None, kind: str | 
             writers.write_csv(path, recorder)
     except OSError as error:  # which may name a temporary file, or none
         raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(path)) from error
+
+
+def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
+    """Write a recording as a file of one of `write.KINDS`; without `kind`, the one that its name ends in.
+
+    Returns False if the recording was cut off. Raises RecordingError for one of a real controller, which has nothing
+    but bytes, and as `read` does; ValueError for an unknown kind; OSError.
+    """
+    from isel_twin.recordings.reading import Played, RecordingError, read
+
+    out = Path(out)
+    kind = kind or trace_kind(out)
+    recorded = read(recording)
+    if not recorded.of_twin:
+        raise RecordingError(f"{recording}: has bytes of a line and nothing else; `isel-twin decode` explains them")
+    write_trace(out, recorded.steps(), None if kind == ".npz" else Played(recorded), kind)
+    return recorded.whole
