@@ -62,7 +62,6 @@ def play(
     """Let the twin make the motions of its player; a result each, then time passes to over_ns.
 
     allowed: says of a switch whether it may be struck; a motion that strikes another is not ok, and its reply names it.
-    stop: asked whenever something has happened; once it returns True, the play ends.
     """
     for line, motion in zip(lines_of(player), player.motions, strict=True):
         twin.run_until(motion.start_ns, stop)

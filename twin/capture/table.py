@@ -64,7 +64,7 @@ class Table:
     def __init__(self, path: Path, time_unit: str | None = None, sample_rate_hz: float | None = None) -> None:
         """time_unit: one of UNITS, of a time column whose name says none. sample_rate_hz: of a table without times.
 
-        Raises CaptureError for a file that is no such table, OSError for one that cannot be read.
+        Raises CaptureError, OSError.
         """
         self.path = path
         with path.open("rb") as file:
@@ -98,10 +98,9 @@ class Table:
         return list(self._columns)
 
     def read(self, names: Sequence[str]) -> Capture:
-        """Levels of some columns, by the names they are asked for; large and small letters count only if they must.
+        """Levels of some columns, by the names they are asked for. Times that begin before 0 are shifted to begin at 0.
 
-        Raises CaptureError for a name that is not there and for a row that is damaged. Times that begin before 0 are
-        shifted so that they begin at 0.
+        Raises CaptureError for a name that is not there and for a row that is damaged.
         """
         found = [self._find(name) for name in names]
         order = list(dict.fromkeys(found))

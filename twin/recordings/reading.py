@@ -2,8 +2,7 @@
 
     read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
 
-A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk. Anything that does
-not begin as such a recording is refused in one line.
+A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk.
 """
 
 from __future__ import annotations

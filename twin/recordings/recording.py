@@ -61,12 +61,10 @@ class Recording:
 
     def __init__(self, twin: Twin, sink: Sink, interval_ns: int) -> None:
         """interval_ns: from sample to sample, virtual time."""
-        self._sink = sink
-        self._twin = twin
-        self._axes = len(twin.counts)
+        self._sink, self._twin = sink, twin
         self._motors = len(twin.current_fraction)
         self._step_mm = twin.step_mm
-        self._dtype = sample_dtype(self._axes, self._motors)
+        self._dtype = sample_dtype(len(twin.counts), self._motors)
         self._schema = samples_schema(self._dtype)
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
