@@ -28,8 +28,7 @@ class Strikes:
     """Watches the switches of a twin from now on."""
 
     def __init__(self, twin: Twin) -> None:
-        self.seen: list[Strike] = []
-        """The first strike of each switch, in the order of time; a switch struck from the beginning counts."""
+        self.seen: list[Strike] = []  # the first of each switch, in the order of time; struck at the beginning counts
         self._known: set[str] = set()
         twin.observe(self._look, 100 * MILLISECOND_NS)
 

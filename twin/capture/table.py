@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
@@ -115,7 +116,7 @@ class Table:
         how = data, ord(self._delimiter), columns, self._time is not None, power, state, levels, first
         pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
         if state[_PROBLEM]:
-            self._tell(*state[[_LINE, _PROBLEM, _COLUMN]].tolist(), bytes(data[state[_PLACE] : state[_PLACE] + 40]))
+            self._tell(state, bytes(data[state[_PLACE] : state[_PLACE] + 40]))
         last = int(state[_TIME])
         if self._rate_hz is not None:
             rate = round(self._rate_hz)
@@ -130,7 +131,8 @@ class Table:
         resolution = SECOND_NS / self._rate_hz if self._rate_hz is not None else 0.0
         return Capture(waves, max(last + shift, 0), resolution, shift)
 
-    def _tell(self, line: int, problem: int, column: int, data: bytes) -> NoReturn:
+    def _tell(self, state: NDArray[np.int64], data: bytes) -> NoReturn:
+        line, problem, column = state[[_LINE, _PROBLEM, _COLUMN]].tolist()
         where = next((name for name, place in self._columns.items() if place == column), "")
         cell = [*data.decode("latin-1").splitlines(), ""][0].split(self._delimiter)[0]
         shown = ascii(cell[:24].strip())

@@ -51,8 +51,8 @@ def experiment(
     speeds.
     """
     if name.suffix:
-        made = f"{name.stem}.txt and {name.stem}.toml will be made"
-        raise CallError(f"{name}: the name of an experiment has no ending; {made}")
+        files = f"{name.stem}.txt and {name.stem}.toml"
+        raise CallError(f"{name}: the name of an experiment has no ending; {files} will be made")
     if not 1 <= blocks <= 100:
         raise CallError(f"blocks {blocks}: must be from 1 to 100", option=True)
     with call_errors():

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from isel_twin.recordings.recorder import Recorder
     from isel_twin.recordings.recording import FileRecording
 
-MOST_SAMPLES = 100_000_000
-"""Samples of a trace beyond which a job is not begun: ten gigabytes, and two hours to take them."""
+MOST_SAMPLES = 100_000_000  # of a trace, beyond which a job is not begun: ten gigabytes, two hours to take them
 StepsPath = Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")]
 VcdPath = Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")]
 TracePath = Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (.parquet, .csv).")]

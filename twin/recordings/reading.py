@@ -189,9 +189,8 @@ def read(path: str | os.PathLike[str]) -> Recorded:
                 whole = True
     if metadata is None:
         raise RecordingError(f"{path}: is no recording of isel-twin; allowed: a file that --record NAME.mcap has made")
-    return Recorded(
-        path, metadata, attachments, tuple(entries), np.array(times_ns, dtype=np.int64), bytes(sample_bytes), whole
-    )
+    samples = np.array(times_ns, dtype=np.int64), bytes(sample_bytes)
+    return Recorded(path, metadata, attachments, tuple(entries), *samples, whole)
 
 
 def _next(records: Iterator[Any]) -> Any:

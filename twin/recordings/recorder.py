@@ -81,8 +81,7 @@ class Recorder:
         """(time in ns, kind, in words) of what a scenario or somebody did, and remarks."""
         self._last: dict[str, dict[str, int | str]] = {"level": {}, "input": {}, "output": {}}
         self._buffer = np.empty(BUFFER, dtype=self.dtype)
-        self._buffered = 0
-        self._stored = 0
+        self._buffered = self._stored = 0
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (closed by close())
         twin.listen(self._hear)
         twin.observe(self._look, interval_ns)

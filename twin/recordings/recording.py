@@ -43,8 +43,7 @@ MODEL, FIXTURE = "model", "fixture"
 """Folders that go before the names of the files of the MuJoCo model, and of what is clamped on the table."""
 ASSETS: Final = (".xml", ".stl", ".obj", ".msh")  # files beside a model that it may need
 MOST_ASSET_BYTES = 1 << 24
-GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "output": "/outputs"}
-"""Channel of each group of a `recorder.Change`."""
+GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  # channels, by `recorder.Change.group`
 MOST_LOOKS = 100  # most samples of changes that wait for those of the plant
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
@@ -69,8 +68,7 @@ class Recording:
         self._last: dict[str, dict[str, int | str]] = {group: {} for group in GROUPS}
         self._faults: Mapping[str, str | float] = {}
         self._motion: Motion | None = None
-        self._looks: list[tuple[int, NDArray[np.void]]] = []
-        """Samples of changes, which wait for those of the plant that come before them."""
+        self._looks: list[tuple[int, NDArray[np.void]]] = []  # wait for samples of the plant from before them
         self._ended = False
         twin.listen(self._note)
         self._sampler = twin.sample(self._take, interval_ns)

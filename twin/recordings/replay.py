@@ -148,9 +148,7 @@ class _Eye:
 
     def __init__(self, recorded: Recorded, twin: Twin) -> None:
         self.difference: Difference | None = None
-        self._twin = twin
-        self._end_ns = recorded.end_ns
-        self._whole = recorded.whole
+        self._twin, self._end_ns, self._whole = twin, recorded.end_ns, recorded.whole
         self._expected: dict[str, deque[tuple[int, str]]] = {}
         for entry in recorded.entries:
             if entry.channel not in _NOT_COMPARED:
