@@ -25,11 +25,5 @@ class Hardware:
         self.power = Power(self.levels, self.outgoing)
         self.hand = Hand(parameters, self.axes, self.outgoing)
 
-    @property
-    def now_ns(self) -> int:
-        """The time of the control."""
-        return self.axes.now_ns
-
     def say(self, said: Message) -> None:
-        """A message comes up now."""
-        self.outgoing.say(self.now_ns, said)
+        self.outgoing.say(self.axes.now_ns, said)

@@ -25,12 +25,9 @@ from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.realtime.surroundings import Surroundings
 
-BLOCK_NS: Final = 1_500_000
-"""Block cycle time (manual: below 1.5 to 6 ms), of blocks without a path."""
-AHEAD: Final = 400
-"""Blocks that are analysed ahead of the one that is made."""
-REFILL: Final = 200
-"""Analysis goes on when no more than these wait."""
+BLOCK_NS: Final = 1_500_000  # block cycle time (manual: below 1.5 to 6 ms), of blocks without a path
+AHEAD: Final = 400  # blocks that are analysed ahead of the one that is made
+REFILL: Final = 200  # analysis goes on when no more than these wait
 
 
 class Filter(Protocol):
@@ -67,7 +64,6 @@ class Ahead:
         self.ended, self.poll_ns, self.error = False, None, None
 
     def end(self) -> None:
-        """It is over, or broken off."""
         self._interpreter.end()
         self.blocks.clear()
         self.ended, self.error = True, None
@@ -106,6 +102,7 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
+
             if int(self._around.parameters.get(P.WITHOUT_MOVING)):
                 block = replace(block, elements=())
             self._through([block], 0)

@@ -38,8 +38,6 @@ JUMP_NS: Final = 20 * MILLISECOND_NS
 
 
 class State(Enum):
-    """Of a channel."""
-
     IDLE = "no program"
     READY = "the next block begins"
     EMPTY = "a block without a path takes its time, or analysis has no block yet"
@@ -68,14 +66,10 @@ class Channel:
         self._ahead = Ahead(interpreter, around)
         self.path = PathRun(interpreter, self._ahead, around)
         self.state = State.IDLE
-        self._current: PathBlock | None = None
-        """Block whose path has ended, and whose end is being carried out."""
-        self._due_ns: int | None = None
-        """When the state ends, or is looked at again; None: it waits for something else."""
-        self._stands_ns = 0
-        """When the axes ought to have come to a stand."""
-        self._holds = False
-        """Stop has been asked for: hold as soon as the axes stand."""
+        self._current: PathBlock | None = None  # block whose path has ended, and whose end is being carried out
+        self._due_ns: int | None = None  # when the state ends, or is looked at again; None: it waits for something else
+        self._stands_ns = 0  # when the axes ought to have come to a stand
+        self._holds = False  # Stop has been asked for: hold as soon as the axes stand
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -90,18 +84,11 @@ class Channel:
         return self.state in HELD
 
     @property
-    def aborting(self) -> bool:
-        """It is broken off, and still brakes."""
-        return self.state is State.ABORTING
-
-    @property
     def run(self) -> SetPointRun | None:
-        """Set points, while there are any."""
         return self.path.stretch.run
 
     @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return self.path.next_ns if self.state in MOVING else self._due_ns
 
     @property
@@ -117,14 +104,12 @@ class Channel:
     @property
     def dwell_left_s(self) -> float:
         """What is left of the dwell of the block in execution; 0: none."""
-        if self.state is not State.DWELL or self._due_ns is None:
-            return 0.0
-        return (self._due_ns - self._axes.now_ns) / SECOND_NS
+        dwells = self.state is State.DWELL and self._due_ns is not None
+        return (self._due_ns - self._axes.now_ns) / SECOND_NS if dwells else 0.0
 
     # ---- operating --------------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """A program has been begun in the interpreter; carry it out."""
         self._ahead.start()
         self.path.stretch.clear()
         self.path.stand()
@@ -138,6 +123,7 @@ class Channel:
         self._holds = False
         if self.state is State.PATH and self.path.stretch.brakes:
             self.path.hold(False)
+
         elif self.held:
             self._resume()
         self.advance()
@@ -184,7 +170,6 @@ class Channel:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def advance(self) -> None:
-        """Do everything that is due now."""
         for _ in range(100_000):
             before = self._progress()
             self._step()
@@ -236,7 +221,7 @@ class Channel:
             self._enter(State.HELD)
             return
         if not self._plc.room:
-            self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
+            self._look_again()
             return
         if self._ahead.fill(0):
             self._holds = True
@@ -272,7 +257,7 @@ class Channel:
             self._end(aborted=True)
         elif self._ahead.ended:
             self._end(aborted=False)
-        else:  # waituntil, or an acknowledgement: look again
+        else:  # waituntil, or an acknowledgement
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
 
     def _without_path(self, block: PathBlock) -> None:
@@ -299,10 +284,9 @@ class Channel:
             return
         try:
             self.path.begin()
+            self.state = State.PATH
         except ProgramError as error:
             self._break_off(error)
-            return
-        self.state = State.PATH
 
     def _follow(self) -> None:
         """The stretch runs: pass on from block to block, append what has been analysed, end."""
@@ -320,7 +304,6 @@ class Channel:
             self._break_off(error)
 
     def _path_ended(self) -> None:
-        """Set points have come to an end: of the stretch, or because it was held."""
         if self.state is State.ABORTING:
             self._end(aborted=True)
             return
@@ -333,7 +316,6 @@ class Channel:
             self._post()
 
     def _resume(self) -> None:
-        """Go on where it was held."""
         match self.state:
             case State.HELD:
                 self._enter(State.READY, self._axes.now_ns)

@@ -23,7 +23,6 @@ from isel_twin.firmware.bwo900.realtime.axes import AXES, Axes
 from isel_twin.firmware.bwo900.realtime.executed import Executed
 
 PROBE: Final = "e0.6"
-"""Terminal of the probe."""
 
 
 class DeletionWatch:

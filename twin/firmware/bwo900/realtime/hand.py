@@ -25,16 +25,13 @@ class Hand:
         self.direction = 0
         """Of a key that waits for power: +1, -1; 0: there is none."""
         self.wants: list[int] = []
-        """Axes whose reference run waits for power."""
 
     @property
     def move(self) -> Homing | Jog | None:
-        """The move under way."""
         return self.homing or self.jog
 
     @property
     def next_ns(self) -> int | None:
-        """When `advance` is due."""
         return None if self.move is None else self.move.next_ns
 
     def advance(self) -> None:
@@ -52,10 +49,7 @@ class Hand:
 
     def cut(self) -> None:
         """Power is lost."""
-        if self.homing is not None:
-            self.homing.stop()
-            self.homing = None
-        self.jog, self.direction = None, 0
+        self.homing, self.jog, self.direction = None, None, 0
 
     def brake(self) -> None:
         """Stop, or an abort: whatever moves brakes, and what waits is forgotten."""
@@ -109,11 +103,9 @@ class Hand:
 
     def refer(self, axis: int, *, free: bool) -> bool:
         """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
-        if not free or self.jog is not None:
-            self._say(message(Code.NOT_IN_HAND, detail="a reference run"))
-            return False
-        if self.homing is not None:
-            self._say(message(Code.NOT_IN_HAND, detail="a reference run is under way"))
+        if not free or self.move is not None:
+            under_way = " is under way" if free and self.jog is None else ""
+            self._say(message(Code.NOT_IN_HAND, detail=f"a reference run{under_way}"))
             return False
         self.wants.append(axis)
         return True

@@ -21,16 +21,12 @@ CELLS: Final[Mapping[Effect, int]] = {
     Effect.STOP: P.MESSAGE_LOW,
     Effect.SHOWN: P.MESSAGE_SHOWN,
 }
-INTERPOLATOR: Final = (20, 21)
-"""Messages of these hundreds are about an axis."""
+INTERPOLATOR: Final = (20, 21)  # messages of these hundreds are about an axis
 INFOS: Final = (P.MESSAGE_INFO_1, P.MESSAGE_INFO_2, P.MESSAGE_INFO_3)
 MOST_MESSAGES: Final = 1_000
-"""Of the history."""
 
 
 class Outgoing:
-    """Events that have not been taken, and messages."""
-
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._events: list[Event] = []
@@ -41,7 +37,6 @@ class Outgoing:
         self.fault = False
 
     def add(self, *events: Event) -> None:
-        """Append events."""
         self._events += events
 
     def take(self) -> list[Event]:
@@ -82,14 +77,13 @@ class Outgoing:
         self.add(Remark(str(said)))
 
     def acknowledge(self) -> None:
-        """The operator has read the messages that stand."""
         self.standing.clear()
         cells = (*CELLS.values(), P.MESSAGE_AXIS, *(of_axis(axis, Axis.MESSAGE) for axis in range(MACHINE_AXES)))
         for number in cells:
             self._parameters.write(number, 0.0)
 
     def clear(self) -> None:
-        """As `acknowledge`, and the fault is over."""
+        """The operator has read the messages that stand, and the fault is over."""
         self.acknowledge()
         self.fault = False
         self.output("message", 0)

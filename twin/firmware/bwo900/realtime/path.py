@@ -33,22 +33,14 @@ from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
-FASTEST_MM_MIN: Final = 6_000.0
-"""P12004 where nobody has set it."""
-DYNAMICS_MS: Final = 250.0
-"""P12008 where nobody has set it: time from standstill to the highest speed."""
-KV_1_S: Final = 16.0
-"""P12020 where nobody has set it."""
-FURTHEST: Final = 2.0**31
-"""Increments from zero that a counter of 32 bits holds."""
-SHARE: Final = math.sqrt(0.5)
-"""Of the acceleration, on circles: across the path and along it."""
-STRAIGHT: Final = 1e-9
-"""Sine of an angle that is none."""
-NO_CONTOUR_MM: Final = 1e-6
-"""Radius of a contour that is a corner."""
-SLOWEST: Final = 0.01
-"""Of the feed is left, whatever P8848 and P8849 take away."""
+FASTEST_MM_MIN: Final = 6_000.0  # P12004 where nobody has set it
+DYNAMICS_MS: Final = 250.0  # P12008 where nobody has set it: time from standstill to the highest speed
+KV_1_S: Final = 16.0  # P12020 where nobody has set it
+FURTHEST: Final = 2.0**31  # increments from zero that a counter of 32 bits holds
+SHARE: Final = math.sqrt(0.5)  # of the acceleration, on circles: across the path and along it
+STRAIGHT: Final = 1e-9  # sine of an angle that is none
+NO_CONTOUR_MM: Final = 1e-6  # radius of a contour that is a corner
+SLOWEST: Final = 0.01  # of the feed is left, whatever P8848 and P8849 take away
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +70,8 @@ class MotionLimits:
     contour_mm: float = 0.0
     """P8857, 0: off."""
     convex: float = 0.0
-    """P8848, as a share of the feed: -1 to 1."""
     concave: float = 0.0
-    """P8849"""
+    """P8848 and P8849, as a share of the feed: -1 to 1."""
     reference_mm: float = 0.0
     """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
     sine: bool = False
@@ -91,10 +82,8 @@ class MotionLimits:
         """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
         fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
-        first = tuple(
-            v / (1e-3 * positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS))
-            for a, v in zip(axes, fastest, strict=True)
-        )
+        rise_ms = [positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS) for a in axes]
+        first = tuple(v / (1e-3 * ms) for v, ms in zip(fastest, rise_ms, strict=True))
         second = tuple(
             min(v / (1e-3 * ms), f) if (ms := p.axis(a, Axis.DYNAMICS_2, 0.0)) > 0.0 else f
             for a, v, f in zip(axes, fastest, first, strict=True)
@@ -159,8 +148,7 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
     """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
-    asked = p.axis(axis, Axis.SLOPE, 0.0)
-    most = fastest
+    asked, most = p.axis(axis, Axis.SLOPE, 0.0), fastest
     for number, share in ((1, 0.1), (2, 0.2)):
         if byte(asked, number) & 1:
             most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
@@ -178,9 +166,7 @@ def corner_factor(cosine: float, exponent: float) -> float:
     P8851 of the manual: exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines;
     negative: off.
     """
-    if exponent < 0.0:
-        return 1.0
-    return min(max(cosine, 0.0), 1.0) ** exponent
+    return 1.0 if exponent < 0.0 else min(max(cosine, 0.0), 1.0) ** exponent
 
 
 class PieceMaker:
@@ -197,7 +183,6 @@ class PieceMaker:
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and how many each has. Raises ProgramError: M1230 no feed, M1237."""
-        axes = len(self._place)
         rows: list[Point] = []
         columns: list[tuple[float, float, float, float, float]] = []
         curves: list[tuple[int, _Curve]] = []
@@ -228,11 +213,10 @@ class PieceMaker:
                 self._end = self._end[0], min(self._end[1], block.end_feed_mm_min / MINUTE_S)
             counts.append(len(rows) - before)
         table = np.array(columns, dtype=np.float64).reshape(len(rows), 5).T
-        ways = np.array(rows, dtype=np.float64).reshape(len(rows), axes)
+        ways = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._place))
         return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
-        """The axes stand at the end of the last piece: the next one begins with speed 0."""
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:

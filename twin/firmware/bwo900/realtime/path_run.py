@@ -36,7 +36,6 @@ class PathRun:
         self.stretch = Stretch()
         self.cut = Cut.NONE
         self.override = 1.0
-        """0 to 1.2."""
         self.locked = False
         """P8701, P8702: the axes may not move."""
 
@@ -51,7 +50,6 @@ class PathRun:
 
     @property
     def over(self) -> bool:
-        """The set points have come to an end."""
         return self.stretch.over(self._axes.now_ns)
 
     @property
@@ -113,15 +111,12 @@ class PathRun:
     # ---- what slows, holds and cuts it ------------------------------------------------------------------------------
 
     def hold(self, wanted: bool) -> None:
-        """Brake along the path, or go on."""
         self.stretch.replan(self._axes.now_ns, hold=wanted)
 
     def rescale(self) -> None:
-        """The override or the lock has changed."""
         self.stretch.replan(self._axes.now_ns, scale=self.scale)
 
     def resume(self) -> None:
-        """Go on where it was held."""
         self.stretch.resume(self.scale, self._axes.now_ns)
 
     def set_feed(self, mm_min: float) -> None:

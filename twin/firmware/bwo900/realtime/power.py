@@ -21,13 +21,10 @@ POWER_NS: Final = 500 * MILLISECOND_NS
 
 
 class Power:
-    """State of the drives' power."""
-
     def __init__(self, levels: Mapping[str, bool], outgoing: Outgoing) -> None:
         """levels: of the inputs, kept up to date by the caller."""
         self._levels, self._outgoing = levels, outgoing
         self.faulty = [False] * AXES
-        """Drives that have switched themselves off."""
         self.on = False
         self.until_ns: int | None = None
         """The control waits for power until then; None: it does not wait."""

@@ -43,12 +43,10 @@ class Stretch:
 
     def __init__(self) -> None:
         self.run: SetPointRun | None = None
-        """Set points, while there are any."""
         self._plan: Joined | None = None
         self._pieces: PieceMaker | None = None
         self._entries: deque[_Entry] = deque()
-        self._made = 0
-        """Pieces of the stretch that were made in earlier runs of it."""
+        self._made = 0  # pieces of the stretch that were made in earlier runs of it
         self._serial = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
@@ -64,17 +62,10 @@ class Stretch:
 
     @property
     def last(self) -> PathBlock | None:
-        """The last block of the stretch so far."""
         return self._entries[-1].block if self._entries else None
 
     @property
-    def begun(self) -> bool:
-        """There is a motion: it is made, or was held."""
-        return self._plan is not None
-
-    @property
     def runs(self) -> bool:
-        """Set points are made."""
         return self.run is not None and self._plan is not None
 
     @property
@@ -88,11 +79,9 @@ class Stretch:
         return self._plan is not None and self._plan.held
 
     def over(self, now_ns: int) -> bool:
-        """True if its set points have come to an end."""
         return self.run is not None and now_ns >= self.run.end_ns
 
     def speed_mm_s(self, now_ns: int) -> float:
-        """Along the path."""
         run, plan = self.run, self._plan
         if run is None or plan is None or now_ns >= run.end_ns:
             return 0.0
@@ -138,7 +127,6 @@ class Stretch:
         self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
-        """Forget the stretch."""
         self._entries.clear()
         self._plan, self.run = None, None
 
@@ -149,6 +137,7 @@ class Stretch:
         self._entries.clear()
         self._made = 0
         self._pieces.stop()
+
         pieces = self._enter(blocks)
         self._serial += 1
         self._plan = joined(pieces, PERIOD_NS, sine=limits.sine, scale=scale, identity=self._serial)
