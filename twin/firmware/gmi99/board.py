@@ -22,13 +22,10 @@ from isel_twin.firmware.gmi99.store import Store
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.path import added
 
-SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
-"""Outputs of slot 0 that the fixture uses (G19)."""
+SPINDLE, HOOD_LOCK = (0, 0), (0, 1)  # outputs of slot 0 that the fixture uses (G19)
 
 
 class Board:
-    """See the module. All times are those of the controller's last call."""
-
     def __init__(self, flash: bytes | None, override_pot_percent: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         stored = Stored(plc=plc.hex()) if flash is None else decode(flash)
@@ -45,10 +42,8 @@ class Board:
         """It leaves no set point (N17)."""
         self.drives_run: SetPointRun | None = None
         """Motion the drives make by themselves."""
-        self._made = (0,) * SLOTS
-        """Counters when the motion in execution began."""
-        self._apart = (0,) * SLOTS
-        """How far T0 is from the counters: what ghosts have made."""
+        self._made = (0,) * SLOTS  # counters when the motion in execution began
+        self._apart = (0,) * SLOTS  # how far T0 is from the counters: what ghosts have made
         self.struck: dict[tuple[int, int], bool] = {}
         """Limit switches that are wired, by slot and end (0: motor, 1: far)."""
         self.override_given: int | None = None
@@ -58,14 +53,12 @@ class Board:
         self.reduced_mode = 1
         """FB 254.33: 0 never, 1 by M3.6, 2 always."""
         self.image_mode = 0
-        """FB 254.2."""
         self.analog_drives = 0
         """Drives whose analog output leaves the image (FB 254.8)."""
         self._analog = 0
         self.pot_percent = override_pot_percent
         """Where the potentiometer stands."""
-        self._levels: dict[tuple[int, int], int] = {}
-        """Outputs of the drives as they are, by byte and bit."""
+        self._levels: dict[tuple[int, int], int] = {}  # outputs of the drives as they are, by byte and bit
         self.images = Images(self._output_changed)
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
         self.store = Store(self.stored.programs)
@@ -73,7 +66,6 @@ class Board:
     # ---- events ------------------------------------------------------------------------------------------------------
 
     def output(self, name: str, value: int) -> None:
-        """An output of the card has this level now."""
         self.events.append(Output(name, value))
 
     def refuse(self, why: str) -> None:
@@ -111,7 +103,6 @@ class Board:
     # ---- settings and memories ---------------------------------------------------------------------------------------
 
     def set(self, **values: Any) -> None:
-        """Settings become these."""
         self.settings = replace(self.settings, **values)
 
     def arrange_images(self) -> None:
@@ -149,7 +140,6 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """A motion or a reference run is being made."""
         return self.path_run is not None or self.drives_run is not None
 
     @property
@@ -210,6 +200,5 @@ class Board:
 
     @property
     def reduced(self) -> bool:
-        """The reduced speed is in force."""
         asked = self.reduced_mode == 2 or (self.reduced_mode == 1 and self.images.flag(places.REDUCED))
         return asked and self.settings.r_hz[0] > 0

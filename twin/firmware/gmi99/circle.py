@@ -20,9 +20,7 @@ import numpy as np
 from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, Move, Rules, straight
 from isel_twin.motion.look_ahead import FRACTIONS
 
-ROUNDING = 1e-9
-"""Chords by which a quotient may miss a whole number."""
-
+ROUNDING = 1e-9  # chords by which a quotient may miss a whole number
 OUTSIDE = 0.25
 """Increments by which inner corners lie outside the arc: half the sagitta, so that chords are as near on both sides."""
 

@@ -87,8 +87,7 @@ def _p_kind(instruction: Instruction) -> Kind:
     return Kind.SYNCHRONOUS if flying else Kind.NORMAL
 
 
-DUPLICATE = "X"
-"""Axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10."""
+DUPLICATE = "X"  # axis duplication has lost its letter in print (3.1.1): a placeholder, decision G10
 
 _NORMAL, _SYNCHRONOUS, _IMMEDIATE = _always(Kind.NORMAL), _always(Kind.SYNCHRONOUS), _always(Kind.IMMEDIATE)
 

@@ -19,8 +19,6 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 
 
 class Card(Board):
-    """See the module."""
-
     def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         super().__init__(flash, override_pot_percent, plc)
@@ -31,7 +29,6 @@ class Card(Board):
         self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """Mains on."""
         self.now_ns = self.power_on_ns = t_ns
         self.images.data[:STATIC_BYTES] = bytes.fromhex(self.stored.data).ljust(STATIC_BYTES, b"\0")
         self.parameters_changed()
@@ -51,7 +48,6 @@ class Card(Board):
     # ---- what happens ------------------------------------------------------------------------------------------------
 
     def parameters_changed(self) -> None:
-        """N parameters have changed."""
         self.arrange_images()
         self.path.speeds_changed()
 
@@ -94,7 +90,6 @@ class Card(Board):
 
     @property
     def in_program(self) -> bool:
-        """A program runs."""
         return self.queue.depth > 0
 
     @property

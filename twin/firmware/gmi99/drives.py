@@ -32,20 +32,15 @@ from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import Indexer, at_rest, braked
 
-MECHANICAL = 3
-"""Slots with a motor of the gantry: X, Y, Z. Those behind have set points only."""
-POWER_WAIT_NS = 500 * MILLISECOND_NS
-"""How long Q waits for the supply after it has asked for it."""
-FAULT_NS = 20 * MILLISECOND_NS
-"""How long it waits for drives that are to forget their faults."""
+MECHANICAL = 3  # slots with a motor of the gantry: X, Y, Z. Those behind have set points only
+POWER_WAIT_NS = 500 * MILLISECOND_NS  # how long Q waits for the supply after it has asked for it
+FAULT_NS = 20 * MILLISECOND_NS  # how long it waits for drives that are to forget their faults
 SEARCH_HZ, FREE_HZ = 10_000.0, 2000.0
 SEARCH_LENGTH = 480_000
 """Increments after which a search ends without a switch: 1.2 times the longest travel of the gantry at 1 um."""
 FREE_LENGTH = 20_000
-TURN = 5000
-"""Increments from zero pulse to zero pulse, unless the machine file says otherwise."""
-DRIVE_ACCELERATION = 100_000.0
-"""Increments/s^2 of a drive's own indexer."""
+TURN = 5000  # increments from zero pulse to zero pulse, unless the machine file says otherwise
+DRIVE_ACCELERATION = 100_000.0  # increments/s^2 of a drive's own indexer
 LIMIT_SHARPNESS = 4
 
 TERMINALS: Mapping[str, tuple[str, ...]] = {
@@ -68,18 +63,11 @@ _FAULT = re.compile(r"slot([0-9])\.fault")
 
 
 class DriveBank:
-    """All drives; see the module."""
-
     def __init__(self, board: Board, path: Path, queue: Queue, turn: int) -> None:
-        self._board = board
-        self._path = path
-        self._queue = queue
-        self._turn = turn
+        self._board, self._path, self._queue, self._turn = board, path, queue, turn
         self.asked: Drives | None = None
         self.ready = False
-        """IDXOFF is 0."""
         self.enabled = False
-        """Stages are on."""
         self.searching = 0
         """Axes that search or leave their switch (FB 254.3)."""
         self._zeroed = [False] * SLOTS
@@ -88,24 +76,20 @@ class DriveBank:
         self._power = False
         self._serial = 0
         self._referencing = False
-        self._edge = False
-        """A switch has changed since the reference run was last gone on with."""
+        self._edge = False  # A switch has changed since the reference run was last gone on with
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
     @property
     def run(self) -> SetPointRun | None:
-        """Motion the drives make by themselves."""
         return self._board.drives_run
 
     @property
     def estop(self) -> bool:
-        """An E-stop of the drives."""
         return self._estop
 
     @property
     def at_rest(self) -> bool:
-        """No drive moves by itself."""
         return self.run is None
 
     def status(self, slot: int) -> int:
@@ -128,14 +112,12 @@ class DriveBank:
         return [DriveInput(f"slot{slot}.fault", slot, "fault") for slot in range(MECHANICAL)]
 
     def is_overloaded(self, slot: int) -> bool:
-        """I2t of a drive."""
         return self.asked is not None and bool(self.asked.overloaded[slot])
 
     def _is_in_position(self, slot: int) -> bool:
         return self.asked is None or self.asked.in_position[slot]
 
     def in_position(self, mask: int) -> Generator[Wait, None, None]:
-        """Wait until the axes are in position."""
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
         while not all(map(self._is_in_position, axes)):
@@ -219,7 +201,6 @@ class DriveBank:
             self._board.drives_run = None
 
     def advance(self) -> None:
-        """The end of a motion of the drives is taken in."""
         if self.run is not None and not self._referencing and self._board.now_ns >= self.run.end_ns:
             self._end_run()
 
@@ -253,10 +234,8 @@ class DriveBank:
             self._zeroed[slot] = True
         if not indexer:
             return
-        wanted = board.settings.axis_mask
-        self.ready = not any(self._faulty[slot] for slot in range(SLOTS) if wanted >> slot & 1) and all(
-            self._zeroed[slot] for slot in range(SLOTS) if wanted >> slot & 1
-        )
+        wanted = [slot for slot in range(SLOTS) if board.settings.axis_mask >> slot & 1]
+        self.ready = all(self._zeroed[slot] and not self._faulty[slot] for slot in wanted)
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
         """The reference run of some axes at once; return those that have found their place."""

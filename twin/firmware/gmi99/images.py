@@ -23,8 +23,7 @@ from collections.abc import Callable, Mapping
 
 GROUP = 24
 DIGITAL = 12
-STATIC_BYTES = 160
-"""DW0..79 survive the mains (3.1.1 d)."""
+STATIC_BYTES = 160  # DW0..79 survive the mains (3.1.1 d)
 REGISTERS = 20
 
 # Flags that couple card and PLC, as (byte, bit) (6.1.1).
@@ -38,8 +37,7 @@ PROGRAM_ENDED = 1, 0
 I2T = 1, 1
 READY = 1, 2
 SYNCHRONISATION = 1, 3
-PROGRAM_NUMBER = 2
-"""A byte, like those below."""
+PROGRAM_NUMBER = 2  # A byte, like those below
 REPORT_AGAIN = 3, 1
 ANALOG = 3, 2
 STOP_SUPPRESSED = 3, 3
@@ -49,8 +47,7 @@ REDUCED = 3, 6
 MESSAGE = 4
 FIRST_M = 6
 M_EXTENSION = 11
-KEY = 13
-"""Of the host, written by `p11`."""
+KEY = 13  # of the host, written by `p11`
 SPINDLE = 15
 SPINDLE_SPEED = 16
 TOOL = 18
@@ -82,20 +79,7 @@ class Images:
         """Two bytes from there on, low byte first; 0 beyond the end."""
         return bytes(area[byte : byte + 2]).ljust(2, b"\0")
 
-    def input_bit(self, number: int) -> bool:
-        """Bit `number` of the digital inputs, counted through the first 12 bytes (G15)."""
-        return bool(self.inputs[number >> 3] >> (number & 7) & 1)
-
-    def output_bit(self, number: int) -> bool:
-        """The same of the outputs."""
-        return bool(self.outputs[number >> 3] >> (number & 7) & 1)
-
-    def flag_bit(self, number: int) -> bool:
-        """The same of the flags MB0..31."""
-        return bool(self.flags[number >> 3] >> (number & 7) & 1)
-
     def flag(self, place: tuple[int, int]) -> bool:
-        """A flag."""
         byte, bit = place
         return bool(self.flags[byte] >> bit & 1)
 
@@ -111,11 +95,7 @@ class Images:
         has there; see the module."""
         at = GROUP if cards and mode == 0 else 0
         if at != self.drives_at:
-            other = GROUP - at
-            self.inputs[at : at + GROUP], self.inputs[other : other + GROUP] = (
-                self.inputs[other : other + GROUP],
-                self.inputs[at : at + GROUP],
-            )
+            self.inputs[:] = self.inputs[GROUP:] + self.inputs[:GROUP]
             self.drives_at = at
             for byte in range(at, at + DIGITAL):
                 self._changed(byte, self.outputs[byte])
@@ -156,10 +136,8 @@ class Images:
         self.data[4 * number : 4 * number + 4] = value.to_bytes(4, "little", signed=True)
 
     def set_data_word(self, byte: int, value: int) -> None:
-        """A data word at a byte offset."""
         self.data[byte : byte + 2] = value.to_bytes(2, "little")
 
     @property
     def static(self) -> bytes:
-        """The data words that are kept."""
         return bytes(self.data[:STATIC_BYTES])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOVE_BIT = 0x80
-"""Of a command character: the general motion command, its lower bits are the mask of axes."""
+MOVE_BIT = 0x80  # of a command character: the general motion command, its lower bits are the mask of axes
 
 
 class OutOfRangeError(Exception):
@@ -14,8 +13,6 @@ class OutOfRangeError(Exception):
 
 @dataclass(frozen=True)
 class Instruction:
-    """A command with its parameters."""
-
     code: int
     values: tuple[int, ...]
     """P1 .. P3 as unsigned numbers, always three; the coordinates of a move, signed, one an axis of its mask."""
@@ -29,12 +26,10 @@ class Instruction:
 
     @property
     def p2(self) -> int:
-        """P2."""
         return self.values[1]
 
     @property
     def p3(self) -> int:
-        """P3."""
         return self.values[2]
 
     @property
@@ -44,7 +39,6 @@ class Instruction:
 
     @property
     def is_move(self) -> bool:
-        """`V`, or the general motion command."""
         return self.code >= MOVE_BIT or self.code == ord("V")
 
 

@@ -154,7 +154,6 @@ class Gmi99Language:
         return [*(self.frame(line) for line in lines), self.frame("87h " + " ".join(map(str, numbers)))]
 
     def break_off(self) -> bytes:
-        """`#0`."""
         return self.frame("#0")
 
     def plc_lines(self, image: bytes) -> Sequence[str]:
@@ -230,7 +229,6 @@ def _command(piece: Frame | bytes) -> Message:
 
 
 def _text(instruction: Instruction, size: int) -> str:
-    """As in a job file."""
     if instruction.code & MOVE_BIT:
         return " ".join([f"{instruction.code:02X}h", *map(str, instruction.values)])
     letter = chr(instruction.code)
@@ -240,7 +238,6 @@ def _text(instruction: Instruction, size: int) -> str:
 
 
 def _words(instruction: Instruction) -> str:
-    """A few plain words."""
     letter, (p1, p2, p3) = chr(instruction.code), (*instruction.values, 0, 0, 0)[:3]
     if instruction.is_move:
         to = ", ".join(f"{axis} {n}" for axis, n in zip(instruction.axes, instruction.values, strict=False))

@@ -14,8 +14,6 @@ PLC_ZERO_LIMIT = 1000
 
 
 class Offsets:
-    """What is added to programmed positions."""
-
     def __init__(self, zero_points: tuple[tuple[int, ...], ...], fine: tuple[tuple[int, ...], ...]) -> None:
         self.zero_points = [list(values) for values in zero_points]
         self.fine = [list(values) for values in fine]
@@ -35,7 +33,6 @@ class Offsets:
         return zero + self.temporary[58][axis] + self.temporary[59][axis] + self.plc_zero[axis]
 
     def select(self, number: int, fine: int | None) -> None:
-        """A zero point, and a fine correction with it."""
         self._active = self._last = (number, fine)
 
     def select_again(self) -> None:
@@ -43,5 +40,4 @@ class Offsets:
         self._active = self._last
 
     def deselect(self) -> None:
-        """No zero point, no fine correction."""
         self._active = None

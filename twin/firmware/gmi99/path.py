@@ -55,8 +55,6 @@ class _Circle:
 
 
 class Path:
-    """See the module."""
-
     def __init__(self, board: Board) -> None:
         self._board = board
         self.feed_hz: int | None = None
@@ -86,7 +84,6 @@ class Path:
 
     @property
     def at_rest(self) -> bool:
-        """Nothing moves and nothing is left to be moved."""
         return self._plan is None
 
     @property
@@ -96,12 +93,10 @@ class Path:
 
     @property
     def host_moves(self) -> int:
-        """Moves of the host that have not ended."""
         return sum(mark.from_host for mark in self._marks)
 
     @property
     def moves(self) -> int:
-        """Moves planned that have not ended."""
         return len(self._marks)
 
     @property
@@ -111,7 +106,8 @@ class Path:
             return None
         assert self._plan is not None
         if self._marks and self._marks[0].pieces <= self._plan.finished(self._plan.ticks):
-            return min(self.run.end_ns, self._time_ns(self._plan.passed(self._marks[0].pieces)))
+            mark_ns = self.run.start_ns + self._plan.passed(self._marks[0].pieces) * self.run.period_ns
+            return min(self.run.end_ns, mark_ns)
         return self.run.end_ns
 
     def grid_ns(self, t_ns: int) -> int:
@@ -179,13 +175,11 @@ class Path:
     def _append(self, made: planner.Move, start: Position, way: Position, *, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
-            onto = self._board.struck_ahead(way)
-            if onto is not None:
+            if (onto := self._board.struck_ahead(way)) is not None:
                 raise OntoSwitchError(onto)
             self._serial += 1
-            self._plan = planner.start(
-                [made], rules, scale=self._scale(), ceiling_hz=self._ceiling_hz(), identity=self._serial
-            )
+            scale, ceiling_hz = self._scale(), self._ceiling_hz()
+            self._plan = planner.start([made], rules, scale=scale, ceiling_hz=ceiling_hz, identity=self._serial)
             if self._holds():
                 self._plan = self._plan.replanned(0, hold=True)
             else:
@@ -221,17 +215,15 @@ class Path:
     # ---- speeds and stops -------------------------------------------------------------------------------------------
 
     def _scale(self) -> float:
-        percent = self._board.override_percent
-        scale = planner.scale(percent if percent else None, self.spindle_rpm if self.per_turn else None)
-        return scale or 1.0  # what stands is held
+        percent = self._board.override_percent or None
+        return planner.scale(percent, self.spindle_rpm if self.per_turn else None) or 1.0  # what stands is held
 
     def _ceiling_hz(self) -> float:
         return float(self._board.settings.r_hz[0]) if self._board.reduced else math.inf
 
     def _holds(self) -> bool:
-        percent = self._board.override_percent
-        stands = self.per_turn and not self.spindle_rpm
-        return self._board.stopped or percent == 0 or stands
+        board = self._board
+        return board.stopped or board.override_percent == 0 or (self.per_turn and not self.spindle_rpm)
 
     def speeds_changed(self) -> None:
         """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
@@ -258,20 +250,21 @@ class Path:
 
     def cut(self) -> None:
         """End at once: the set points made are the last."""
-        self._circle = None
-        self._marks.clear()
         if self.run is not None:
             self._take_in()
-        self._forget()
+        self._drop()
 
     def release(self) -> SetPointRun:
         """Hand the motion in execution over to whoever ends it otherwise, and forget the plan."""
         assert self.run is not None
         run, self._board.path_run = self.run, None
+        self._drop()
+        return run
+
+    def _drop(self) -> None:
         self._circle = None
         self._marks.clear()
         self._forget()
-        return run
 
     # ---- time -------------------------------------------------------------------------------------------------------
 
@@ -307,7 +300,6 @@ class Path:
         self._begin()
 
     def _take_in(self) -> None:
-        """The motion has ended, or is ended now."""
         assert self.run is not None
         self._board.take_in(self.run.displacement(self._board.now_ns), ghost=self._board.ghost)
         self._board.path_run = None
@@ -328,10 +320,4 @@ class Path:
     def _tick(self) -> int:
         """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
         assert self._plan is not None
-        if self.run is None:
-            return self._plan.ticks
-        return self.run.next_tick(self._board.now_ns)
-
-    def _time_ns(self, tick: int) -> int:
-        assert self.run is not None
-        return self.run.start_ns + tick * self.run.period_ns
+        return self._plan.ticks if self.run is None else self.run.next_tick(self._board.now_ns)

@@ -40,31 +40,17 @@ from isel_twin.base.compiling import njit
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces, chain
 
-AXES = 6
-"""Slots 0 to 5; a displacement has one number for each."""
+AXES = 6  # slots 0 to 5; a displacement has one number for each
 
-PERIOD_NS = 4_000_000
-"""Set points leave every 4 ms (1.2)."""
-
-SHORTEST_S = 0.012
-"""Least time of a piece of line (1.2)."""
-
+PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
+SHORTEST_S = 0.012  # least time of a piece of line (1.2)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
 """Greatest M of each V factor (5)."""
-
-STRAIGHT = 1e-9
-"""Change of direction, per path, that is none: what rounding leaves of two moves along one line."""
-
+STRAIGHT = 1e-9  # change of direction, per path, that is none: what rounding leaves of two moves along one line
 RIGHT_ANGLE_DEG = 90.0
-
 FULL_RATIO = 65535.0
-
-MOST_OVERRIDE = 125.0
-""""Erhöht um 25 %" (3.1.1 f)."""
-
-
+MOST_OVERRIDE = 125.0  # "Erhöht um 25 %" (3.1.1 f)
 NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
-"""No pieces."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +85,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Heading:
-    """Direction of a move at one of its ends.
-
-    per_path: effective increments e of each slot per unit of path length, float [6].
-    """
+    """Direction of a move at one of its ends: effective increments e of each slot per unit of path length, [6]."""
 
     per_path: tuple[float, ...]
 

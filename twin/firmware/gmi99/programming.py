@@ -11,7 +11,7 @@ from isel_twin.firmware.gmi99.settings import PROGRAMS
 from isel_twin.firmware.gmi99.waiting import Wait
 
 START, STOP, BEGIN, END, QUIET, LOUD = 1, 2, 100, 101, 110, 111
-PLC, AXIS_PROGRAM, PROGRAM, DIRECT, FLAG = 1, 4, 3, 10, 11
+PROGRAM = 3
 
 
 def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
@@ -70,9 +70,5 @@ def _program(card: Card, what: int, number: int) -> None:
     elif what == BEGIN:
         card.store.begin(number)
         card.keep(programs=card.store.kept)
-    elif what == END:
-        pass  # ends a recording; without one it has nothing to end
-    elif what in (QUIET, LOUD):
-        pass  # whether the loss of contact is reported: the card has none
-    else:
+    elif what not in (END, QUIET, LOUD):  # no recording to end; no loss of contact to be reported or not
         raise OutOfRangeError(f"there is no p3;{what}")

@@ -27,18 +27,14 @@ class _Running:
 
 
 class Queue:
-    """See the module."""
-
     def __init__(self, board: Board) -> None:
         self._board = board
         self.waiting: deque[tuple[bytes, Instruction]] = deque()
         """Commands of the host, each with its bytes."""
-        self._programs: list[_Running] = []
-        """The main program and the subprograms open in it."""
+        self._programs: list[_Running] = []  # the main program and the subprograms open in it
         self._current: Generator[Wait, None, None] | None = None
         self._wait = Wait()
-        self._going = False
-        """The command in progress is being gone on with now: what it does itself may drop it."""
+        self._going = False  # the command in progress is being gone on with now: what it does itself may drop it
         self.recording = False
         """What the host sends now is recorded in its turn."""
 
@@ -74,7 +70,6 @@ class Queue:
         return self.waiting[0] if self.waiting else None
 
     def take(self) -> None:
-        """The next command is taken."""
         if self._programs:
             self._programs[-1].next += 1
         else:
@@ -100,7 +95,6 @@ class Queue:
         return bool(self._programs) and self._programs[-1].next == len(self._programs[-1].commands)
 
     def close(self) -> None:
-        """The innermost program is over."""
         self._programs.pop()
         if not self._programs:
             self._board.images.set_flag(images.PROGRAM_RUNS, False)
@@ -123,7 +117,6 @@ class Queue:
 
     @property
     def in_progress(self) -> bool:
-        """A command takes time."""
         return self._current is not None
 
     @property

@@ -21,15 +21,12 @@ _NOT_IN_PROGRAMS = "rs"
 
 
 class Sequencer:
-    """See the module."""
-
     def __init__(self, card: Card) -> None:
         self._card = card
 
     # ---- what comes in -----------------------------------------------------------------------------------------------
 
     def full(self, instruction: Instruction) -> bool:
-        """There is no room for this command."""
         waiting = self._card.queue.waiting
         moves = sum(entry.is_move for _, entry in waiting)
         if instruction.is_move:
@@ -59,10 +56,10 @@ class Sequencer:
         """Do the next thing; False if it must wait."""
         card, queue = self._card, self._card.queue
         if queue.in_progress:
-            if not queue.due:
-                return False
-            queue.go_on()
-            return True
+            due = queue.due
+            if due:
+                queue.go_on()
+            return due
         if queue.at_end:
             return self._return()
         entry = queue.peek()
@@ -74,7 +71,7 @@ class Sequencer:
             self._record(data, instruction)
             return True
         kind = command_of(instruction).kind(instruction)
-        if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
+        if kind in (Kind.MOVE, Kind.SYNCHRONOUS):
             if not card.path.accepts or not card.drives.at_rest or (card.in_program and card.path.moves >= MOVES):
                 return False
             queue.take()
@@ -105,10 +102,8 @@ class Sequencer:
         if is_p and instruction.p1 == PROGRAM and instruction.p2 == END:
             card.store.end()
             card.keep(programs=card.store.kept)
-        elif (
-            chr(instruction.code) in _NOT_IN_PROGRAMS
-            or (is_p and instruction.p1 == 1)
-            or (is_p and instruction.p1 == PROGRAM and instruction.p2 == BEGIN)
+        elif chr(instruction.code) in _NOT_IN_PROGRAMS or (
+            is_p and (instruction.p1 == 1 or (instruction.p1, instruction.p2) == (PROGRAM, BEGIN))
         ):
             card.store.error = True
         elif not card.store.record(data, instruction):

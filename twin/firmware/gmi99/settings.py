@@ -21,8 +21,7 @@ FINE = 16
 PROGRAMS = 32
 MAGIC = b"GMI99 1 "
 
-LOWEST, HIGHEST = -8_388_352, 8_388_607
-"""Coordinates (3.1.1)."""
+LOWEST, HIGHEST = -8_388_352, 8_388_607  # coordinates (3.1.1)
 RATIO_ONE = 65_535
 
 Axes = tuple[int, ...]
@@ -98,7 +97,6 @@ class Stored:
 
 
 def encode(stored: Stored) -> bytes:
-    """Flash image of this content."""
     body = json.dumps(asdict(stored), separators=(",", ":")).encode("ascii")
     return MAGIC + b"%08x\n" % zlib.crc32(body) + body
 
@@ -110,14 +108,12 @@ def decode(image: bytes) -> Stored | None:
         return None
     try:
         tree = json.loads(body)
-        if tree.keys() != {f.name for f in fields(Stored)} or tree["settings"].keys() != {
-            f.name for f in fields(Settings)
-        }:
+        names = [{f.name for f in fields(kind)} for kind in (Stored, Settings)]
+        if [tree.keys(), tree["settings"].keys()] != names:
             return None
         values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in tree["settings"].items()}
-        settings = Settings(**values)
         stored = Stored(
-            settings,
+            Settings(**values),
             tuple(map(tuple, tree["zero_points"])),
             tuple(map(tuple, tree["fine"])),
             tree["data"],

@@ -15,8 +15,7 @@ from isel_twin.firmware.gmi99.instruction import Instruction
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 
 CAPACITY = 65_536
-DEPTH = 8
-"""Subprograms open beside the main program."""
+DEPTH = 8  # subprograms open beside the main program
 
 
 class Store:
@@ -32,25 +31,16 @@ class Store:
     def restore(self, parse: Callable[[int, bytes], Instruction | None]) -> None:
         """Take what flash has; `parse` as commands.parse."""
         for number, commands in self._loaded.items():
-            lines: list[tuple[bytes, Instruction]] = []
-            for text in commands:
-                data = bytes.fromhex(text)
-                instruction = parse(data[0], data[1:])
-                if instruction is None:
-                    self.error = True
-                    lines = []
-                    break
-                lines.append((data, instruction))
-            self._programs[int(number)] = tuple(lines)
+            lines = [(data := bytes.fromhex(text), parse(data[0], data[1:])) for text in commands]
+            known = tuple((data, instruction) for data, instruction in lines if instruction is not None)
+            self.error = self.error or len(known) < len(lines)
+            self._programs[int(number)] = known if len(known) == len(lines) else ()
 
     @property
     def kept(self) -> dict[str, tuple[str, ...]]:
         """What flash is to hold."""
-        return {
-            str(number): tuple(data.hex() for data, _ in lines)
-            for number, lines in sorted(self._programs.items())
-            if lines
-        }
+        kept = sorted((number, lines) for number, lines in self._programs.items() if lines)
+        return {str(number): tuple(data.hex() for data, _ in lines) for number, lines in kept}
 
     def program(self, number: int) -> tuple[Instruction, ...]:
         """Commands of a program; empty if there is none."""
@@ -75,17 +65,14 @@ class Store:
         return True
 
     def end(self) -> None:
-        """The recording is over: the program is there."""
         assert self.recording is not None
         self._programs[self.recording] = tuple(self._lines)
         self.forget()
         self.error = False
 
     def forget(self) -> None:
-        """No recording; what was recorded is lost."""
         self.recording, self._lines = None, []
 
     def erase(self) -> None:
-        """No programs."""
         self._programs.clear()
         self.forget()

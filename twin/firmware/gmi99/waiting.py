@@ -15,13 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 
-def _never() -> bool:
-    return False
-
-
 @dataclass(frozen=True)
 class Wait:
-    """See the module."""
-
-    until: Callable[[], bool] = _never
+    until: Callable[[], bool] = lambda: False
     at_ns: int | None = None

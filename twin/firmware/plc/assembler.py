@@ -132,7 +132,6 @@ def _instruction(line: int, source: str) -> tuple[Instruction, str]:
 
 
 def _fits(form: Form, operand: str) -> bool:
-    """Whether an operand could be one of this form."""
     pattern = {"": "", "bit": r"\d+\.\d+", "number": r"-?\d+", "block": r"\d+", "constant": r"H?[-0-9A-F.,]+"}
     return re.fullmatch(pattern[form.operand], operand) is not None
 
@@ -198,15 +197,11 @@ def explain(program: Program) -> Sequence[tuple[str, str]]:
     """The lines of `disassemble`, each with what it does in a few words."""
     rows: list[tuple[str, str]] = []
     for block in program.blocks:
-        words = ["" if i is None else i.words_explained for i in instructions_by_word(block)]
         head, *lines = _listing(block)
-        said = iter([text for text, i in zip(words, instructions_by_word(block), strict=True) if i is not None])
-        rows.append(
-            (head, {"OB": "organisation", "PB": "program", "FB": "function", "SB": "step"}[block.kind] + " block")
-        )
-        for line in lines:
+        said = [i.words_explained for i in instructions_by_word(block) if i is not None]
+        rows.append((head, f"{_BLOCK_WORDS[block.kind]} block"))
+        for line, text in zip(lines, said, strict=True):
             jump = re.search(r"=(L\d+)$", line)
-            text = next(said)
             rows.append((line, re.sub(r"by -?\d+ words", f"to {jump[1]}", text) if jump else text))
     return rows
 

@@ -19,7 +19,7 @@ from isel_twin.motion import SetPointRun
 from isel_twin.motion.indexer import at_rest
 
 CONTINUOUS, STEP = 1, 2
-FURTHEST_MM: Final = 10_000.0  # A continuous move without software limits ends here
+FURTHEST_MM: Final = 10_000.0  # a continuous move without software limits ends here
 SPEED_MM_MIN: Final = 1_000.0  # P8755 where nobody has set it
 STEPS_MM: Final = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0, 0.0)  # P8763 to P8769 where nobody has set them
 
