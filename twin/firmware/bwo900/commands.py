@@ -25,8 +25,6 @@ from isel_twin.firmware.bwo900.transfer import end_of_file, parameter_file
 
 
 class Commands:
-    """Carries out what a written parameter asks for."""
-
     def __init__(self, operating: Operating, execution: Execution, store: Store) -> None:
         self._operating, self._execution, self._store = operating, execution, store
         self._parameters = execution.parameters

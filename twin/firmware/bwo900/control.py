@@ -205,7 +205,6 @@ class Control:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """Everything that is due now."""
         now_ns = self._axes.now_ns
         if (until_ns := self._power_due_ns) is not None and (self._power.ready or now_ns >= until_ns):
             self._operating.powered()

@@ -45,8 +45,6 @@ class Execution:
         self._began_at: tuple[float, ...] = (0.0,) * AXES  # where the axes stood as the last program was started, mm
         self._broken = ""  # where the last program was broken off, for people; empty: it was not
 
-    # ---- what the channel asks for ----------------------------------------------------------------------------------
-
     @property
     def single(self) -> bool:
         return self.mode is Mode.SINGLE
@@ -88,8 +86,6 @@ class Execution:
         """The program has written a parameter P: one that is a key waits to be answered."""
         if keys.wish(number, value, AXES) is not None:
             self.asked.append((number, value))
-
-    # ---- the program ------------------------------------------------------------------------------------------------
 
     @property
     def program(self) -> str:

@@ -15,11 +15,9 @@ class Hardware:
     """One of each; `axes.now_ns` is the time of all of them."""
 
     def __init__(self, parameters: Parameters, plc: str | None) -> None:
-        """plc: STEP 5 text in place of the default program."""
         self.parameters = parameters
         self.plc = MachinePlc(plc)
-        self.levels: dict[str, bool] = {}
-        """Of the inputs, by terminal."""
+        self.levels: dict[str, bool] = {}  # of the inputs, by terminal
         self.outgoing = Outgoing(parameters)
         self.axes = Axes(parameters, self.levels)
         self.power = Power(self.levels, self.outgoing)

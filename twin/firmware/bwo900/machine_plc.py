@@ -132,7 +132,6 @@ class MachinePlc:
             self._plc.touch(t_ns)
 
     def function(self, t_ns: int, code: int) -> None:
-        """Queue an M function, by its number."""
         self._waiting.append(code)
         self._hand_over(t_ns)
 
@@ -155,7 +154,6 @@ class MachinePlc:
         self._memory.m[TOOL] = number & 0xFF
 
     def advance(self, t_ns: int) -> None:
-        """Do the passes that end by t_ns."""
         while (due := self._plc.next_ns) is not None and due <= t_ns:
             self._plc.end_pass(due, self._memory)
             self._hand_over(due)

@@ -18,15 +18,11 @@ from isel_twin.firmware.bwo900.realtime.channel import State
 
 
 class Operating:
-    """What the operator has put the control to, and what is done about it."""
-
     def __init__(self, execution: Execution) -> None:
         self._execution, self._channel = execution, execution.channel
         self._hardware = hardware = execution.hardware
         self._axes, self._power, self._hand = hardware.axes, hardware.power, hardware.hand
         self._starts = False  # Start waits for power, or for what moves in HAND
-
-    # ---- modes ------------------------------------------------------------------------------------------------------
 
     def set_mode(self, given: int) -> None:
         """Change to a mode by its number: M1322 there is no such mode, M1009."""
@@ -56,8 +52,6 @@ class Operating:
             execution.feeder.end()
         execution.rest()
 
-    # ---- programs ---------------------------------------------------------------------------------------------------
-
     def start(self) -> None:
         """Start: the program of P8800, or on with the one that is held."""
         if self._channel.active and self._channel.state is not State.ABORTING:
@@ -86,13 +80,11 @@ class Operating:
         self._channel.stop()
 
     def abort(self) -> None:
-        """Brake, and forget the rest."""
         self._starts = False
         self._hand.brake()
         self._channel.abort()
 
     def override_changed(self) -> None:
-        """Parameters of overrides have changed."""
         override = overrides.factor(self._execution.parameters, AXES)
         self._channel.set_override(override)
         self._hand.scale(override)
@@ -104,8 +96,6 @@ class Operating:
         if locked:
             self._hand.release(everything=True)
         self._channel.lock(locked)
-
-    # ---- HAND -------------------------------------------------------------------------------------------------------
 
     def move(self, key: int) -> None:
         """P8752, a key of an axis: 1 +, 2 -, 0 is released."""
@@ -129,8 +119,6 @@ class Operating:
             self._hardware.say(message(Code.M_TOO_LARGE, detail=f"M{code}", effect=Effect.SHOWN))
         else:
             self._hardware.plc.function(self._axes.now_ns, code)
-
-    # ---- power ------------------------------------------------------------------------------------------------------
 
     def powered(self) -> None:
         """The drives are there, or have not come: what has waited for them begins."""

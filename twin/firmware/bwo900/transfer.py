@@ -58,8 +58,7 @@ class Receiver:
         """The end of a file as it was when this one began, which may set another one."""
         self._kind = ""  # the file that is read: name of a program, D, D+, "?" for one that is skipped; empty: none
         self._builder: Builder | Feed | None = None
-        self.changed = False
-        """Programs or parameters have changed; the reader of this flag resets it."""
+        self.changed = False  # programs or parameters have changed; the reader of this flag resets it
 
     @property
     def busy(self) -> bool:

@@ -250,8 +250,7 @@ def auxiliary(card: Card, instruction: Instruction) -> Generator[Wait, None, Non
 
 
 def reference(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
-    """`Q`: counters to 0 where the axes stand, or a reference run of the drives; then the indexer is ready if all
-    drives are."""
+    """`Q`: counters to 0 where the axes stand, or a reference run; then the indexer is ready if all drives are."""
     mask = instruction.p1 & 0x3F
     within("P2", instruction.p2, 0, 1)
     yield from card.drives.make_ready(mask, run=instruction.p2 == 1)

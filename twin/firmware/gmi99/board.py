@@ -36,34 +36,24 @@ class Board:
         self.power_on_ns = 0
         self.events: list[Event] = []
         self.fault = False
-        self.path_run: SetPointRun | None = None
-        """The interpolator's motion, a ghost too."""
-        self.ghost = False
-        """It leaves no set point (N17)."""
-        self.drives_run: SetPointRun | None = None
-        """Motion the drives make by themselves."""
+        self.path_run: SetPointRun | None = None  # the interpolator's motion, a ghost too
+        self.ghost = False  # it leaves no set point (N17)
+        self.drives_run: SetPointRun | None = None  # motion the drives make by themselves
         self._made = (0,) * SLOTS  # counters when the motion in execution began
         self._apart = (0,) * SLOTS  # how far T0 is from the counters: what ghosts have made
         self.struck: dict[tuple[int, int], bool] = {}
         """Limit switches that are wired, by slot and end (0: motor, 1: far)."""
-        self.override_given: int | None = None
-        """Percent of `o2`."""
-        self.override_external: int | None = None
-        """Percent of #9."""
-        self.reduced_mode = 1
-        """FB 254.33: 0 never, 1 by M3.6, 2 always."""
+        self.override_given: int | None = None  # percent of `o2`
+        self.override_external: int | None = None  # percent of #9
+        self.reduced_mode = 1  # FB 254.33: 0 never, 1 by M3.6, 2 always
         self.image_mode = 0
-        self.analog_drives = 0
-        """Drives whose analog output leaves the image (FB 254.8)."""
+        self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
-        self.pot_percent = override_pot_percent
-        """Where the potentiometer stands."""
+        self.pot_percent = override_pot_percent  # where the potentiometer stands
         self._levels: dict[tuple[int, int], int] = {}  # outputs of the drives as they are, by byte and bit
         self.images = Images(self._output_changed)
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
         self.store = Store(self.stored.programs)
-
-    # ---- events ------------------------------------------------------------------------------------------------------
 
     def output(self, name: str, value: int) -> None:
         self.events.append(Output(name, value))
@@ -100,8 +90,6 @@ class Board:
             self._analog = value
             self.output("analog", value)
 
-    # ---- settings and memories ---------------------------------------------------------------------------------------
-
     def set(self, **values: Any) -> None:
         self.settings = replace(self.settings, **values)
 
@@ -111,18 +99,15 @@ class Board:
         self.images.arrange(cards=cards, mode=self.image_mode)
 
     def keep(self, **values: Any) -> None:
-        """The memories hold these now."""
         self.stored = replace(self.stored, **values)
         self.events.append(FlashWrite(encode(self.stored)))
 
     def keep_data(self) -> None:
-        """The static data words are kept."""
         data = self.images.static.rstrip(b"\0").hex()
         if data != self.stored.data:
             self.keep(data=data)
 
     def erase(self) -> None:
-        """All memories are as new."""
         self.stored = Stored()
         self.store.erase()
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
@@ -130,8 +115,6 @@ class Board:
         self.flash_fault = self.store.error = False
         self.output("flash_fault", 0)
         self.events.append(FlashWrite(encode(self.stored)))
-
-    # ---- positions ---------------------------------------------------------------------------------------------------
 
     @property
     def run(self) -> SetPointRun | None:
@@ -168,8 +151,6 @@ class Board:
         self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))
-
-    # ---- what holds and slows ----------------------------------------------------------------------------------------
 
     def struck_ahead(self, way: Sequence[int]) -> int | None:
         """The slot whose limit switch is struck and which would move further onto it."""

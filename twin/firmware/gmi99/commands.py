@@ -27,8 +27,6 @@ PLC_DATA_BYTES = 128
 
 
 class Kind(Enum):
-    """How a command takes its turn; see the module."""
-
     NORMAL = "normal"
     SYNCHRONOUS = "synchronous"
     MOVE = "move"
@@ -57,8 +55,6 @@ def _numbers(content: bytes, *, signed_: bool = False) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Command:
-    """A row of the table."""
-
     section: str
     words: str
     run: Handler
@@ -121,5 +117,4 @@ MOVE = Command("3.1.1", "move", actions.move, _always(Kind.MOVE))
 
 
 def command_of(instruction: Instruction) -> Command:
-    """The row of an instruction."""
     return MOVE if instruction.code & MOVE_BIT else COMMANDS[chr(instruction.code)]

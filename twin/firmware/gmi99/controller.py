@@ -147,7 +147,6 @@ class Gmi99:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """Let everything go on that can go on now."""
         card = self._card
         card.path.advance()
         card.drives.advance()

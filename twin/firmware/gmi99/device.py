@@ -45,8 +45,6 @@ class Card(Board):
         self.refresh_flags()
         self.plc.power_on(t_ns, bytes.fromhex(self.stored.plc))
 
-    # ---- what happens ------------------------------------------------------------------------------------------------
-
     def parameters_changed(self) -> None:
         self.arrange_images()
         self.path.speeds_changed()
@@ -85,8 +83,6 @@ class Card(Board):
         if self.analog_asked:
             self.put_analog_outputs()
         self.path.speeds_changed()
-
-    # ---- what there is to see ----------------------------------------------------------------------------------------
 
     @property
     def in_program(self) -> bool:

@@ -68,15 +68,14 @@ class DriveBank:
         self.asked: Drives | None = None
         self.ready = False
         self.enabled = False
-        self.searching = 0
-        """Axes that search or leave their switch (FB 254.3)."""
+        self.searching = 0  # axes that search or leave their switch (FB 254.3)
         self._zeroed = [False] * SLOTS
         self._faulty = [False] * SLOTS
         self._estop = True
         self._power = False
         self._serial = 0
         self._referencing = False
-        self._edge = False  # A switch has changed since the reference run was last gone on with
+        self._edge = False  # a switch has changed since the reference run was last gone on with
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
 
@@ -108,7 +107,6 @@ class DriveBank:
         return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
-        """Faults of the drives that have a motor."""
         return [DriveInput(f"slot{slot}.fault", slot, "fault") for slot in range(MECHANICAL)]
 
     def is_overloaded(self, slot: int) -> bool:

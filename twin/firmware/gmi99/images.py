@@ -37,7 +37,7 @@ PROGRAM_ENDED = 1, 0
 I2T = 1, 1
 READY = 1, 2
 SYNCHRONISATION = 1, 3
-PROGRAM_NUMBER = 2  # A byte, like those below
+PROGRAM_NUMBER = 2  # a byte, like those below
 REPORT_AGAIN = 3, 1
 ANALOG = 3, 2
 STOP_SUPPRESSED = 3, 3
@@ -69,11 +69,8 @@ class Images:
         self.outputs = bytearray(2 * GROUP)
         self.flags = bytearray(256)
         self.data = bytearray(256)
-        self.drives_at = 0
-        """Where the drives' bytes begin in E and A."""
+        self.drives_at = 0  # where the drives' bytes begin in E and A
         self._changed = changed
-
-    # ---- words and bits ---------------------------------------------------------------------------------------------
 
     def word(self, area: bytearray, byte: int) -> bytes:
         """Two bytes from there on, low byte first; 0 beyond the end."""
@@ -84,15 +81,11 @@ class Images:
         return bool(self.flags[byte] >> bit & 1)
 
     def set_flag(self, place: tuple[int, int], on: bool) -> None:
-        """The firmware sets a flag."""
         byte, bit = place
         self.flags[byte] = self.flags[byte] & ~(1 << bit) | (on << bit)
 
-    # ---- inputs and outputs -----------------------------------------------------------------------------------------
-
     def arrange(self, *, cards: bool, mode: int) -> None:
-        """Drives go to the first or second group, with what their inputs are, and their outputs become what the image
-        has there; see the module."""
+        """Put the drives into the first or second group: inputs move along, outputs follow the image there."""
         at = GROUP if cards and mode == 0 else 0
         if at != self.drives_at:
             self.inputs[:] = self.inputs[GROUP:] + self.inputs[:GROUP]
@@ -106,13 +99,11 @@ class Images:
         self.inputs[at] = self.inputs[at] & ~(1 << bit) | (level << bit)
 
     def set_output_byte(self, byte: int, value: int) -> None:
-        """Outputs change, at once."""
         if self.outputs[byte] != value:
             self.outputs[byte] = value
             self._changed(byte, value)
 
     def set_output_bit(self, number: int, on: bool) -> None:
-        """One output, by its number."""
         byte, bit = number >> 3, number & 7
         self.set_output_byte(byte, self.outputs[byte] & ~(1 << bit) | (on << bit))
 
@@ -122,14 +113,10 @@ class Images:
             for byte in range(first, first + DIGITAL):
                 self.set_output_byte(byte, 0)
 
-    # ---- flags from outside -----------------------------------------------------------------------------------------
-
     def write_flag_byte(self, byte: int, value: int) -> None:
         """The host writes a flag byte; bits of the firmware keep their value."""
         kept = FIRMWARE_OWNS.get(byte, 0)
         self.flags[byte] = self.flags[byte] & kept | value & ~kept & 0xFF
-
-    # ---- data -------------------------------------------------------------------------------------------------------
 
     def set_register(self, number: int, value: int) -> None:
         """Register R00..19: a signed number in 32 bits."""

@@ -16,8 +16,7 @@ class Instruction:
     code: int
     values: tuple[int, ...]
     """P1 .. P3 as unsigned numbers, always three; the coordinates of a move, signed, one an axis of its mask."""
-    raw: bytes = b""
-    """The bytes of a PLC program (`a`)."""
+    raw: bytes = b""  # the bytes of a PLC program (`a`)
 
     @property
     def p1(self) -> int:
@@ -34,7 +33,6 @@ class Instruction:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes of a move."""
         return tuple(axis for axis in range(6) if self.code >> axis & 1) if self.code & MOVE_BIT else (0, 1, 2)
 
     @property
@@ -43,5 +41,4 @@ class Instruction:
 
 
 def signed(value: int) -> int:
-    """A 24-bit number with its sign."""
     return value - (1 << 24) if value >> 23 else value

@@ -54,8 +54,7 @@ class Frame:
 class Dil:
     """The eight switches, read at power-on (2.2)."""
 
-    switches: str = "11111111"
-    """Switch 1 first; 1 is on."""
+    switches: str = "11111111"  # switch 1 first; 1 is on
 
     def __post_init__(self) -> None:
         if len(self.switches) != 8 or set(self.switches) - {"0", "1"}:
@@ -72,7 +71,6 @@ class Dil:
 
     @property
     def baud(self) -> int:
-        """Speed of the host line in bit/s."""
         return 38_400 if self.switches[7] == "1" else 9600
 
 
@@ -108,14 +106,10 @@ class Receiver:
         return self._rest
 
     def expire(self) -> None:
-        """Drop the frame begun."""
         self._rest = b""
 
     def take(self, data: bytes) -> list[Frame | bytes]:
-        """Frames that are whole with these bytes, and between them, in bytes, what belongs to none.
-
-        From the card's side a single character is such a piece by itself.
-        """
+        """Frames that are whole now, single characters of the card, and between them the bytes of neither."""
         pieces: list[Frame | bytes] = []
         rest = self._rest + data
         at = noise = 0
@@ -175,5 +169,4 @@ class Receiver:
 
 
 def _sound(whole: bytes, start: int) -> bool:
-    """Checksum and end are right."""
     return whole[-1] == _END and sum(whole[start:-2]) % 256 == whole[-2]

@@ -61,8 +61,6 @@ class CardPlc:
         self._seen = b""
         self.load_error = False
 
-    # ---- what the card asks -----------------------------------------------------------------------------------------
-
     @property
     def running(self) -> bool:
         return self._plc.running
@@ -154,8 +152,6 @@ class CardPlc:
     def _failed(self, why: str) -> None:
         self.load_error = True
         self.board.refuse(f"no PLC program: {why}")
-
-    # ---- FB 254 -----------------------------------------------------------------------------------------------------
 
     def _extended(self, number: int, argument: int, memory: Memory) -> tuple[int, int]:
         """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""

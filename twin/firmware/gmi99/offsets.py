@@ -19,8 +19,7 @@ class Offsets:
         self.fine = [list(values) for values in fine]
         self.temporary = {58: [0] * SLOTS, 59: [0] * SLOTS}
         self.plc_zero = [0] * SLOTS
-        self.preselected = 0
-        """Number of the fine correction the PLC has chosen (Vx, FB 254.5)."""
+        self.preselected = 0  # number of the fine correction the PLC has chosen (Vx, FB 254.5)
         self._active: tuple[int, int | None] | None = None
         self._last: tuple[int, int | None] | None = None
 

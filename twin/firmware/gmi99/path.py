@@ -57,15 +57,11 @@ class _Circle:
 class Path:
     def __init__(self, board: Board) -> None:
         self._board = board
-        self.feed_hz: int | None = None
-        """f; None: rapid (G0)."""
+        self.feed_hz: int | None = None  # f; None: rapid (G0)
         self.absolute = True
-        self.per_turn = False
-        """G95."""
-        self.shortest_way = False
-        """G36 for the next move."""
-        self.sources = [-1] * SLOTS
-        """Axis whose motions an axis makes too, -1: none."""
+        self.per_turn = False  # G95
+        self.shortest_way = False  # G36 for the next move
+        self.sources = [-1] * SLOTS  # axis whose motions an axis makes too, -1: none
         self.spindle_rpm = 0
         self._plan: Joined | None = None
         self._end: Position = (0,) * SLOTS
@@ -101,7 +97,6 @@ class Path:
 
     @property
     def next_ns(self) -> int | None:
-        """When something is due."""
         if self.run is None:
             return None
         assert self._plan is not None
@@ -122,10 +117,8 @@ class Path:
         self._circle = _Circle(clockwise)
 
     def move(self, instruction: Instruction, *, from_host: bool) -> None:
-        """`V` or the general motion command, in its turn; from_host: not from a program.
-
-        Raises OutOfRangeError for what cannot be moved, OntoSwitchError for a way that begins on a limit switch.
-        """
+        """`V` or the general motion command, in its turn; from_host: not from a program. Raises OutOfRangeError for
+        what cannot be moved, OntoSwitchError for a way that begins on a limit switch."""
         given = dict(zip(instruction.axes, instruction.values, strict=False))
         if self._circle is not None and self._circle.centre is None:
             sound = len(given) == 2 and any(given.values())
@@ -157,7 +150,6 @@ class Path:
             self._append(made, start, way, from_host=from_host)
 
     def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
-        """How far each slot goes."""
         way = [0] * SLOTS
         for axis, value in given.items():
             if not self.absolute:
@@ -238,7 +230,6 @@ class Path:
             self._replace(plan.replanned(self._tick(), hold=holds, scale=scale, ceiling=ceiling))
 
     def break_off(self) -> None:
-        """Brake along the path and forget what is left."""
         self._circle = None
         self._marks.clear()
         if self.run is None:

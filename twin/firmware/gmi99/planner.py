@@ -92,8 +92,8 @@ class Heading:
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """A move ready to be joined: its pieces (none if it goes nowhere; one for a line; the chords of a circle) and its
-    directions at the beginning and at the end (None if it goes nowhere)."""
+    """A move ready to be joined: its pieces, one for a line, the chords of a circle, and its directions at both ends;
+    no pieces and None if it goes nowhere."""
 
     pieces: Pieces
     first: Heading | None
@@ -112,8 +112,7 @@ def useful_hz(feed_hz: int, rules: Rules) -> int:
 
 
 def scale(override_percent: float | None = None, spindle_rpm: float | None = None) -> float:
-    """Factor of programmed speeds: the override (None: 100 %, else 0..125; more is 125), and under G95 the revolutions
-    of the spindle a second. 0 stands."""
+    """Factor of programmed speeds: override 0..125 % (None: 100), under G95 times the spindle's turns a second."""
     override = 1.0 if override_percent is None else min(max(override_percent, 0.0), MOST_OVERRIDE) / 100.0
     return override if spindle_rpm is None else override * spindle_rpm / 60.0
 
@@ -221,10 +220,7 @@ def start(
 
 
 def more(plan: Joined, k: int, moves: Sequence[Move], rules: Rules, after: Heading | None) -> Joined:
-    """The plan with these moves behind it, known at tick k.
-
-    after: direction at the end of the last move planned so far, None if there is none.
-    """
+    """The plan with these moves behind it, known at tick k; after: direction at its end so far, None: it has none."""
     return plan.replanned(k, append=_together(moves, rules, after))
 
 

@@ -24,8 +24,6 @@ class Sequencer:
     def __init__(self, card: Card) -> None:
         self._card = card
 
-    # ---- what comes in -----------------------------------------------------------------------------------------------
-
     def full(self, instruction: Instruction) -> bool:
         waiting = self._card.queue.waiting
         moves = sum(entry.is_move for _, entry in waiting)
@@ -34,21 +32,16 @@ class Sequencer:
         return len(waiting) - moves >= OTHERS
 
     def put(self, data: bytes, instruction: Instruction) -> None:
-        """A command of the host that there is room for."""
         if instruction.code == ord("p") and instruction.p1 == PROGRAM and instruction.p2 in (BEGIN, END):
             self._card.queue.recording = instruction.p2 == BEGIN
         self._card.queue.waiting.append((data, instruction))
 
     def put_drive(self, slot: int, *, run: bool) -> None:
-        """The host tells a drive, through the card, to take its place for zero or to make a reference run; not heard
-        while anything is under way."""
+        """The host tells a drive to zero or to make a reference run; not heard while anything is under way."""
         if not self._card.busy:
             self._card.queue.start(self._card.drives.make_ready(1 << slot, run=run, indexer=False))
 
-    # ---- going on ----------------------------------------------------------------------------------------------------
-
     def pump(self) -> None:
-        """Carry out whatever can be carried out now."""
         while self._step():
             pass
 

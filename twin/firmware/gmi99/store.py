@@ -38,16 +38,13 @@ class Store:
 
     @property
     def kept(self) -> dict[str, tuple[str, ...]]:
-        """What flash is to hold."""
         kept = sorted((number, lines) for number, lines in self._programs.items() if lines)
         return {str(number): tuple(data.hex() for data, _ in lines) for number, lines in kept}
 
     def program(self, number: int) -> tuple[Instruction, ...]:
-        """Commands of a program; empty if there is none."""
         return tuple(instruction for _, instruction in self._programs.get(number, ()))
 
     def begin(self, number: int) -> None:
-        """Record a program from now on."""
         assert 0 <= number < PROGRAMS
         if number == 0:
             self._programs.clear()

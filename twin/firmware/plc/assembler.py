@@ -44,8 +44,7 @@ class _Open:
     line: int
     items: list[tuple[int, Instruction, str]] = field(default_factory=list)
     """Line, instruction, and the label it jumps to."""
-    labels: dict[str, int] = field(default_factory=dict)
-    """The word at which each stands."""
+    labels: dict[str, int] = field(default_factory=dict)  # the word at which each stands
     words: int = 0
 
 
@@ -111,7 +110,6 @@ def _closed(block: _Open) -> Block:
 
 
 def _instruction(line: int, source: str) -> tuple[Instruction, str]:
-    """The instruction, and the label that it jumps to."""
     compact = re.sub(r"\s+", "", source)
     best = ""
     for mnemonic in _MNEMONICS:

@@ -37,15 +37,11 @@ def from_bcd(word: int) -> int | None:
 class Timer:
     """One timer. Times are virtual, in ns."""
 
-    kind: str = ""
-    """As what it has been started: SI, SV, SE, SS, SA; empty: not at all."""
-    was: bool = False
-    """The result at its starting instruction, the last time."""
-    end_ns: int | None = None
-    """When it runs out; None: it does not run."""
+    kind: str = ""  # as what it has been started: SI, SV, SE, SS, SA; empty: not at all
+    was: bool = False  # the result at its starting instruction, the last time
+    end_ns: int | None = None  # when it runs out; None: it does not run
     unit_ns: int = 0
-    ran_out: bool = False
-    """It has, since it was started; SS: since it was reset."""
+    ran_out: bool = False  # it has, since it was started; SS: since it was reset
 
     def start(self, kind: str, result: bool, constant: int, now_ns: int) -> bool:
         """The starting instruction; True if anything has changed. A constant with digits above 9 starts nothing."""

@@ -19,7 +19,6 @@ class Memory:
     a: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
     """Process images of the inputs (e) and the outputs."""
     m: bytearray = field(default_factory=lambda: bytearray(FLAG_BYTES))
-    """Flags."""
     d: bytearray = field(default_factory=lambda: bytearray(DATA_BYTES))
     """128 data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 

@@ -39,8 +39,7 @@ class _Made:
     after: Memory
     begin_ns: int
     end_ns: int
-    repeats: bool
-    """Another one would do just the same."""
+    repeats: bool  # another one would do just the same
 
 
 class Plc:
@@ -49,15 +48,13 @@ class Plc:
     def __init__(self, rights: Rights, functions: Mapping[int, Function], shortest_ns: int) -> None:
         """functions: built-in FBs by number. shortest_ns: a pass takes a multiple of it, at least one."""
         self._rights, self._functions, self._shortest_ns = rights, functions, shortest_ns
-        self.image = b""
-        """Of the program; empty: there is none."""
+        self.image = b""  # of the program; empty: there is none
         self._processor: Processor | None = None
         self._elements = Elements()
         self._made: _Made | None = None
         self._touched = False
         self._stops = False
-        self.stopped_by = ""
-        """Why it has stopped by itself; empty if it has not."""
+        self.stopped_by = ""  # why it has stopped by itself; empty if it has not
 
     @property
     def program(self) -> Program | None:
@@ -131,7 +128,6 @@ class Plc:
             self._begin(t_ns, memory)
 
     def _first_begin(self, made: _Made, t_ns: int) -> int:
-        """When the first pass begins at or after t_ns."""
         length = made.end_ns - made.begin_ns
         return max(made.end_ns, made.begin_ns - (made.begin_ns - t_ns) // length * length)
 

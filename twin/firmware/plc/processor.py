@@ -85,10 +85,8 @@ class Pass:
         elements: Elements,
         now_ns: int,
     ) -> None:
-        self.executed = 0
-        """Instructions."""
-        self.changed = False
-        """A timer or counter is not what it was: the next pass may differ."""
+        self.executed = 0  # instructions
+        self.changed = False  # a timer or counter is not what it was: the next pass may differ
         self.live = False
         """It has asked for something that changes by itself: a built-in function, what is left of a timer."""
         self._blocks, self._functions = blocks, functions
@@ -106,7 +104,6 @@ class Pass:
     # Blocks
 
     def call(self, kind: str, number: int) -> None:
-        """Execute a block to its end."""
         if self._depth == DEEPEST_CALLS:
             raise Halt(f"{kind} {number} is called on the {DEEPEST_CALLS + 1}th level")
         instructions = self._blocks.get((kind, number))

@@ -43,22 +43,15 @@ def filters(parameters: Parameters) -> list[Filter]:
 
 
 class Ahead:
-    """The blocks that wait, and the filters on their way."""
-
     def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
         self._interpreter, self._around = interpreter, around
         self._filters: Sequence[Filter] = ()
-        self.blocks: deque[PathBlock] = deque()
-        """Those that wait, the next one first."""
-        self.ended = True
-        """Nothing more comes from the interpreter."""
-        self.poll_ns: int | None = None
-        """When analysis goes on that waits for a condition, or supervises."""
-        self.error: Message | None = None
-        """What has ended analysis."""
+        self.blocks: deque[PathBlock] = deque()  # those that wait, the next one first
+        self.ended = True  # nothing more comes from the interpreter
+        self.poll_ns: int | None = None  # when analysis goes on that waits for a condition, or supervises
+        self.error: Message | None = None  # what has ended analysis
 
     def start(self) -> None:
-        """A program has been begun in the interpreter."""
         self.renew_filters()
         self.blocks.clear()
         self.ended, self.poll_ns, self.error = False, None, None

@@ -45,8 +45,6 @@ class Axes:
         self._known: tuple[int, MotionLimits] | None = None
         """The limits, and the revision of the parameters they were made from."""
 
-    # Where they are
-
     def counts_at(self, t_ns: int) -> tuple[int, ...]:
         """Set positions in increments, at a time within the run in execution."""
         if self.run is None:
@@ -93,8 +91,6 @@ class Axes:
         moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
         return moving or axis in self.unsettled()
 
-    # What moves them
-
     def follow(self, run: SetPointRun | None) -> None:
         shown = self.run
         if run is shown:
@@ -112,7 +108,6 @@ class Axes:
         return value
 
     def forget(self, axis: int) -> None:
-        """An axis loses its reference point."""
         self.referenced[axis] = False
         self._parameters.write(of_axis(axis, Axis.REFERENCED), 0.0)
 
@@ -120,8 +115,6 @@ class Axes:
         """Increments to the next zero pulse."""
         past = 0 if self.drives is None else self.drives.past_zero_pulse[axis] % PULSES
         return (PULSES - past) % PULSES
-
-    # How far and how well
 
     def limits(self) -> MotionLimits:
         """Limits of axes and path by the parameters as they are now."""

@@ -57,8 +57,6 @@ HELD: Final = (State.HELD, State.HELD_AT_PATH, State.HELD_ON_PATH)
 
 
 class Channel:
-    """Carries out what an interpreter analyses."""
-
     def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
         self._interpreter, self._around = interpreter, around
         self._axes, self._plc, self._deletion = around.axes, around.plc, around.deletion
@@ -216,7 +214,6 @@ class Channel:
     # Blocks
 
     def _begin(self) -> None:
-        """The next block, if there is one."""
         if self._holds:
             self._enter(State.HELD)
             return
@@ -261,7 +258,6 @@ class Channel:
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
 
     def _without_path(self, block: PathBlock) -> None:
-        """A block without a path: on with what comes behind one."""
         if block.stands:
             self._settle()
         elif _halting(block.pre):
@@ -350,7 +346,6 @@ class Channel:
             self._post()
 
     def _post(self) -> None:
-        """Post functions, and the wait for those with halt."""
         block = self._current
         assert block is not None
         send(self._around, block.post)
@@ -361,7 +356,6 @@ class Channel:
             self._block_over()
 
     def _block_over(self) -> None:
-        """A block has been carried out whole."""
         block, self._current = self._current, None
         assert block is not None
         path = self.path
@@ -393,7 +387,6 @@ class Channel:
             self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
 
     def _end(self, *, aborted: bool) -> None:
-        """No program any more."""
         self._ahead.end()
         self.path.stretch.clear()
         self._current, self._holds = None, False
@@ -403,5 +396,4 @@ class Channel:
 
 
 def _halting(functions: Iterable[Machine]) -> bool:
-    """True if a function is waited for until the PLC acknowledges it."""
     return any(function.halt and not function.jump for function in functions)

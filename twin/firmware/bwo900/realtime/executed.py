@@ -16,12 +16,9 @@ class Executed:
     def __init__(self, interpreter: Interpreter) -> None:
         self._interpreter = interpreter
         self.active = False
-        self.block: PathBlock | None = None
-        """None: no program, or its first block has not begun."""
-        self.place = ("", 0)
-        """Program and number of the block; kept after the end of the program."""
-        self.column = 0
-        """Of the path's words in the text of the block."""
+        self.block: PathBlock | None = None  # None: no program, or its first block has not begun
+        self.place = ("", 0)  # program and number of the block; kept after the end of the program
+        self.column = 0  # of the path's words in the text of the block
 
     def start(self) -> None:
         self.active, self.place = True, ("", 0)

@@ -43,8 +43,7 @@ class Homing:
         self._serial = 0
         self._leg = Leg.STOP
         self.run: SetPointRun | None = None
-        self.failed: int | None = None
-        """The axis that has found no switch."""
+        self.failed: int | None = None  # the axis that has found no switch
         self._next()
 
     @property
@@ -56,7 +55,6 @@ class Homing:
         return None if self.run is None else self.run.end_ns
 
     def advance(self) -> None:
-        """Let time pass, or a switch change."""
         while self.run is not None and self._go_on():
             pass
 
@@ -64,7 +62,6 @@ class Homing:
         self.run, self._order = None, []
 
     def brake(self) -> None:
-        """The axis brakes, and that is the end."""
         if self.run is not None:
             self._brake(self._order[0], Leg.STOP)
 

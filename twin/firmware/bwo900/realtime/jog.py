@@ -47,10 +47,8 @@ def step_on(parameters: Parameters) -> None:
 
 class Jog:
     def __init__(self, parameters: Parameters, axes: Axes, sign: int, override: float) -> None:
-        """sign: +1, -1. override: of the speed; 0: it waits.
-
-        Raises ProgramError: M1216 no such axis, M1321 no such kind, M2103, M2104 a step would leave the limits.
-        """
+        """sign: +1, -1. override: of the speed; 0: it waits. Raises ProgramError: M1216 no such axis, M1321 no such
+        kind, M2103, M2104 a step would leave the limits."""
         p, limits, counts = parameters, axes.limits(), axes.counts
         axis = int(p.given(P.HAND_AXIS, 1.0)) - 1
         if not 0 <= axis < AXES:
@@ -82,7 +80,6 @@ class Jog:
         return None if self.run is None else self.run.end_ns
 
     def advance(self) -> None:
-        """Let time pass."""
         run = self.run
         if run is not None and self._axes.now_ns >= run.end_ns:
             self._left -= float(run.displacement(run.end_ns)[self.axis])

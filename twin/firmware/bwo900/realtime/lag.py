@@ -36,8 +36,7 @@ class LagWatch:
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
-        self.due_ns: int | None = None
-        """When it looks next; None: nothing moves."""
+        self.due_ns: int | None = None  # when it looks next; None: nothing moves
         self._last_ns = 0
         self._counts: tuple[int, ...] = (0,) * MACHINE_AXES
         self._ought = [0.0] * MACHINE_AXES

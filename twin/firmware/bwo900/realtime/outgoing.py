@@ -31,8 +31,7 @@ class Outgoing:
         self._parameters = parameters
         self._events: list[Event] = []
         self._outputs: dict[str, int] = {}
-        self.standing: list[Message] = []
-        """Messages that have not been cleared, the newest last."""
+        self.standing: list[Message] = []  # messages that have not been cleared, the newest last
         self.history: list[tuple[int, Message]] = []
         self.fault = False
 
@@ -45,13 +44,11 @@ class Outgoing:
         return events
 
     def output(self, name: str, value: int) -> None:
-        """Set an output; tells it if it changes."""
         if self._outputs.get(name) != value:
             self._outputs[name] = value
             self.add(Output(name, value))
 
     def pulse(self, name: str) -> None:
-        """An output rises and falls."""
         self.add(Output(name, 1), Output(name, 0))
 
     def say(self, t_ns: int, said: Message) -> None:

@@ -48,30 +48,19 @@ class MotionLimits:
     """What axes and path can do, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
-    speed: Point
-    """mm/s, of paths."""
-    hand: Point
-    """mm/s, of moves without a program."""
-    acceleration: Point
-    """mm/s^2, with feed."""
-    rapid_acceleration: Point
-    """mm/s^2, with G00."""
-    rapid: float
-    """mm/s, of the axis with the longest way."""
-    corner: float
-    """Exponent of the corner factor; negative: off."""
-    deviation_mm: float
-    """P8852, 0: off."""
+    speed: Point  # mm/s, of paths
+    hand: Point  # mm/s, of moves without a program
+    acceleration: Point  # mm/s^2, with feed
+    rapid_acceleration: Point  # mm/s^2, with G00
+    rapid: float  # mm/s, of the axis with the longest way
+    corner: float  # exponent of the corner factor; negative: off
+    deviation_mm: float  # P8852, 0: off
     kv: float
-    test_feed: float | None
-    """P8815, mm/s: in place of all feeds."""
-    feed_share: float = 1.0
-    """P8818: of every programmed feed."""
-    contour_mm: float = 0.0
-    """P8857, 0: off."""
+    test_feed: float | None  # P8815, mm/s: in place of all feeds
+    feed_share: float = 1.0  # P8818: of every programmed feed
+    contour_mm: float = 0.0  # P8857, 0: off
     convex: float = 0.0
-    concave: float = 0.0
-    """P8848 and P8849, as a share of the feed: -1 to 1."""
+    concave: float = 0.0  # P8848 and P8849, as a share of the feed: -1 to 1
     reference_mm: float = 0.0
     """P8850: 0 off, 1 the feed of the point of contact, above that the largest radius with another feed."""
     sine: bool = False
@@ -79,7 +68,6 @@ class MotionLimits:
 
     @classmethod
     def of(cls, parameters: Parameters, increments_per_mm: Sequence[float]) -> MotionLimits:
-        """The limits as the parameters are now."""
         p, axes = parameters, range(len(increments_per_mm))
         fastest = tuple(positive(p.axis(a, Axis.SPEED, 0.0), FASTEST_MM_MIN) / MINUTE_S for a in axes)
         rise_ms = [positive(p.axis(a, Axis.DYNAMICS_1, 0.0), DYNAMICS_MS) for a in axes]
@@ -127,10 +115,8 @@ def circumradius(a: Point, b: Point, c: Point) -> float:
 
 
 def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float:
-    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour.
-
-    An arc around an outer corner has no contour of its own: 1.
-    """
+    """Factor of the feed on an arc of the tool's centre beside a contour (P8848 to P8850); 1 without a contour, and
+    on an arc around an outer corner, which has none of its own."""
     reference, tool, centre = limits.reference_mm, correction.radius_mm, arc.radius_mm
     if not correction.side or tool <= 0.0 or reference < 1.0:
         return 1.0
@@ -161,10 +147,9 @@ def _share(percent: float) -> float:
 
 
 def corner_factor(cosine: float, exponent: float) -> float:
-    """Factor of the speed at a corner: cosine of the change of direction, 1 straight on, 0 and less: none.
+    """Factor of the speed at a corner (P8851); cosine: of the change of direction, 1 straight on, 0 and less: none.
 
-    P8851 of the manual: exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines;
-    negative: off.
+    Exponent 1 gives 0, 0.5, 0.707, 0.866, 1 at 90, 120, 135, 150, 180 degrees between the lines; negative: off.
     """
     return 1.0 if exponent < 0.0 else min(max(cosine, 0.0), 1.0) ** exponent
 
@@ -246,7 +231,6 @@ class PieceMaker:
         return wanted, limit, acceleration * (math.pi / 2.0 if limits.sine else 1.0)
 
     def _around(self, arc: Arc, able: Point) -> tuple[float, float]:
-        """Highest speed and acceleration on an arc."""
         limits, plane = self.limits, arc.plane
         radius = min(arc.radius_mm, arc.end_radius_mm)
         flat = abs(arc.sweep_rad) * (arc.radius_mm + arc.end_radius_mm) / 2.0 / arc.length_mm
@@ -280,7 +264,6 @@ class PieceMaker:
         return limits.kv * math.sqrt(2.0 * radius * limits.contour_mm)
 
     def _entry(self, element: Element, speed: float) -> float:
-        """Highest speed at the joint with the piece before."""
         if self._end is None:
             return 0.0
         before, last = self._end

@@ -49,15 +49,12 @@ class Stretch:
         self._made = 0  # pieces of the stretch that were made in earlier runs of it
         self._serial = 0
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------
-
     def __len__(self) -> int:
         """Blocks that are not over."""
         return len(self._entries)
 
     @property
     def first(self) -> PathBlock | None:
-        """The block whose path is made."""
         return self._entries[0].block if self._entries else None
 
     @property
@@ -70,7 +67,6 @@ class Stretch:
 
     @property
     def brakes(self) -> bool:
-        """It has been asked to hold."""
         return self._plan is not None and self._plan.hold
 
     @property
@@ -88,10 +84,8 @@ class Stretch:
         return plan.speed(run.count(now_ns))
 
     def next_ns(self, now_ns: int, refill: int | None) -> int:
-        """When something is due: the end of the set points, the next block that speaks, room for more blocks.
-
-        refill: the number of blocks that are left by then; None: no more will come.
-        """
+        """When the set points end, the next block speaks, or there is room for more blocks: when no more than `refill`
+        blocks are left; None: no more will come."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return now_ns
@@ -119,8 +113,6 @@ class Stretch:
         except IndexError:
             return self.run.end_ns
         return self.run.start_ns + (tick - self.run.first) * PERIOD_NS
-
-    # ---- what happens to it -----------------------------------------------------------------------------------------
 
     def stand(self, limits: MotionLimits, position: Point) -> None:
         """The next path begins here, mm."""
@@ -183,7 +175,6 @@ class Stretch:
         return last
 
     def resume(self, scale: float, now_ns: int) -> None:
-        """Go on where it was held."""
         assert self._plan is not None
         self._serial += 1
         self._plan = self._plan.remainder(self._serial, scale=scale)
