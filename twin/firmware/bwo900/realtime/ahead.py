@@ -95,7 +95,6 @@ class Ahead:
                     self.poll_ns = now_ns + BLOCK_NS
                 self._flush()
                 break
-
             if int(self._around.parameters.get(P.WITHOUT_MOVING)):
                 block = replace(block, elements=())
             self._through([block], 0)

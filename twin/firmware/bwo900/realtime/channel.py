@@ -102,8 +102,9 @@ class Channel:
     @property
     def dwell_left_s(self) -> float:
         """What is left of the dwell of the block in execution; 0: none."""
-        dwells = self.state is State.DWELL and self._due_ns is not None
-        return (self._due_ns - self._axes.now_ns) / SECOND_NS if dwells else 0.0
+        if self.state is not State.DWELL or self._due_ns is None:
+            return 0.0
+        return (self._due_ns - self._axes.now_ns) / SECOND_NS
 
     # ---- operating --------------------------------------------------------------------------------------------------
 
@@ -121,7 +122,6 @@ class Channel:
         self._holds = False
         if self.state is State.PATH and self.path.stretch.brakes:
             self.path.hold(False)
-
         elif self.held:
             self._resume()
         self.advance()
@@ -218,7 +218,7 @@ class Channel:
             self._enter(State.HELD)
             return
         if not self._plc.room:
-            self._look_again()
+            self._enter(State.EMPTY, self._axes.now_ns + BLOCK_NS)
             return
         if self._ahead.fill(0):
             self._holds = True

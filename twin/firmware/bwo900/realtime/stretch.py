@@ -129,7 +129,6 @@ class Stretch:
         self._entries.clear()
         self._made = 0
         self._pieces.stop()
-
         pieces = self._enter(blocks)
         self._serial += 1
         self._plan = joined(pieces, PERIOD_NS, sine=limits.sine, scale=scale, identity=self._serial)
