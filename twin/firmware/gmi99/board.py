@@ -4,7 +4,7 @@ settings   what a host sets             images   inputs, outputs, flags     even
 stored     what survives the mains      store    programs                   struck   limit switches
 offsets    zero points                  path_run, drives_run   motion in execution, and how far the ended ones went
 
-    Board <- Path <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
+    Board <- Interpolator <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Board:
         self.events.append(Output(name, value))
 
     def refuse(self, why: str) -> None:
-        """A command has no effect, or something has failed, and no reply tells."""
+        """Note that a command has no effect or something has failed, which no reply tells the host."""
         self.fault = True
         self.events.append(Remark(why))
 
@@ -84,7 +84,7 @@ class Board:
         return self.images.flag(places.ANALOG)
 
     def put_analog_outputs(self) -> None:
-        """The analog output of slot 0 leaves the image (M3.2, FB 254.8)."""
+        """Tell the analog output of slot 0 as it is in the image (M3.2, FB 254.8)."""
         value = self.images.outputs[self.images.drives_at + DIGITAL]
         if value != self._analog:
             self._analog = value
@@ -94,15 +94,17 @@ class Board:
         self.settings = replace(self.settings, **values)
 
     def arrange_images(self) -> None:
-        """Drives and cards have their places in the images, which N12, N13 and FB 254.2 choose."""
+        """Give drives and cards their places in the images, chosen by N12, N13 and FB 254.2."""
         cards = bool(self.settings.input_cards or self.settings.output_cards)
         self.images.arrange(cards=cards, mode=self.image_mode)
 
     def keep(self, **values: Any) -> None:
+        """Change what the memories hold; the flash is written."""
         self.stored = replace(self.stored, **values)
         self.events.append(FlashWrite(encode(self.stored)))
 
     def keep_data(self) -> None:
+        """Write the static data words to the flash if they have changed."""
         data = self.images.static.rstrip(b"\0").hex()
         if data != self.stored.data:
             self.keep(data=data)
@@ -140,14 +142,14 @@ class Board:
         return self._made if run is None else added(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
-        """A motion has ended that went so far."""
+        """Add the displacement of a motion that has ended."""
         if ghost:
             self._apart = added(self._apart, displacement)
         else:
             self._made = added(self._made, displacement)
 
     def set_counter(self, axis: int, value: int) -> None:
-        """The counter of an axis becomes a value; nothing moves."""
+        """Set the counter of an axis; nothing moves."""
         self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))

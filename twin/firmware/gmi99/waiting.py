@@ -17,5 +17,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wait:
+    """Until a condition holds or a time has come, whichever is first."""
+
     until: Callable[[], bool] = lambda: False
     at_ns: int | None = None

@@ -7,9 +7,9 @@
 Only what a pass has *changed* is carried over: a flag that a host sets while a pass runs is not undone by a program
 that has seen it as it was before. At the end outputs go out, inputs come in (manual of the card, section 6).
 
-A pass that changes nothing, and asks for nothing that changes by itself, is followed by passes that do the same, until
-somebody touches the memory or a timer runs out. They are not made: the PLC sleeps through them and wakes on the grid
-that they would have made, so that it costs nothing and differs in nothing.
+A pass that changes nothing, and asks for nothing that changes by itself, would be repeated unchanged until somebody
+touches the memory or a timer runs out. The PLC skips those passes and wakes on the grid they would have had: the result
+is the same and costs nothing.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.base.units import MICROSECOND_NS
-from isel_twin.firmware.plc.image import ImageError, Program
-from isel_twin.firmware.plc.memory import Memory, Rights
+from isel_twin.firmware.plc.image import ImageError, PlcProgram
+from isel_twin.firmware.plc.memory import PlcMemory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
 
 INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
@@ -33,13 +33,13 @@ AT_POWER_ON: Final = ("OB", 22)  # once, when it starts by itself as the mains i
 
 @dataclass(slots=True)
 class _Made:
-    """A pass that has been made and is not over yet: the memory it began with, and as it left it."""
+    """A pass that has been computed and lasts until later: the memory it began with, and as it left it."""
 
-    before: Memory
-    after: Memory
+    before: PlcMemory
+    after: PlcMemory
     begin_ns: int
     end_ns: int
-    repeats: bool  # another one would do just the same
+    repeats: bool  # the next pass would do just the same
 
 
 class Plc:
@@ -48,7 +48,7 @@ class Plc:
     def __init__(self, rights: Rights, functions: Mapping[int, Function], shortest_ns: int) -> None:
         """functions: built-in FBs by number. shortest_ns: a pass takes a multiple of it, at least one."""
         self._rights, self._functions, self._shortest_ns = rights, functions, shortest_ns
-        self.image = b""  # of the program; empty: there is none
+        self.image = b""  # of the program; empty: none
         self._processor: Processor | None = None
         self._elements = Elements()
         self._made: _Made | None = None
@@ -57,8 +57,8 @@ class Plc:
         self.stopped_by = ""  # why it has stopped by itself; empty if it has not
 
     @property
-    def program(self) -> Program | None:
-        return Program.read(self.image) if self.image else None
+    def program(self) -> PlcProgram | None:
+        return PlcProgram.read(self.image) if self.image else None
 
     @property
     def running(self) -> bool:
@@ -66,7 +66,7 @@ class Plc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the pass that runs; None at rest, and while nothing that it could do would differ."""
+        """End of the pass that runs; None at rest, and while passes would only repeat the last one."""
         made = self._made
         if made is None:
             return None
@@ -77,7 +77,7 @@ class Plc:
 
     def load(self, image: bytes) -> None:
         """Take a program over, at rest. Raises ImageError and changes nothing if it is none."""
-        program = Program.read(image)
+        program = PlcProgram.read(image)
         if program.block(*CYCLIC) is None:
             raise ImageError("there is no OB 1")
         self.stop()
@@ -87,7 +87,7 @@ class Plc:
         self.stop()
         self.image, self._processor = b"", None
 
-    def start(self, t_ns: int, memory: Memory, power_on: bool = False) -> bool:
+    def start(self, t_ns: int, memory: PlcMemory, power_on: bool = False) -> bool:
         """Begin with the start-up block, if there is one, and the first pass; False if there is no program."""
         if self._processor is None:
             return False
@@ -105,7 +105,7 @@ class Plc:
         self._stops = True
 
     def touch(self, t_ns: int) -> None:
-        """Inputs, flags or data are changed by somebody else at t_ns, or may be: the next pass sees them."""
+        """Somebody else may have changed inputs, flags or data at t_ns: the next pass sees it."""
         made = self._made
         if made is not None and made.repeats and not self._touched and t_ns >= made.end_ns:  # those slept through
             length = made.end_ns - made.begin_ns
@@ -113,7 +113,7 @@ class Plc:
             made.begin_ns, made.end_ns = begin, begin + length
         self._touched = True
 
-    def end_pass(self, t_ns: int, memory: Memory) -> bool:
+    def end_pass(self, t_ns: int, memory: PlcMemory) -> bool:
         """At `next_ns`: write what the pass has changed to memory; True if anything differs. Then `begin_pass`."""
         made = self._made
         if made is None or (due := self.next_ns) is None or t_ns < due:
@@ -122,7 +122,7 @@ class Plc:
             self._made = None
         return self._carry_over(made, memory)
 
-    def begin_pass(self, t_ns: int, memory: Memory) -> None:
+    def begin_pass(self, t_ns: int, memory: PlcMemory) -> None:
         """After `end_pass`, at the same time: the next one, if it has not stopped."""
         if self._made is not None:
             self._begin(t_ns, memory)
@@ -131,7 +131,7 @@ class Plc:
         length = made.end_ns - made.begin_ns
         return max(made.end_ns, made.begin_ns - (made.begin_ns - t_ns) // length * length)
 
-    def _begin(self, t_ns: int, memory: Memory, start_up: tuple[str, int] | None = None) -> None:
+    def _begin(self, t_ns: int, memory: PlcMemory, start_up: tuple[str, int] | None = None) -> None:
         assert self._processor is not None
         self._touched = False
         before, after = memory.copy(), memory.copy()
@@ -148,7 +148,7 @@ class Plc:
         repeats = repeats and all(a == b for a, b in zip(before.areas(), after.areas(), strict=True))
         self._made = _Made(before, after, t_ns, t_ns + max(length, self._shortest_ns), repeats)
 
-    def _carry_over(self, made: _Made, memory: Memory) -> bool:
+    def _carry_over(self, made: _Made, memory: PlcMemory) -> bool:
         changed = False
         for before, after, now in zip(made.before.areas(), made.after.areas(), memory.areas(), strict=True):
             if before == after:
