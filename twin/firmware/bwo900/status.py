@@ -168,7 +168,7 @@ def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
     if offset in (Axis.SHOWN_PLACE, Axis.PROGRAMMED_PLACE, Axis.DELTA_PLACE):
         axis = frame.order[axis]
     programmed, shift = executed.target[axis], executed.display_shift_mm(axis)
-    place = axes.set_mm(axis)
+    place = axes.position[axis]
     if offset in (Axis.SET_PLACE, Axis.SHOWN_PLACE, Axis.DELTA_PLACE) and frame.senses is not None:
         place *= frame.senses[axis]
     match offset:

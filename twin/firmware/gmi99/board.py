@@ -46,7 +46,7 @@ class Board:
         self.override_given: int | None = None  # percent of `o2`
         self.override_external: int | None = None  # percent of #9
         self.reduced_mode = 1  # FB 254.33: 0 never, 1 by M3.6, 2 always
-        self.image_mode = 0
+        self.image_mode = 0  # FB 254.2
         self.analog_drives = 0  # drives whose analog output leaves the image (FB 254.8)
         self._analog = 0
         self.pot_percent = override_pot_percent  # where the potentiometer stands
@@ -77,11 +77,6 @@ class Board:
                 self.output("spindle", level)
             elif (slot_byte, bit) == HOOD_LOCK:
                 self.output("hood_release", 1 - level)
-
-    @property
-    def analog_asked(self) -> bool:
-        """M3.2."""
-        return self.images.flag(places.ANALOG)
 
     def put_analog_outputs(self) -> None:
         """Tell the analog output of slot 0 as it is in the image (M3.2, FB 254.8)."""

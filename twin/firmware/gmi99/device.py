@@ -81,7 +81,7 @@ class Card(Board):
             flags.set_flag(images.PROGRAM_RUNS, False)
             self.call(flags.flags[images.PROGRAM_NUMBER])
         flags.set_flag(images.PROGRAM_RUNS, self.in_program)
-        if self.analog_asked:
+        if flags.flag(images.ANALOG):
             self.put_analog_outputs()
         self.interpolator.speeds_changed()
 

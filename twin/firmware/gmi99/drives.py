@@ -71,7 +71,7 @@ class DriveBank:
         self.searching = 0  # axes that search or leave their switch (FB 254.3)
         self._zeroed = [False] * SLOTS
         self._faulty = [False] * SLOTS
-        self._estop = True
+        self.estop = True
         self._power = False
         self._serial = 0
         self._referencing = False
@@ -84,10 +84,6 @@ class DriveBank:
         return self._board.drives_run
 
     @property
-    def estop(self) -> bool:
-        return self._estop
-
-    @property
     def at_rest(self) -> bool:
         return self.run is None
 
@@ -97,7 +93,7 @@ class DriveBank:
             (not self._zeroed[slot])  # reference missing
             | (self.searching >> slot & 1) << 1  # its own indexer runs
             | self.is_overloaded(slot) << 2
-            | self._estop << 3
+            | self.estop << 3
             | self._is_in_position(slot) << 4
             | self.blocked(slot) << 9
         )
@@ -126,8 +122,8 @@ class DriveBank:
     def set_input(self, terminal: str, level: bool) -> None:
         """A level changes; the levels at power-on come the same way, first."""
         if terminal == "slot0.estop":
-            self._estop = not level
-            if self._estop:
+            self.estop = not level
+            if self.estop:
                 self.lose("E-stop", stages=True)
         elif terminal == "slot0.power":
             self._power = level
@@ -207,7 +203,7 @@ class DriveBank:
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
         """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
         board = self._board
-        if self._estop:
+        if self.estop:
             board.refuse("Q: E-stop")
             return
         board.output("power_request", 1)
@@ -346,4 +342,4 @@ class DriveBank:
     def information(self, slot: int) -> int:
         """Information character of a drive's status, its bits as those of the card (G16)."""
         moves = bool(self.searching >> slot & 1)
-        return self._estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6
+        return self.estop << 3 | moves << 4 | (not self._zeroed[slot]) << 6

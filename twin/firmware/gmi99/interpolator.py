@@ -68,7 +68,7 @@ class Interpolator:
         self._heading: planner.Heading | None = None
         self._marks: deque[_Mark] = deque()
         self._circle: _Circle | None = None
-        self._breaking = False
+        self.breaking = False  # the motion is being broken off: no move can be planned
         self._serial = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
@@ -81,11 +81,6 @@ class Interpolator:
     @property
     def at_rest(self) -> bool:
         return self._plan is None
-
-    @property
-    def accepts(self) -> bool:
-        """True if moves can be planned: not while the motion is being broken off."""
-        return not self._breaking
 
     @property
     def host_moves(self) -> int:
@@ -220,7 +215,7 @@ class Interpolator:
     def speeds_changed(self) -> None:
         """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
         plan = self._plan
-        if plan is None or self._breaking:
+        if plan is None or self.breaking:
             return
         holds, scale, ceiling = self._holds(), self._scale(), self._ceiling_hz()
         if self.run is None:
@@ -234,9 +229,9 @@ class Interpolator:
         self._marks.clear()
         if self.run is None:
             self._forget()
-        elif not self._breaking:
+        elif not self.breaking:
             assert self._plan is not None
-            self._breaking = True
+            self.breaking = True
             self._replace(self._plan.stopped(self._tick()))
 
     def cut(self) -> None:
@@ -272,7 +267,7 @@ class Interpolator:
         if self.run is None or self._board.now_ns < self.run.end_ns:
             return
         self._take_in()
-        if self._breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
+        if self.breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
             self._forget()
 
     def _begin(self) -> None:
@@ -297,7 +292,7 @@ class Interpolator:
 
     def _forget(self) -> None:
         self._plan = self._heading = None
-        self._breaking = False
+        self.breaking = False
         while self._marks:  # acts behind the last move
             mark = self._marks.popleft()
             if mark.act is not None:

@@ -99,19 +99,15 @@ class Receiver:
         """`from_host`: short records are commands, otherwise they carry an information character."""
         self._variant = variant
         self._from_host = from_host
-        self._rest = b""
-
-    @property
-    def rest(self) -> bytes:
-        return self._rest
+        self.rest = b""  # the frame begun
 
     def expire(self) -> None:
-        self._rest = b""
+        self.rest = b""
 
     def take(self, data: bytes) -> list[Frame | bytes]:
         """Frames that are whole now, single characters of the card, and between them the bytes of neither."""
         pieces: list[Frame | bytes] = []
-        rest = self._rest + data
+        rest = self.rest + data
         at = noise = 0
         while at < len(rest):
             found = self._read(rest, at)
@@ -127,7 +123,7 @@ class Receiver:
             noise = at
         if noise < at:
             pieces.append(rest[noise:at])
-        self._rest = rest[at:]
+        self.rest = rest[at:]
         return pieces
 
     def _read(self, data: bytes, at: int) -> Frame | bytes | None:

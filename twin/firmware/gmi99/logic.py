@@ -16,7 +16,7 @@ from importlib import resources
 
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
-from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.images import ANALOG, FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
 from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
@@ -114,7 +114,7 @@ class CardPlc:
             images.clear_outputs()
             if self._plc.stopped_by:
                 self.board.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
-        if self.board.analog_drives or self.board.analog_asked:
+        if self.board.analog_drives or images.flag(ANALOG):
             self.board.put_analog_outputs()
         self._seen = _bytes(images)
         self.board.keep_data()

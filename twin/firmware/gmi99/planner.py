@@ -13,16 +13,6 @@ and at a corner between the directions u, w (unit vectors of e), phi degrees apa
 changes by d = e/L - e'/L' (that is u - w under W1),
 
     v <= FS(phi) / max_i |d_i|,     FS(phi) = FS0 + (FS90 - FS0) min(phi, 90) / 90
-
-Everything here is a function or a value; what happens when is the card's business:
-
-    move = line((1000, 0, 0, 0, 0, 0), 10_000, rules)
-    plan = start([move], rules, identity=serial)
-    run = SetPointRun(plan, PERIOD_NS, start_ns=t)                  # t on the grid
-    plan = more(plan, k, [another], rules, after=move.last)         # arrived while it moves, in force at tick k
-    plan = plan.replanned(k, scale=scale(50))                       # override 50 %
-    plan = plan.replanned(k, hold=True)                             # M0.0, and hold=False when it goes on
-    plan = plan.stopped(k)                                          # #0, M0.1
 """
 
 from __future__ import annotations
@@ -41,7 +31,6 @@ from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces, chain
 
 AXES = 6  # slots 0 to 5; a displacement has one number for each
-
 PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
 SHORTEST_S = 0.012  # least time of a piece of line (1.2)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))

@@ -66,7 +66,7 @@ class Sequencer:
         kind = command_of(instruction).kind(instruction)
         if kind in (Kind.MOVE, Kind.SYNCHRONOUS):
             full = card.in_program and card.interpolator.moves >= MOVES
-            if full or not card.interpolator.accepts or not card.drives.at_rest:
+            if full or card.interpolator.breaking or not card.drives.at_rest:
                 return False
             queue.take()
             if kind is Kind.MOVE and not card.drives.ready:

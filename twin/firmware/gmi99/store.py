@@ -31,10 +31,11 @@ class Store:
     def restore(self, parse: Callable[[int, bytes], Instruction | None]) -> None:
         """Take what flash has; `parse` as commands.parse."""
         for number, commands in self._loaded.items():
-            lines = [(data := bytes.fromhex(text), parse(data[0], data[1:])) for text in commands]
-            known = tuple((data, instruction) for data, instruction in lines if instruction is not None)
-            self.error = self.error or len(known) < len(lines)
-            self._programs[int(number)] = known if len(known) == len(lines) else ()
+            data = [bytes.fromhex(text) for text in commands]
+            lines = [(line, instruction) for line in data if (instruction := parse(line[0], line[1:])) is not None]
+            whole = len(lines) == len(data)
+            self.error = self.error or not whole
+            self._programs[int(number)] = tuple(lines) if whole else ()
 
     @property
     def kept(self) -> dict[str, tuple[str, ...]]:

@@ -60,13 +60,10 @@ class Axes:
         per_mm = self.limits().increments_per_mm
         return tuple(count / per for count, per in zip(self.counts, per_mm, strict=True))
 
-    def set_mm(self, axis: int) -> float:
-        return self.position[axis]
-
     def actual_mm(self, axis: int) -> float:
         """Measured position of an axis, mm."""
         drives, per_mm = self.drives, self.limits().increments_per_mm[axis]
-        return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
+        return self.position[axis] if drives is None else drives.encoder[axis] / per_mm
 
     def speed_mm_s(self, axis: int) -> float:
         """Set speed of an axis, mm/s."""
@@ -83,7 +80,7 @@ class Axes:
 
     def at_limit(self, axis: int) -> tuple[bool, bool]:
         """True if an axis stands at its software limit + (P12030), - (P12031), or beyond."""
-        place, (low, high) = self.set_mm(axis), self.software_limits(axis)
+        place, (low, high) = self.position[axis], self.software_limits(axis)
         return place >= high, place <= low
 
     def driven(self, axis: int) -> bool:

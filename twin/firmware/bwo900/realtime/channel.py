@@ -211,8 +211,6 @@ class Channel:
     def _enter(self, state: State, due_ns: int | None = None) -> None:
         self.state, self._due_ns = state, due_ns
 
-    # Blocks
-
     def _begin(self) -> None:
         if self._holds:
             self._enter(State.HELD)
@@ -264,8 +262,6 @@ class Channel:
             self._after_stop()
         else:
             self._post()
-
-    # The path
 
     def _begin_path(self) -> None:
         """A stretch begins with the first of the waiting blocks, whose functions have been sent."""
@@ -320,8 +316,6 @@ class Channel:
             case State.HELD_ON_PATH:
                 self.path.resume()
                 self.state = State.PATH
-
-    # The end of a block
 
     def _settle(self) -> None:
         self._stands_ns = self._axes.now_ns

@@ -37,7 +37,7 @@ class Hand:
         if self.homing is not None:
             self.homing.advance()
             self._axes.follow(self.homing.run)
-            if not self.homing.active:
+            if self.homing.run is None:
                 self._homed()
         if self.jog is not None:
             self.jog.advance()

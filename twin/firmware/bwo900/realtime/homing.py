@@ -47,10 +47,6 @@ class Homing:
         self._next()
 
     @property
-    def active(self) -> bool:
-        return self.run is not None
-
-    @property
     def next_ns(self) -> int | None:
         return None if self.run is None else self.run.end_ns
 
