@@ -47,8 +47,7 @@ JOB: Job = (
 
 _START_MM = (1.0, 3.0)
 """Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
-_ANSWER_LIMIT_S = 60.0
-"""For a command of the reference run, and for settings."""
+_ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
 _BREAK_LIMIT_S = 60.0
 """A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
 _MOVING_SAMPLE_S = 0.02
@@ -64,8 +63,7 @@ class Setup:
 
     job: Job = JOB
     machine: str | Path | Machine = "4030"
-    controller: str = "imc-s8"
-    """Any controller with a language, see `isel_twin.language`."""
+    controller: str = "imc-s8"  # any controller with a language, see `isel_twin.language`
     plant: str = "mujoco"
     seed: int = 0
     overrides: Mapping[str, Any] = field(default_factory=dict)
@@ -74,10 +72,8 @@ class Setup:
     """File of timed events; virtual time begins at power-on, the reference run is over after about two seconds."""
     load_nm: float = 0.0
     """Extra load on every shaft, a torque that always opposes motion (Coulomb friction): a margin of safety."""
-    tolerance_mm: float = 0.05
-    """Largest position error of any axis that is allowed at rest."""
-    settle_s: float = 0.2
-    """Standstill after each move, in which the machine settles and is measured."""
+    tolerance_mm: float = 0.05  # largest position error of any axis that is allowed at rest
+    settle_s: float = 0.2  # standstill after each move, in which the machine settles and is measured
     time_limit_s: float = 120.0
     """Virtual time for the whole job, standstill not counted; a move that is not over by then is given up."""
 
@@ -97,26 +93,16 @@ class Setup:
 class Move:
     """What one move did. Arrays are float64 [3], X Y Z."""
 
-    reply: str
-    """The controller's, in its own words; "" if the move was given up at the time limit."""
-    done: bool
-    """The controller says that it has made the move: the reply is no refusal, and it shows no fault."""
-    time_s: float
-    """From the command to the reply."""
-    settling_s: float
-    """From the reply to the last time that an axis was outside the tolerance; 0 if none was."""
-    slipped: bool
-    """A motor lost steps in this move, or a servo drive switched itself off."""
-    lost_steps: NDArray[np.float64]
-    """Counter minus rotor at rest, in steps, since the reference run."""
-    error_mm: NDArray[np.float64]
-    """Position error at the end of the dwell."""
-    vibration_mm: NDArray[np.float64]
-    """Half of highest minus lowest position error during the dwell."""
-    deviation_mm: float
-    """Largest position error of any axis, from command to the end of the dwell, sampled."""
-    margin: float | None
-    """Least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics."""
+    reply: str  # the controller's, in its own words; "" if the move was given up at the time limit
+    done: bool  # the controller says that it has made the move: the reply is no refusal, and it shows no fault
+    time_s: float  # from the command to the reply
+    settling_s: float  # from the reply to the last time that an axis was outside the tolerance; 0 if none was
+    slipped: bool  # a motor lost steps in this move, or a servo drive switched itself off
+    lost_steps: NDArray[np.float64]  # counter minus rotor at rest, in steps, since the reference run
+    error_mm: NDArray[np.float64]  # position error at the end of the dwell
+    vibration_mm: NDArray[np.float64]  # half of highest minus lowest position error during the dwell
+    deviation_mm: float  # largest position error of any axis, from command to the end of the dwell, sampled
+    margin: float | None  # least pull-out margin of any motor meanwhile (`Twin.margin`); None without physics
 
     def good(self, tolerance_mm: float) -> bool:
         """Done, no step lost, and the machine stands where it should."""

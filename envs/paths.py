@@ -13,17 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-SPACING_MM = 0.1
-"""Longest piece of a sampled path."""
-MOST_POINTS = 200_000
-"""In a sampled path: twenty metres."""
+SPACING_MM = 0.1  # longest piece of a sampled path
+MOST_POINTS = 200_000  # in a sampled path: twenty metres
 
 _CORNER = ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 15.0, 0.0))
 _SQUARE = (*_CORNER, (0.0, 15.0, 0.0), (0.0, 0.0, 0.0))
 _RADIUS_MM = 10.0
 _LEGS, _LEG_MM, _BEND_RAD = 4, (5.0, 20.0), 2.0
-NAMES = ("corner", "square", "circle", "random")
-"""Paths that have a name; a random one is drawn anew for every episode."""
+NAMES = ("corner", "square", "circle", "random")  # paths that have a name; a random one is drawn anew for every episode
 
 
 def lay_path(path: str | ArrayLike, draw: np.random.Generator) -> NDArray[np.float64]:

@@ -37,27 +37,18 @@ class Row:
     acceleration_hz_per_ms: int
     start_stop_hz: int
     load_nm: float
-    time_s: float
-    """All moves, from command to reply."""
-    settling_s: float
-    """All moves, from reply to inside the tolerance for good."""
-    lost_steps: float
-    """Largest, of any axis, at rest after any move; fractions of a step are load angle."""
-    deviation_mm: float
-    """Largest position error of any axis at any time, sampled."""
-    error_mm: float
-    """Largest position error of any axis at rest after any move."""
-    vibration_mm: float
-    """Largest, of any axis, after any move."""
+    time_s: float  # all moves, from command to reply
+    settling_s: float  # all moves, from reply to inside the tolerance for good
+    lost_steps: float  # largest, of any axis, at rest after any move; fractions of a step are load angle
+    deviation_mm: float  # largest position error of any axis at any time, sampled
+    error_mm: float  # largest position error of any axis at rest after any move
+    vibration_mm: float  # largest, of any axis, after any move
     margin: float | None
     """Least pull-out margin of any motor in any move: 1 nothing was asked of it, 0 it may have lost steps; None without
     physics."""
-    moves: int
-    """Moves begun; the job ends with the first that the controller refuses or does not finish."""
-    reply: str
-    """The controller's last reply; "" if the time was up."""
-    good: bool
-    """The whole job was made, no step was lost, and every error at rest was within the tolerance."""
+    moves: int  # moves begun; the job ends with the first that the controller refuses or does not finish
+    reply: str  # the controller's last reply; "" if the time was up
+    good: bool  # the whole job was made, no step was lost, and every error at rest was within the tolerance
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,9 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-_SETTLING_NS = 100_000_000
-"""From power-on to the start: the rotors have come to rest where their stages hold them."""
-_CLEAR_MM = 1.0
-"""A path keeps this far from the ends of the travel."""
-_NEAR = 6.0
-"""The camera's distance from the tool, over the size of the first path that is drawn."""
+_SETTLING_NS = 100_000_000  # from power-on to the start: the rotors have come to rest where their stages hold them
+_CLEAR_MM = 1.0  # a path keeps this far from the ends of the travel
+_NEAR = 6.0  # the camera's distance from the tool, over the size of the first path that is drawn
 
 
 class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
@@ -176,8 +173,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there are: human, rgb_array")
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
-        self.machine = with_overrides(loaded, overrides or {})
-        """The machine before options of `reset` change it."""
+        self.machine = with_overrides(loaded, overrides or {})  # the machine before options of `reset` change it
         servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
         if servo:
             raise ValueError(
@@ -204,18 +200,15 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.observation_space = Box(least, np.ones(SIZE), dtype=np.float64)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1e9 / step_ns)}
-        self.step_s = step_ns * 1e-9
-        """Time of a step."""
+        self.step_s = step_ns * 1e-9  # time of a step
         self._path = path
         self._reference_mm = reference_mm
         lay_path(path, np.random.default_rng(0))  # refuse it now
 
         self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
-        self._stands: tuple[Any, ...] = ()
-        """Variation and place that `_plant` was built for."""
-        self._settled: Mapping[str, Any] = {}
-        """The state of `_plant` when it has settled there."""
+        self._stands: tuple[Any, ...] = ()  # variation and place that `_plant` was built for
+        self._settled: Mapping[str, Any] = {}  # the state of `_plant` when it has settled there
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
         self._track = np.zeros(1, TRACK)
@@ -235,10 +228,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
         self._sampled = np.zeros((0, 4))
         self._shape_mm = np.zeros((3, 0))
-        self._fixed: tuple[Any, ...] = ()
-        """What the compiled step is called with, but for action and observation."""
-        self._left = 0
-        """Steps until the time is over, 0: no episode."""
+        self._fixed: tuple[Any, ...] = ()  # what the compiled step is called with, but for action and observation
+        self._left = 0  # steps until the time is over, 0: no episode
         self._steps = max(1, round(time_limit_s / self.step_s))
         self._picture: Picture | None = None
         self._window: Window | None = None

@@ -40,8 +40,7 @@ PLACE = np.dtype(
     align=True,
 )
 """Where the arrays of an environment lie, and how large they are."""
-_IDLE = -2
-"""Instead of a result of `take_step`: this environment makes no step."""
+_IDLE = -2  # instead of a result of `take_step`: this environment makes no step
 
 
 @njit(nogil=True, error_model="numpy")
@@ -110,8 +109,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         for k, track in enumerate(tracks):
             track.keep_in(self._track[k : k + 1], self._lanes[k])
         self._places = np.zeros(num_envs, PLACE)
-        self._left = np.zeros(num_envs, np.int64)
-        """Steps until the time is over, 0: the episode is over."""
+        self._left = np.zeros(num_envs, np.int64)  # steps until the time is over, 0: the episode is over
         self._begun = False
         self._options: dict[str, Any] | None = None
         many = min(workers or os.cpu_count() or 1, num_envs)

@@ -25,16 +25,11 @@ from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
 
-PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""How far ahead on the path the observed points lie."""
-SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2
-"""Numbers in an observation."""
-DONE, OUTSIDE, LOST = 1, 2, 4
-"""What `take_step` returns: bits, 0 if the episode goes on."""
-STOPS_HZ = 300.0
-"""Step frequency from which every axis can stop at once: at the end of the path it must be no higher."""
-BACK_MM = 1.0
-"""How far back on the path, and beyond what a step can go ahead, the nearest point is looked for."""
+PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # how far ahead on the path the observed points lie
+SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
+DONE, OUTSIDE, LOST = 1, 2, 4  # what `take_step` returns: bits, 0 if the episode goes on
+STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: at the end of the path it must be no higher
+BACK_MM = 1.0  # how far back on the path, and beyond what a step can go ahead, the nearest point is looked for
 
 TRACK = np.dtype(
     [

@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture
 
 _SIZE = 15
-_MOST_KEPT = 16
-"""Seeds whose machines are kept."""
+_MOST_KEPT = 16  # seeds whose machines are kept
 
 
 def to_settings(action: NDArray[np.floating[Any]], ranges: Ranges = SETTINGS_RANGES) -> Settings:
@@ -90,8 +89,7 @@ class Episode:
 
     twin: TwinState
     setup: Setup
-    made: int
-    """Moves."""
+    made: int  # moves
     time_s: float
     over: bool
 
@@ -216,8 +214,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self.twin: Twin | None = None
         """The twin of this episode, None before the first reset. The next episode may go on with it, unless it is
         observed or recorded."""
-        self.ranges: Ranges
-        """What the controller takes for each of the settings, and so what the action space spans."""
+        self.ranges: Ranges  # what the controller takes for each of the settings, and so what the action space spans
         self._setup = Setup(
             job=job,
             machine=machine,

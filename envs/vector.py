@@ -39,8 +39,7 @@ from numpy.typing import NDArray
 
 Mode = Literal["serial", "threads", "processes"]
 
-_PATIENCE_S = 5.0
-"""Time for a process to end by itself."""
+_PATIENCE_S = 5.0  # time for a process to end by itself
 
 Environment = gymnasium.Env[Any, Any]
 
@@ -220,8 +219,7 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         autoreset = AutoresetMode(autoreset_mode)
         many = min(workers or os.cpu_count() or 1, len(env_fns)) if mode != "serial" else 1
         self.num_envs = len(env_fns)
-        self.envs: tuple[Environment, ...] = ()
-        """The environments; none if they are in other processes."""
+        self.envs: tuple[Environment, ...] = ()  # the environments; none if they are in other processes
         self._crew: _Crew
         if mode == "processes":
             first = env_fns[0]()  # for its spaces
@@ -238,8 +236,7 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         if mode == "processes":
             first.close()
-        self._last: list[Any] = [None] * self.num_envs
-        """Observations."""
+        self._last: list[Any] = [None] * self.num_envs  # observations
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

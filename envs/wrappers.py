@@ -21,8 +21,7 @@ from isel_twin.envs.tuning import JobTuning
 from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import Machine, load_machine, with_overrides
 
-_DRAWS = 0x5242
-"""Separates the random numbers of `Randomised` from those that the environment draws from the same seed."""
+_DRAWS = 0x5242  # separates the random numbers of `Randomised` from those that the environment draws from the same seed
 
 Observations = gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]
 

@@ -40,14 +40,9 @@ from isel_twin.wiring import ACTS, EVENT_KEYS, ScenarioEvent, event_now
 
 Answer = dict[str, Any]
 
-LOOK_NS = 1 * MILLISECOND_NS
-"""Virtual time between two looks at a position somebody waits for."""
-
-PATIENCE_S = 60.0
-"""Wall time that a wait lasts unless it says otherwise."""
-
-REMARKS = 10
-"""Last remarks of the controller that a state tells."""
+LOOK_NS = 1 * MILLISECOND_NS  # virtual time between two looks at a position somebody waits for
+PATIENCE_S = 60.0  # wall time that a wait lasts unless it says otherwise
+REMARKS = 10  # last remarks of the controller that a state tells
 
 _STEP_S = Limits("s", 1e-9, 3600.0)
 _SPEED = Limits("times real time, or 'max'", LOWEST_SPEED, HIGHEST_SPEED)
@@ -79,10 +74,8 @@ class Pending:
     """A request whose answer is still to come: `answer` or `error` is set then."""
 
     condition: _Condition
-    until_ns: int | None
-    """Virtual time at which it is given up."""
-    until_wall_s: float
-    """The same in wall time."""
+    until_ns: int | None  # virtual time at which it is given up
+    until_wall_s: float  # the same in wall time
     what: str
     pause: bool = False
     answer: Answer | None = None

@@ -35,20 +35,11 @@ from isel_twin.core.twin import Twin
 
 log = logging.getLogger("isel_twin")
 
-LINE_BYTES = 65_536
-"""Longest request, and most of what waits to be dealt with."""
-
-CLIENTS = 16
-"""Connections at once."""
-
-UNREAD_BYTES = 16_384
-"""Answers not yet read beyond which a client is not listened to."""
-
-ROUND = 8
-"""Requests of a client dealt with in one round of the server's loop."""
-
-ERROR_CHARACTERS = 600
-"""Longest error, whatever it quotes."""
+LINE_BYTES = 65_536  # longest request, and most of what waits to be dealt with
+CLIENTS = 16  # connections at once
+UNREAD_BYTES = 16_384  # answers not yet read beyond which a client is not listened to
+ROUND = 8  # requests of a client dealt with in one round of the server's loop
+ERROR_CHARACTERS = 600  # longest error, whatever it quotes
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
@@ -82,12 +73,9 @@ class _Client:
         self.outbox = Outbox(connection.send)
         self.buffer = bytearray()
         self.trusted = trusted
-        self.begun = False
-        """It has sent an object."""
-        self.skipping = False
-        """The rest of a line that was too long is still to come."""
-        self.leaving = False
-        """It sends no more, or is to be closed once it has its answers."""
+        self.begun = False  # it has sent an object
+        self.skipping = False  # the rest of a line that was too long is still to come
+        self.leaving = False  # it sends no more, or is to be closed once it has its answers
         self.pending: Pending | None = None
 
     @property

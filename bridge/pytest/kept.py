@@ -34,14 +34,10 @@ if TYPE_CHECKING:
 
     from isel_twin.core.twin import Twin
 
-INTERVAL_NS = 10 * MILLISECOND_NS
-"""From sample to sample of a recording."""
-MOST_SAMPLES = 20_000
-"""Beyond which there are fewer of them in a second."""
-STOP_S = 30.0
-"""Wall time for a server to end, and to answer what needs no waiting."""
-NAME_CHARACTERS = 80
-"""Of the name of a test, in the name of a folder."""
+INTERVAL_NS = 10 * MILLISECOND_NS  # from sample to sample of a recording
+MOST_SAMPLES = 20_000  # beyond which there are fewer of them in a second
+STOP_S = 30.0  # wall time for a server to end, and to answer what needs no waiting
+NAME_CHARACTERS = 80  # of the name of a test, in the name of a folder
 
 
 @dataclass(eq=False)
@@ -52,8 +48,7 @@ class _Kept:
     node: pytest.Item | pytest.Collector
     call: TwinSpec
     causes: list[tuple[int, str, Any]] = field(default_factory=list)
-    restored: bool = False
-    """It has been given a state (`Twin.restore`): its causes alone do not tell what it did."""
+    restored: bool = False  # it has been given a state (`Twin.restore`): its causes alone do not tell what it did
 
     def note(self, time_ns: int, kind: str, what: Any) -> None:
         if kind in ("sent", "operated"):
@@ -71,8 +66,7 @@ class KeptTwins:
         self._folder = folder
         self._temporary = temporary
         self._kept: list[_Kept] = []
-        self._left: dict[str, Path] = {}
-        """Folder of each test that has failed before."""
+        self._left: dict[str, Path] = {}  # folder of each test that has failed before
 
     def build(self, node: Any, call: Mapping[str, Any], *, line_speed: bool = False) -> Twin:
         """A twin for a node, switched on. What is wrong with the call fails the test with one line."""
@@ -246,10 +240,8 @@ class ServedTwin:
         made = _endpoint(endpoint)
         self._control = ControlPort("127.0.0.1:0")
         self._twin = twin
-        self.address: str = made.address
-        """HOST:PORT, or the device of a pseudo terminal."""
-        self.control: str = self._control.address
-        """HOST:PORT of the control port, for `isel-twin ctl`."""
+        self.address: str = made.address  # HOST:PORT, or the device of a pseudo terminal
+        self.control: str = self._control.address  # HOST:PORT of the control port, for `isel-twin ctl`
         self._server = Server(twin, Pacer(factor, twin.time_ns), [made], guests=[self._control])
         self._broken: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="twin_server", daemon=True)

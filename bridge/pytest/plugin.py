@@ -40,12 +40,9 @@ INI: Mapping[str, str] = {
     "artifacts": "folder for what failing tests leave, seen from the ini file; without it the temporary folder of each",
 }
 """Keys of the ini file, with isel_twin_ before them."""
-KEYS = ("machine", "controller", "plant", "scenario", "seed", "overrides", "start_mm")
-"""Of the marker."""
-LISTED = ("machine", "controller", "plant", "scenario", "seed")
-"""Keys of which a list makes a test of each."""
-OF_SERVERS = ("endpoint", "speed")
-"""Keys for `twin_server` alone."""
+KEYS = ("machine", "controller", "plant", "scenario", "seed", "overrides", "start_mm")  # of the marker
+LISTED = ("machine", "controller", "plant", "scenario", "seed")  # keys of which a list makes a test of each
+OF_SERVERS = ("endpoint", "speed")  # keys for `twin_server` alone
 
 MARKER = (
     f"twin({', '.join(f'{key}=...' for key in (*KEYS, *OF_SERVERS))}): how the twin of this test is built; "

@@ -60,10 +60,8 @@ class SerialLine(Protocol):
 class Endpoint(Protocol):
     """A place where hosts connect. It is given its `SerialLine` by `attach`, and from then on watched."""
 
-    kind: str
-    """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
-    address: str
-    """What a host connects to."""
+    kind: str  # `pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints
+    address: str  # what a host connects to
     gathers: bool
     """True if bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
 

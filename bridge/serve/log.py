@@ -26,14 +26,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
-QUEUE_LINES = 1000
-"""Lines kept for a reader that is slow."""
-
-SHOWN = 3
-"""Times that a message is printed within PERIOD_S before it is counted."""
-
-PERIOD_S = 60.0
-"""Over which repeated messages are counted."""
+QUEUE_LINES = 1000  # lines kept for a reader that is slow
+SHOWN = 3  # times that a message is printed within PERIOD_S before it is counted
+PERIOD_S = 60.0  # over which repeated messages are counted
 
 FAREWELL_S = 0.5
 """Wall time at the end in which the rest must be read; a reader that has gone does not keep the server from ending."""

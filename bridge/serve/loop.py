@@ -35,8 +35,7 @@ class Wake:
         self._in, self._out = socket.socketpair()
         self._in.setblocking(False)
         self._out.setblocking(False)
-        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)
-        """To be waited for beside everything else."""
+        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)  # to be waited for beside everything else
 
     def __call__(self) -> None:
         with suppress(OSError):  # awake already, or closed already

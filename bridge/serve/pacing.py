@@ -33,20 +33,14 @@ LONGEST_S = 0.1
 """Longest sleep of an idle twin: what a recording looks at meanwhile can then be made up for before it counts as a
 slip."""
 
-SLIP_NS = 250_000_000
-"""Wall time a twin may fall behind before the relation is anchored anew: 0.25 s."""
-
-PATIENCE_NS = 20_000_000
-"""Wall time that bytes of a host wait for the twin to catch up with the present: 20 ms."""
-
-REPLY_NS = 1_000_000
-"""Wall time of computing after which a reply is handed on before going on: 1 ms."""
+SLIP_NS = 250_000_000  # wall time a twin may fall behind before the relation is anchored anew: 0.25 s
+PATIENCE_NS = 20_000_000  # wall time that bytes of a host wait for the twin to catch up with the present: 20 ms
+REPLY_NS = 1_000_000  # wall time of computing after which a reply is handed on before going on: 1 ms
 
 STEADY_NS = 1_000_000_000
 """Wall time without a slip after which a twin that is at the present has caught up for good: 1 s."""
 
-SHORTEST_SLICE_NS = 100_000
-"""Least virtual time to be computed at once: 0.1 ms."""
+SHORTEST_SLICE_NS = 100_000  # least virtual time to be computed at once: 0.1 ms
 
 NEAR_NS = 10_000_000
 """Events within this virtual time are met in slices, later ones one by one: a twin in motion announces one every 10 ms,
@@ -102,14 +96,12 @@ class Pacer:
         self, speed: float | None, virtual_ns: int = 0, clock: Callable[[], int] = time.perf_counter_ns
     ) -> None:
         self.speed = speed
-        self.behind = False
-        """The speed is not kept at present."""
+        self.behind = False  # the speed is not kept at present
         self.reached = 0.0
         """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
         self.onlookers: list[Onlooker] = []
         self._clock = clock
-        self._hold_ns: int | None = None
-        """Virtual time that must not be passed, while paused."""
+        self._hold_ns: int | None = None  # virtual time that must not be passed, while paused
         self._slices_ns = {False: TICK_NS, True: TICK_NS}
         self._late = False
         self._anchor(virtual_ns)

@@ -17,8 +17,7 @@ from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Server
 from isel_twin.recordings.recording import FileRecording
 
-FLUSH_S = 0.5
-"""Wall time for which what has been recorded stays in memory."""
+FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
 
 _TIME_KEYS = frozenset(("pause", "resume", "speed", "step"))
 

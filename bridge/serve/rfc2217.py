@@ -19,8 +19,7 @@ from serial.rfc2217 import PortManager
 from isel_twin.bridge.serve.tcp import CodecError
 from isel_twin.controller import SerialFormat
 
-SUBOPTION_BYTES = 256
-"""Longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes."""
+SUBOPTION_BYTES = 256  # longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes
 
 SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
 """What a client may set and a serial port can be told."""

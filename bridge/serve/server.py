@@ -37,11 +37,8 @@ LINE_BYTES = 4096
 """Bytes taken from a host ahead of what a paced line can have carried; as much as an operating system buffers. And
 bytes of replies still on a paced line beyond which no more commands are taken."""
 
-SILENCE_BYTES = 2
-"""Byte times of silence on a paced line after which what has come before it is handed on in one piece."""
-
-PIECE_BYTES = 1024
-"""Largest such piece."""
+SILENCE_BYTES = 2  # byte times of silence on a paced line after which what has come before it is handed on in one piece
+PIECE_BYTES = 1024  # largest such piece
 
 
 class Guest(Protocol):
@@ -121,8 +118,7 @@ class Server:
         self._watched = FileWatches()
         self._wake = Wake()
         self._guests = tuple(guests)
-        self._unheard = 0
-        """Bytes of hosts taken while virtual time stands still."""
+        self._unheard = 0  # bytes of hosts taken while virtual time stands still
         for endpoint in self.endpoints:
             endpoint.attach(self)
         for guest in self._guests:

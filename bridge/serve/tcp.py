@@ -34,8 +34,7 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
-REFUSALS = 16
-"""Refused clients whose last words are still on the way; more than that are cut off."""
+REFUSALS = 16  # refused clients whose last words are still on the way; more than that are cut off
 
 PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3
 """A client that has said nothing for so long is asked by the operating system whether it is still there, so often."""

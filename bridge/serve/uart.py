@@ -29,10 +29,8 @@ class Heard:
     """What a receiver makes of a line."""
 
     data: bytes
-    framing_errors: int
-    """Bytes whose stop bit was low; they are in `data`."""
-    parity_errors: int
-    """Bytes whose parity bit was wrong; they are in `data`."""
+    framing_errors: int  # bytes whose stop bit was low; they are in `data`
+    parity_errors: int  # bytes whose parity bit was wrong; they are in `data`
 
 
 def levels(data: bytes, form: SerialFormat) -> list[int]:

@@ -20,11 +20,8 @@ from isel_twin.bridge.serve.borders import WireTap
 
 log = logging.getLogger("isel_twin.wire")
 
-SILENCE_NS = 20 * MILLISECOND_NS
-"""Virtual time after which bytes without a language are taken for complete."""
-
-LINE_BYTES = 32
-"""Bytes of a line in hexadecimal, at most."""
+SILENCE_NS = 20 * MILLISECOND_NS  # virtual time after which bytes without a language are taken for complete
+LINE_BYTES = 32  # bytes of a line in hexadecimal, at most
 
 
 class MeaningMessage(Protocol):
@@ -51,10 +48,8 @@ class Meaning(Protocol):
 class WireLine(NamedTuple):
     """A message, or what somebody beside the host has done."""
 
-    time_s: float
-    """Virtual time."""
-    who: str
-    """`host`, or what the controller and others are called."""
+    time_s: float  # virtual time
+    who: str  # `host`, or what the controller and others are called
     text: str
     meaning: str
 

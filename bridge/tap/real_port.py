@@ -35,12 +35,10 @@ log = logging.getLogger("isel_twin")
 HELD_BYTES = 65_536
 """Most bytes kept in one direction; beyond that the port is not read, and `full` says so for what is put."""
 
-PIECE_BYTES = 4096
-"""Read at once."""
+PIECE_BYTES = 4096  # read at once
 
 RETRY_S = 1.0
-LOOK_S = 0.5
-"""Longest a thread waits before it looks whether it has to end."""
+LOOK_S = 0.5  # longest a thread waits before it looks whether it has to end
 
 CONNECT_S = 5.0
 
@@ -48,11 +46,9 @@ CONNECT_S = 5.0
 class Arrived(NamedTuple):
     """What has come from the controller's side."""
 
-    time_ns: int
-    """Of time.perf_counter_ns."""
+    time_ns: int  # of time.perf_counter_ns
     data: bytes
-    note: str = ""
-    """Instead of bytes: the port has gone, or is back."""
+    note: str = ""  # instead of bytes: the port has gone, or is back
 
 
 class Port(Protocol):
@@ -200,8 +196,7 @@ class RealPort:
         self._ending = False
         self._writing = threading.Lock()
         self._port: Port | None = open_port(address, self._settings)
-        self.nowhere = 0
-        """Bytes put while there was no port."""
+        self.nowhere = 0  # bytes put while there was no port
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._read, self._write)]
         for thread in self._threads:
             thread.start()

@@ -34,24 +34,19 @@ from isel_twin.controller import SerialFormat
 
 log = logging.getLogger("isel_twin")
 
-ROOM_BYTES = 2 * PIECE_BYTES
-"""Room an endpoint needs for a piece: Telnet doubles a byte 255."""
+ROOM_BYTES = 2 * PIECE_BYTES  # room an endpoint needs for a piece: Telnet doubles a byte 255
 
 LOOK_S = 0.2
 """How often the settings of a host that sends nothing are looked at, and the recording is handed to the disk."""
 
-UNWRITTEN_BYTES = 1 << 24
-"""Most that waits for a slow disk; beyond that the recording ends."""
-
-PATIENCE_S = 5.0
-"""A host that has not read for so long is mentioned."""
+UNWRITTEN_BYTES = 1 << 24  # most that waits for a slow disk; beyond that the recording ends
+PATIENCE_S = 5.0  # a host that has not read for so long is mentioned
 
 
 class Book(Protocol):
     """What a tap writes to: `isel_twin.recordings.mcap.RecordingWriter`."""
 
-    broken: bool
-    """There was no room for some of it."""
+    broken: bool  # there was no room for some of it
 
     def sent(self, time_ns: int, data: bytes) -> None:
         """Bytes of the host."""
@@ -144,8 +139,7 @@ class Tap:
     ) -> None:
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)
-        self.writer: BookWriter | None = None
-        """Writes down what passes."""
+        self.writer: BookWriter | None = None  # writes down what passes
         self._wire = wire
         self._wake = Wake()
         self._watched = FileWatches()

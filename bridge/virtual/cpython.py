@@ -24,8 +24,7 @@ PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
 }
 """Functions below `subprocess` and `asyncio` that a host must not reach, by module."""
 
-SELECTOR = ("selectors", "_BaseSelectorImpl")
-"""Module and class that all selectors are derived from."""
+SELECTOR = ("selectors", "_BaseSelectorImpl")  # module and class that all selectors are derived from
 
 CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")
 """Methods that `threading.Condition` takes from an RLock, and that a virtual one has therefore, too."""
@@ -73,12 +72,8 @@ def _found(place: str) -> Any:
 
 _check()
 
-calling_frame = sys._getframe
-"""The frame so many calls up."""
-
-frames_of_threads = sys._current_frames
-"""The innermost frame of each thread, by its ident."""
-
+calling_frame = sys._getframe  # the frame so many calls up
+frames_of_threads = sys._current_frames  # the innermost frame of each thread, by its ident
 allocate_lock: Callable[[], Any] = threading._allocate_lock  # type: ignore[attr-defined]
 """What `threading` makes its own locks with."""
 

@@ -50,8 +50,7 @@ from isel_twin.core.spec import TwinSpec
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-POLL_NS = 10_000_000
-"""Virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep."""
+POLL_NS = 10_000_000  # virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 

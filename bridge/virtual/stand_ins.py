@@ -34,8 +34,7 @@ from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import VirtualSerial
 
 _real_monotonic = time.monotonic
-_ABSENT = object()
-"""What a class does not have itself, but inherits."""
+_ABSENT = object()  # what a class does not have itself, but inherits
 
 
 def _select(active: Turns, r: Any, w: Any, x: Any, timeout: float | None = None, /) -> Any:

@@ -42,23 +42,17 @@ from isel_twin.bridge.virtual.signals import Signals
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-LOOK_NS = 1_000
-"""Virtual time of a look that does not wait: 1 us."""
-LONGEST_LOOK_NS = 10 * MILLISECOND_NS
-"""And of one in a long row of them: 10 ms."""
+LOOK_NS = 1_000  # virtual time of a look that does not wait: 1 us
+LONGEST_LOOK_NS = 10 * MILLISECOND_NS  # and of one in a long row of them: 10 ms
 SPIN = 10_000
 """Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
 and threads that cost nothing."""
 
 EPOCH_NS = 1_767_225_600 * SECOND_NS
 """`time.time_ns()` when the twin is switched on: 2026-01-01 00:00 UTC, so that it is the same every time."""
-UPTIME_NS = 1000 * SECOND_NS
-"""`time.monotonic_ns()` then: hosts may take 0 for "never"."""
-
-STRIKES = 3
-"""Times a thread may go on after it was told that the host has ended."""
-GRACE_S = 2.0
-"""Real time for a thread to come to its end."""
+UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
+STRIKES = 3  # times a thread may go on after it was told that the host has ended
+GRACE_S = 2.0  # real time for a thread to come to its end
 
 _get_ident = _thread.get_ident
 
@@ -77,8 +71,7 @@ class Turns:
     RuntimeError otherwise. At its end threads that are still there are ended: `HostEnded` is raised where they wait.
     """
 
-    ports: Any
-    """`isel_twin.bridge.virtual.virtual_serial.Ports`."""
+    ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
 
     def __init__(
         self,
@@ -88,19 +81,14 @@ class Turns:
         limit_s: float | None = None,
     ) -> None:
         self.twin = twin
-        self._lead_ns = 0
-        """Time that looks have taken and the twin has not been given yet."""
+        self._lead_ns = 0  # time that looks have taken and the twin has not been given yet
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
         """What the host has given to `atexit.register`."""
         self.signals = Signals(self._at_work)
-        self.inbox = bytearray()
-        """Bytes that have arrived and not been read."""
-        self.ending: Ending | None = None
-        """Set when the host cannot go on."""
-        self.broken: BaseException | None = None
-        """An error in the twin itself: no fault of the host."""
-        self.left: list[str] = []
-        """Threads that would not end."""
+        self.inbox = bytearray()  # bytes that have arrived and not been read
+        self.ending: Ending | None = None  # set when the host cannot go on
+        self.broken: BaseException | None = None  # an error in the twin itself: no fault of the host
+        self.left: list[str] = []  # threads that would not end
         self._wire = wire
         self._limit_s = limit_s
         self._limit_ns = self.deadline(limit_s)

@@ -48,21 +48,16 @@ from isel_twin.jobs.verdict import Verdict, judge
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-INTERRUPTED = 130
-"""Exit code of a host that Ctrl-C has ended, as a shell tells it."""
-
-_HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")
-"""Options of the interpreter that change nothing here."""
+INTERRUPTED = 130  # exit code of a host that Ctrl-C has ended, as a shell tells it
+_HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")  # options of the interpreter that change nothing here
 
 
 @dataclass(frozen=True)
 class HostProgram:
     """What `python ...` is asked to run."""
 
-    arguments: tuple[str, ...] = ()
-    """What comes after it."""
-    path: str | None = None
-    """A script, or a folder or archive with a `__main__.py`, as it was typed."""
+    arguments: tuple[str, ...] = ()  # what comes after it
+    path: str | None = None  # a script, or a folder or archive with a `__main__.py`, as it was typed
     module: str | None = None
     code: str | None = None
 
@@ -71,25 +66,17 @@ class HostProgram:
 class HostRun:
     """What became of a host and its machine."""
 
-    code: int
-    """Exit code of the host."""
-    ending: str
-    """`exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`."""
-    reason: str
-    """One line for people, if it was one of the last three."""
+    code: int  # exit code of the host
+    ending: str  # `exit`, `exception`, `interrupt`, `deadlock`, `timeout` or `refused`
+    reason: str  # one line for people, if it was one of the last three
     began_ns: int
-    ended_ns: int
-    """Virtual time when the last thread of the host had ended."""
-    verdict: Verdict
-    """On the machine, at rest after that; it counts no commands."""
-    struck: tuple[str, ...]
-    """End switches that are struck then."""
-    was_struck: tuple[str, ...]
-    """End switches that were struck at any time, in reference runs too."""
+    ended_ns: int  # virtual time when the last thread of the host had ended
+    verdict: Verdict  # on the machine, at rest after that; it counts no commands
+    struck: tuple[str, ...]  # end switches that are struck then
+    was_struck: tuple[str, ...]  # end switches that were struck at any time, in reference runs too
     notes: tuple[str, ...] = field(default=())
     """What a real machine would not have taken, and threads that an exception has ended; one line each."""
-    left: tuple[str, ...] = ()
-    """Threads that went on after the host had ended; they stand still for good."""
+    left: tuple[str, ...] = ()  # threads that went on after the host had ended; they stand still for good
 
     @property
     def ok(self) -> bool:

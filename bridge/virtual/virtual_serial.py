@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"
 """What `list_ports` shows if the port has been given no name."""
 
-BUFFER = 4096
-"""Bytes that wait to go over the line before a write has to wait, as in the drivers of Linux."""
+BUFFER = 4096  # bytes that wait to go over the line before a write has to wait, as in the drivers of Linux
 
 
 class Ports:
@@ -40,10 +39,8 @@ class Ports:
         self.time = time
         self.name = name
         self.open: VirtualSerial | None = None
-        self.line_free_ns = 0
-        """When everything written so far has gone over the line."""
-        self.notes: list[str] = []
-        """What is worth a word at the end, one line each."""
+        self.line_free_ns = 0  # when everything written so far has gone over the line
+        self.notes: list[str] = []  # what is worth a word at the end, one line each
 
     @property
     def shown(self) -> str:
@@ -93,8 +90,7 @@ def _plain(name: str) -> str:
 class VirtualSerial(NoModemLines):
     """pySerial's `Serial` on virtual time. Made by a thread that is not a host's, it is the real one."""
 
-    ports: Ports
-    """Set by whoever makes the class of a host, see `made_for`."""
+    ports: Ports  # set by whoever makes the class of a host, see `made_for`
     real: Any
     is_open: bool
 

@@ -31,17 +31,13 @@ from websockets.http11 import Request, Response
 
 from isel_twin.base.errors import CallError
 
-MESSAGE_BYTES = 1 << 20
-"""Longest message of a browser."""
-
-FAREWELL_S = 1.0
-"""Longest wait for a browser that is let go to say so."""
+MESSAGE_BYTES = 1 << 20  # longest message of a browser
+FAREWELL_S = 1.0  # longest wait for a browser that is let go to say so
 
 PROOF_S = 60.0
 """Longest wait for the answer of the panel's own server at its start: far more than the busiest computer needs."""
 
-FOREIGN = "elsewhere.invalid"
-"""A host that nobody has (RFC 2606)."""
+FOREIGN = "elsewhere.invalid"  # a host that nobody has (RFC 2606)
 
 _quiet = logging.getLogger("isel_twin.panel.web")
 _quiet.setLevel(logging.CRITICAL)  # whoever knocks in a strange way is answered, not written down
@@ -114,8 +110,7 @@ class _Front:
     def __init__(self, listener: socket.socket, respond: Respond, operate: Handler) -> None:
         self._listener, self._respond, self._operate = listener, respond, operate
         self._real: Any = None
-        self.loop: asyncio.AbstractEventLoop | None = None
-        """The loop in which viser serves, once it does."""
+        self.loop: asyncio.AbstractEventLoop | None = None  # the loop in which viser serves, once it does
 
     def __enter__(self) -> None:
         try:

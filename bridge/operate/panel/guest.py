@@ -48,17 +48,13 @@ from isel_twin.wiring.acts import BESIDE
 
 log = logging.getLogger("isel_twin")
 
-FRAMES_PER_S = 20.0
-"""Samples of the twin in a wall second, at most."""
-
-ROUND = 32
-"""Requests dealt with in one round of the server's loop."""
+FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
+ROUND = 32  # requests dealt with in one round of the server's loop
 
 MARGIN_NS = 5 * MILLISECOND_NS
 """Virtual time for which a least margin is worth telling: that of several windows of the plant."""
 
-SAID_BYTES = 4096
-"""Longest text typed at once, as bytes on the line."""
+SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
 
 class Site(Protocol):
@@ -89,8 +85,7 @@ class _Typist:
     gathers = False
     busy = False
     waiting = 0
-    settings: Mapping[str, Any] = MappingProxyType({})
-    """As those of the line, whatever it is."""
+    settings: Mapping[str, Any] = MappingProxyType({})  # as those of the line, whatever it is
 
     def attach(self, line: SerialLine) -> None:
         """Nothing to do: what is typed goes to the server."""
@@ -129,8 +124,7 @@ class Panel:
         self._next_s = 0.0
         self._last: Frame = {}
         self._margin_ns = -MARGIN_NS
-        self._margin: list[float | None] = []
-        """Least margins from the frame before to that time."""
+        self._margin: list[float | None] = []  # least margins from the frame before to that time
         if site is not None:
             self.address, self.token, self._site = address, token, site
             return

@@ -14,11 +14,8 @@ from typing import Any
 from isel_twin.bridge.serve.wire_log import WireLine, WireLog
 from isel_twin.language import create_language
 
-PIECES = 2000
-"""Pieces of bytes kept for somebody who looks later."""
-
-LINES = 300
-"""Messages shown at once, the last ones."""
+PIECES = 2000  # pieces of bytes kept for somebody who looks later
+LINES = 300  # messages shown at once, the last ones
 
 
 class Monitor:

@@ -12,8 +12,7 @@ from pathlib import Path
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-FILE_BYTES = 1 << 28
-"""Longest recording that goes through the page; all of it is in memory for a moment."""
+FILE_BYTES = 1 << 28  # longest recording that goes through the page; all of it is in memory for a moment
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "

@@ -20,18 +20,12 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.plant import PLACES
 
-SEGMENTS = 20
-"""Sides of a cylinder."""
-
-SHOWN_GROUPS = (0, 1, 2)
-"""Groups of geoms that are drawn; the others are for collisions and the hood."""
+SEGMENTS = 20  # sides of a cylinder
+SHOWN_GROUPS = (0, 1, 2)  # groups of geoms that are drawn; the others are for collisions and the hood
 
 PIECE_POINTS = 128
-PIECES = 40
-"""The trail: points in one piece of line, and pieces kept."""
-
-LEAST_MM = 0.05
-"""Way of the tool that is worth another point of the trail."""
+PIECES = 40  # the trail: points in one piece of line, and pieces kept
+LEAST_MM = 0.05  # way of the tool that is worth another point of the trail
 
 _GREEN, _YELLOW, _RED = (np.array(c, dtype=np.float64) for c in ((0, 120, 30), (235, 140, 0), (200, 0, 0)))
 
@@ -43,10 +37,8 @@ class BodyMesh:
     """All of a body that has one colour."""
 
     body: str
-    vertices: NDArray[np.float32]
-    """float32 [v, 3], m, in the frame of the body."""
-    faces: NDArray[np.uint32]
-    """uint32 [f, 3]."""
+    vertices: NDArray[np.float32]  # float32 [v, 3], m, in the frame of the body
+    faces: NDArray[np.uint32]  # uint32 [f, 3]
     rgba: tuple[float, float, float, float]
 
 
@@ -54,10 +46,8 @@ class BodyMesh:
 class Pose:
     """Where a body is, in the world."""
 
-    position: Float
-    """float64 [3], m."""
-    wxyz: Float
-    """float64 [4], a quaternion."""
+    position: Float  # float64 [3], m
+    wxyz: Float  # float64 [4], a quaternion
 
 
 def body_meshes(model: mujoco.MjModel) -> list[BodyMesh]:
@@ -144,8 +134,7 @@ class Poses:
         self._model, self._data = model, mujoco.MjData(model)
         self._joints = [self._data.joint(name) for name in joints]
         self._names = [model.body(number).name for number in range(model.nbody)]
-        self.tool = np.zeros(3)
-        """float64 [3], tip of the tool in the frame of the table's body, m."""
+        self.tool = np.zeros(3)  # float64 [3], tip of the tool in the frame of the table's body, m
         self._tool, self._table = (model.site(PLACES[place]).id for place in ("tool", "table"))
         self.table_body: str = self._names[model.site_bodyid[self._table]]
 
@@ -178,8 +167,7 @@ class Trail:
         self._bad_mm = bad_mm
         self._points: list[Float] = []
         self._colours: list[tuple[int, int, int]] = []
-        self.piece = 0
-        """Number of the piece that grows, from 0 to PIECES - 1."""
+        self.piece = 0  # number of the piece that grows, from 0 to PIECES - 1
 
     @property
     def full(self) -> bool:

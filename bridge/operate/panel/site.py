@@ -37,17 +37,13 @@ from isel_twin.bridge.operate.panel.pages import POLICY, SCENE_POLICY, file_resp
 from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
-BROWSERS = 16
-"""Pages open at once."""
+BROWSERS = 16  # pages open at once
 
 UNANSWERED = 64
 """Requests of a browser that wait for their answers, or answers that it has not read; more is no page of ours."""
 
-HISTORY = 600
-"""Frames whose plots a browser that comes later gets: half a minute of them."""
-
-LINES = 400
-"""Messages of the line that it gets."""
+HISTORY = 600  # frames whose plots a browser that comes later gets: half a minute of them
+LINES = 400  # messages of the line that it gets
 
 _PLOTTED = ("time_s", "step_hz", "position_error_mm", "margin_now")
 
@@ -57,8 +53,7 @@ class _Browser:
 
     def __init__(self) -> None:
         self.answers: deque[Mapping[str, Any]] = deque()
-        self.asked = 0
-        """Requests that have no answer yet."""
+        self.asked = 0  # requests that have no answer yet
         self.frame: Frame | None = None
         self.lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
         self.plots: deque[list[Any]] = deque(maxlen=HISTORY)

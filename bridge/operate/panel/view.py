@@ -12,14 +12,9 @@ from isel_twin.bridge.operate.panel.scene import Poses, Trail, body_meshes
 from isel_twin.machine import Machine
 from isel_twin.plant.model import load_model
 
-BAD_MM = 0.1
-"""Deviation of the tool that is drawn red."""
-
-TRAIL_M = 0.005
-"""Thickness of the trail."""
-
-TRAIL_FRAMES = 4
-"""Frames from one growth of the trail to the next."""
+BAD_MM = 0.1  # deviation of the tool that is drawn red
+TRAIL_M = 0.005  # thickness of the trail
+TRAIL_FRAMES = 4  # frames from one growth of the trail to the next
 
 
 class MachineView:
