@@ -45,11 +45,9 @@ JOB: Job = (
 )
 """A short job with long ways, where speed counts, and short ones, where ramp and start-stop frequency do."""
 
-_START_MM = (1.0, 3.0)
-"""Where the carriages stand at power-on, from the motor-end switch: near, so that the reference run is short."""
+_START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short
 _ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
-_BREAK_LIMIT_S = 60.0
-"""A host that has no patience left breaks a move off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms."""
+_BREAK_LIMIT_S = 60.0  # for a move that is broken off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
 _MOVING_SAMPLE_S = 0.02
 _MOVING_SAMPLE_NS = 20 * MILLISECOND_NS
 """Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it."""
@@ -66,16 +64,12 @@ class Setup:
     controller: str = "imc-s8"  # any controller with a language, see `isel_twin.language`
     plant: str = "mujoco"
     seed: int = 0
-    overrides: Mapping[str, Any] = field(default_factory=dict)
-    """Machine parameters to change, such as {"payload.mass": 8.0}; see `isel_twin.machine.with_overrides`."""
-    scenario: str | Path | None = None
-    """File of timed events; virtual time begins at power-on, the reference run is over after about two seconds."""
-    load_nm: float = 0.0
-    """Extra load on every shaft, a torque that always opposes motion (Coulomb friction): a margin of safety."""
+    overrides: Mapping[str, Any] = field(default_factory=dict)  # of machine parameters, {"payload.mass": 8.0}
+    scenario: str | Path | None = None  # file of timed events; the reference run is over about 2 s after power-on
+    load_nm: float = 0.0  # extra load on every shaft, against motion (Coulomb friction): a margin of safety
     tolerance_mm: float = 0.05  # largest position error of any axis that is allowed at rest
     settle_s: float = 0.2  # standstill after each move, in which the machine settles and is measured
-    time_limit_s: float = 120.0
-    """Virtual time for the whole job, standstill not counted; a move that is not over by then is given up."""
+    time_limit_s: float = 120.0  # virtual time for the whole job, standstill not counted; then a move is given up
 
     def __post_init__(self) -> None:
         if not self.job:

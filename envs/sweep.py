@@ -43,9 +43,7 @@ class Row:
     deviation_mm: float  # largest position error of any axis at any time, sampled
     error_mm: float  # largest position error of any axis at rest after any move
     vibration_mm: float  # largest, of any axis, after any move
-    margin: float | None
-    """Least pull-out margin of any motor in any move: 1 nothing was asked of it, 0 it may have lost steps; None without
-    physics."""
+    margin: float | None  # least pull-out margin of any motor: 1 no load, 0 steps may be lost; None without physics
     moves: int  # moves begun; the job ends with the first that the controller refuses or does not finish
     reply: str  # the controller's last reply; "" if the time was up
     good: bool  # the whole job was made, no step was lost, and every error at rest was within the tolerance

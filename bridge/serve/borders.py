@@ -62,8 +62,7 @@ class Endpoint(Protocol):
 
     kind: str  # `pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints
     address: str  # what a host connects to
-    gathers: bool
-    """True if bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
+    gathers: bool  # bytes without a pause on a paced line go on in one piece, as from a terminal server
 
     @property
     def busy(self) -> bool:

@@ -29,9 +29,7 @@ from typing import TextIO
 QUEUE_LINES = 1000  # lines kept for a reader that is slow
 SHOWN = 3  # times that a message is printed within PERIOD_S before it is counted
 PERIOD_S = 60.0  # over which repeated messages are counted
-
-FAREWELL_S = 0.5
-"""Wall time at the end in which the rest must be read; a reader that has gone does not keep the server from ending."""
+FAREWELL_S = 0.5  # wall time in which the rest must be read at the end: a reader that has gone does not keep the server
 
 
 @dataclass

@@ -8,8 +8,7 @@ from contextlib import suppress
 
 log = logging.getLogger("isel_twin")
 
-OUTBOX_BYTES = 65_536
-"""Replies kept for a host that does not read. What is beyond is lost, as on a serial line without flow control."""
+OUTBOX_BYTES = 65_536  # kept for a host that does not read; more is lost, as on a line without flow control
 
 
 class Outbox:

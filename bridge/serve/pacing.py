@@ -23,31 +23,20 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-TICK_NS = 5_000_000
-"""Wall time between two looks at a machine in motion, and aim for the computing time of one advance: 5 ms."""
-
-SHORTEST_S = 0.001
-"""Shortest sleep of a busy twin: bytes that arrive within it arrive together, as from the FIFO of a serial port."""
-
-LONGEST_S = 0.1
-"""Longest sleep of an idle twin: what a recording looks at meanwhile can then be made up for before it counts as a
-slip."""
-
+TICK_NS = 5_000_000  # wall time between two looks at a moving machine, and aimed at for one advance: 5 ms
+SHORTEST_S = 0.001  # shortest sleep of a busy twin: bytes within it arrive together, as from a serial port's FIFO
+LONGEST_S = 0.1  # longest sleep of an idle twin: a recording can make up for it before it counts as a slip
 SLIP_NS = 250_000_000  # wall time a twin may fall behind before the relation is anchored anew: 0.25 s
 PATIENCE_NS = 20_000_000  # wall time that bytes of a host wait for the twin to catch up with the present: 20 ms
 REPLY_NS = 1_000_000  # wall time of computing after which a reply is handed on before going on: 1 ms
-
-STEADY_NS = 1_000_000_000
-"""Wall time without a slip after which a twin that is at the present has caught up for good: 1 s."""
-
+STEADY_NS = 1_000_000_000  # wall time without a slip after which a twin at the present has caught up for good: 1 s
 SHORTEST_SLICE_NS = 100_000  # least virtual time to be computed at once: 0.1 ms
 
 NEAR_NS = 10_000_000
 """Events within this virtual time are met in slices, later ones one by one: a twin in motion announces one every 10 ms,
 so between later ones nothing moves and time costs next to nothing."""
 
-LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6
-"""Range of finite speeds, wide beyond any use; what a computer cannot reach slips."""
+LOWEST_SPEED, HIGHEST_SPEED = 1e-6, 1e6  # wide beyond any use; what a computer cannot reach slips
 
 
 class Clocked(Protocol):
@@ -97,8 +86,7 @@ class Pacer:
     ) -> None:
         self.speed = speed
         self.behind = False  # the speed is not kept at present
-        self.reached = 0.0
-        """Times real time reached: while `behind`, in the first moments of it; afterwards, in all of it."""
+        self.reached = 0.0  # times real time: while `behind`, in the first moments of it; afterwards, in all of it
         self.onlookers: list[Onlooker] = []
         self._clock = clock
         self._hold_ns: int | None = None  # virtual time that must not be passed, while paused

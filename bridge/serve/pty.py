@@ -115,11 +115,9 @@ class PtyEndpoint:
         self._master = self._slave = -1
 
 
-_TCGETS2 = 0x802C542A
-"""Linux: the settings of a terminal with its speeds in bit/s (asm-generic/ioctls.h, struct termios2)."""
+_TCGETS2 = 0x802C542A  # Linux: settings with speeds in bit/s (asm-generic/ioctls.h, struct termios2)
 _TCSETS2 = 0x402C542B
-_CBAUD, _BOTHER = 0o010017, 0o010000
-"""Linux: the bits of the speed among the control flags; there: it stands for itself."""
+_CBAUD, _BOTHER = 0o010017, 0o010000  # Linux: the control flags' bits of the speed; the speed is a number of its own
 _TERMIOS2 = struct.Struct("4I20B2I")
 _SPEEDS = {
     int(getattr(termios, name)): int(name[1:]) for name in dir(termios) if name.startswith("B") and name[1:].isdigit()

@@ -20,9 +20,7 @@ from isel_twin.bridge.serve.tcp import CodecError
 from isel_twin.controller import SerialFormat
 
 SUBOPTION_BYTES = 256  # longest Telnet suboption taken from a client; those of RFC 2217 have at most a few bytes
-
-SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")
-"""What a client may set and a serial port can be told."""
+SETTINGS = ("baudrate", "bytesize", "parity", "stopbits", "break_condition", "dtr", "rts")  # a client may set
 
 DATA_BITS = (serial.FIVEBITS, serial.SIXBITS, serial.SEVENBITS, serial.EIGHTBITS)
 

@@ -172,9 +172,7 @@ class Server:
             )
         else:
             log.warning(
-                "speed %g is reached again; it was %.3g times real time meanwhile",
-                self.pacer.speed,
-                self.pacer.reached,
+                "speed %g is reached again; it was %.3g times real time meanwhile", self.pacer.speed, self.pacer.reached
             )
 
     def _watches(self) -> list[FileWatch]:

@@ -35,12 +35,8 @@ from isel_twin.controller import SerialFormat
 log = logging.getLogger("isel_twin")
 
 REFUSALS = 16  # refused clients whose last words are still on the way; more than that are cut off
-
-PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3
-"""A client that has said nothing for so long is asked by the operating system whether it is still there, so often."""
-
-VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES
-"""Time after which a client that does not answer is given up, also one that was being sent something."""
+PROBE_AFTER_S, PROBE_EVERY_S, PROBES = 20, 10, 3  # the operating system asks a silent client whether it is there
+VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES  # also for a client that was being sent something
 
 
 class CodecError(Exception):

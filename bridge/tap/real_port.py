@@ -32,9 +32,7 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 log = logging.getLogger("isel_twin")
 
-HELD_BYTES = 65_536
-"""Most bytes kept in one direction; beyond that the port is not read, and `full` says so for what is put."""
-
+HELD_BYTES = 65_536  # most in one direction; then the port is not read, and `full` says so for what is put
 PIECE_BYTES = 4096  # read at once
 
 RETRY_S = 1.0

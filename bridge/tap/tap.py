@@ -35,10 +35,7 @@ from isel_twin.controller import SerialFormat
 log = logging.getLogger("isel_twin")
 
 ROOM_BYTES = 2 * PIECE_BYTES  # room an endpoint needs for a piece: Telnet doubles a byte 255
-
-LOOK_S = 0.2
-"""How often the settings of a host that sends nothing are looked at, and the recording is handed to the disk."""
-
+LOOK_S = 0.2  # how often a silent host's settings are looked at, and the recording is handed to the disk
 UNWRITTEN_BYTES = 1 << 24  # most that waits for a slow disk; beyond that the recording ends
 PATIENCE_S = 5.0  # a host that has not read for so long is mentioned
 
@@ -131,11 +128,7 @@ class Tap:
     """
 
     def __init__(
-        self,
-        address: str,
-        endpoints: Sequence[Endpoint],
-        serial_format: SerialFormat,
-        wire: WireTap | None = None,
+        self, address: str, endpoints: Sequence[Endpoint], serial_format: SerialFormat, wire: WireTap | None = None
     ) -> None:
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)

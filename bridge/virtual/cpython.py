@@ -15,8 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_STARTERS = ("_start_joinable_thread", "_start_new_thread")
-"""What `Thread.start` calls: the first since Python 3.13, the second before."""
+_STARTERS = ("_start_joinable_thread", "_start_new_thread")  # `Thread.start` calls: from Python 3.13 on, before
 
 PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
     "_winapi" if os.name == "nt" else "_posixsubprocess": ("CreateProcess" if os.name == "nt" else "fork_exec",),
@@ -25,9 +24,7 @@ PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
 """Functions below `subprocess` and `asyncio` that a host must not reach, by module."""
 
 SELECTOR = ("selectors", "_BaseSelectorImpl")  # module and class that all selectors are derived from
-
-CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")
-"""Methods that `threading.Condition` takes from an RLock, and that a virtual one has therefore, too."""
+CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")  # of an RLock, so a virtual one has them
 
 
 def _check() -> None:

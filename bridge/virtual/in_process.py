@@ -7,9 +7,7 @@ from serial.serialutil import PortNotOpenError, SerialBase
 from isel_twin.base.units import SECOND_NS
 
 STRETCH_NS = SECOND_NS  # virtual time between two looks whether bytes can still come, if nobody waits for a time
-
-PATIENCE_NS = 3600 * SECOND_NS
-"""Virtual time for which a controller may be idle before nothing is expected of it any more."""
+PATIENCE_NS = 3600 * SECOND_NS  # virtual time of idleness after which no byte is expected of a controller
 
 
 class NoModemLines(SerialBase):

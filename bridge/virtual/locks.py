@@ -14,8 +14,7 @@ from isel_twin.bridge.virtual.turns import Turns, here
 
 REAL_START = _thread.start_new_thread
 
-FOR_EVER_S = 1e9
-"""A timeout from which on nobody means it: `threading.TIMEOUT_MAX` is taken by hosts that want to hear Ctrl-C."""
+FOR_EVER_S = 1e9  # timeouts from here on mean no limit: hosts that want to hear Ctrl-C give `threading.TIMEOUT_MAX`
 
 _real_join = threading.Thread.join
 _real_is_alive = threading.Thread.is_alive

@@ -54,8 +54,7 @@ POLL_NS = 10_000_000  # virtual time that a look which does not wait costs: 10 m
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}
-"""What becomes of the text of an option; the others stay text."""
+_VALUES: Mapping[str, Callable[[str], Any]] = {"seed": int, "scenario": Path, "flash": Path}  # others stay text
 
 
 def parse_url(url: str) -> dict[str, str]:

@@ -73,8 +73,7 @@ _REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
 }
 """Methods that are refused, by module and class."""
 
-REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})
-"""Packages whose main loops wait in real time."""
+REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})  # real-time main loops
 
 
 class Finder:

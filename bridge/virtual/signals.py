@@ -20,8 +20,7 @@ class Signals:
 
     def __init__(self, at_work: Callable[[], bool]) -> None:
         self._at_work = at_work
-        self.handlers: dict[int, Any] = {}
-        """What was there of signal handlers that were replaced, by number of the signal."""
+        self.handlers: dict[int, Any] = {}  # by number of the signal, handlers that were replaced
         self._come: list[tuple[Handler, int, FrameType | None]] = []
 
     def __bool__(self) -> bool:

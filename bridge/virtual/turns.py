@@ -48,8 +48,7 @@ SPIN = 10_000
 """Looks in a row that cost LOOK_NS each, and the part of the row that each costs from there on; also the looks at locks
 and threads that cost nothing."""
 
-EPOCH_NS = 1_767_225_600 * SECOND_NS
-"""`time.time_ns()` when the twin is switched on: 2026-01-01 00:00 UTC, so that it is the same every time."""
+EPOCH_NS = 1_767_225_600 * SECOND_NS  # `time.time_ns()` at power-on: 2026-01-01 00:00 UTC, the same every time
 UPTIME_NS = 1000 * SECOND_NS  # `time.monotonic_ns()` then: hosts may take 0 for "never"
 STRIKES = 3  # times a thread may go on after it was told that the host has ended
 GRACE_S = 2.0  # real time for a thread to come to its end
@@ -73,17 +72,10 @@ class Turns:
 
     ports: Any  # `isel_twin.bridge.virtual.virtual_serial.Ports`
 
-    def __init__(
-        self,
-        twin: Twin,
-        *,
-        wire: Wire | None = None,
-        limit_s: float | None = None,
-    ) -> None:
+    def __init__(self, twin: Twin, *, wire: Wire | None = None, limit_s: float | None = None) -> None:
         self.twin = twin
         self._lead_ns = 0  # time that looks have taken and the twin has not been given yet
-        self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
-        """What the host has given to `atexit.register`."""
+        self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []  # `atexit.register`
         self.signals = Signals(self._at_work)
         self.inbox = bytearray()  # bytes that have arrived and not been read
         self.ending: Ending | None = None  # set when the host cannot go on
@@ -92,8 +84,7 @@ class Turns:
         self._wire = wire
         self._limit_s = limit_s
         self._limit_ns = self.deadline(limit_s)
-        self.give_up: Callable[[], object] | None = None
-        """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
+        self.give_up: Callable[[], object] | None = None  # if the main thread goes on after its end; does not return
         self._main = self._running = HostThread("MainThread", daemon=False)
         self._waiting: deque[HostThread] = deque()
         self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()

@@ -74,8 +74,9 @@ class HostRun:
     verdict: Verdict  # on the machine, at rest after that; it counts no commands
     struck: tuple[str, ...]  # end switches that are struck then
     was_struck: tuple[str, ...]  # end switches that were struck at any time, in reference runs too
-    notes: tuple[str, ...] = field(default=())
-    """What a real machine would not have taken, and threads that an exception has ended; one line each."""
+    notes: tuple[str, ...] = field(
+        default=()
+    )  # what a real machine would not have taken, threads ended by an exception
     left: tuple[str, ...] = ()  # threads that went on after the host had ended; they stand still for good
 
     @property

@@ -26,9 +26,7 @@ from isel_twin.bridge.virtual.turns import Turns, here
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
 
-DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"
-"""What `list_ports` shows if the port has been given no name."""
-
+DEFAULT_PORT = "COM1" if os.name == "nt" else "/dev/ttyUSB0"  # listed if the port has no name
 BUFFER = 4096  # bytes that wait to go over the line before a write has to wait, as in the drivers of Linux
 
 
@@ -183,12 +181,7 @@ class VirtualSerial(NoModemLines):
             def enough(wanted: int = wanted) -> bool:
                 return len(inbox) >= wanted or self._cancelled or not self.is_open
 
-            ready = time.wait(
-                enough,
-                limit_ns,
-                why,
-                hears=True,
-            )
+            ready = time.wait(enough, limit_ns, why, hears=True)
             if not ready or self._cancelled or not self.is_open or len(inbox) >= size:
                 return
 

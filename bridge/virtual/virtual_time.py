@@ -25,12 +25,7 @@ class VirtualTime(Turns):
     """
 
     def __init__(
-        self,
-        twin: Twin,
-        port: str | None = None,
-        *,
-        wire: Wire | None = None,
-        limit_s: float | None = None,
+        self, twin: Twin, port: str | None = None, *, wire: Wire | None = None, limit_s: float | None = None
     ) -> None:
         super().__init__(twin, wire=wire, limit_s=limit_s)
         self.ports = Ports(self, port)

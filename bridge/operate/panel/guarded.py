@@ -33,10 +33,7 @@ from isel_twin.base.errors import CallError
 
 MESSAGE_BYTES = 1 << 20  # longest message of a browser
 FAREWELL_S = 1.0  # longest wait for a browser that is let go to say so
-
-PROOF_S = 60.0
-"""Longest wait for the answer of the panel's own server at its start: far more than the busiest computer needs."""
-
+PROOF_S = 60.0  # longest wait for the panel's own server at its start: far more than the busiest computer needs
 FOREIGN = "elsewhere.invalid"  # a host that nobody has (RFC 2606)
 
 _quiet = logging.getLogger("isel_twin.panel.web")

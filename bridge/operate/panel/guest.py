@@ -50,10 +50,7 @@ log = logging.getLogger("isel_twin")
 
 FRAMES_PER_S = 20.0  # samples of the twin in a wall second, at most
 ROUND = 32  # requests dealt with in one round of the server's loop
-
-MARGIN_NS = 5 * MILLISECOND_NS
-"""Virtual time for which a least margin is worth telling: that of several windows of the plant."""
-
+MARGIN_NS = 5 * MILLISECOND_NS  # virtual time over which a least margin is told: several windows of the plant
 SAID_BYTES = 4096  # longest text typed at once, as bytes on the line
 
 
@@ -114,8 +111,7 @@ class Panel:
         site: None for the page itself. Raises ImportError without the extra `panel`.
         """
         self.monitor = Monitor()
-        self.recording: Path | None = None
-        """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
+        self.recording: Path | None = None  # what the server records, for browsers to save; to be set before it starts
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
         self._line = _Typist()

@@ -30,12 +30,7 @@ def menu() -> list[dict[str, Any]]:
 def key_menu(keys: Mapping[str, Key]) -> list[dict[str, Any]]:
     """One entry a key of the controller's own panel, in the order of its table; without a form it is a push-button."""
     return [
-        {
-            "key": name,
-            "meaning": key.meaning,
-            "form": None if key.value is None else _rule(key.value),
-            "held": key.held,
-        }
+        {"key": name, "meaning": key.meaning, "form": None if key.value is None else _rule(key.value), "held": key.held}
         for name, key in keys.items()
     ]
 

@@ -28,8 +28,7 @@ SCENE_POLICY = (
 )
 """The same for viser's client, which is one file with everything in it, compressed."""
 
-HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"
-"""Of viser's client, what the page has itself."""
+HIDDEN = "<style>[data-floating-window],.mantine-Notifications-root{display:none!important}</style>"  # in /scene
 
 
 def pages() -> dict[str, tuple[str, bytes]]:

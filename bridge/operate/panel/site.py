@@ -38,10 +38,7 @@ from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
 BROWSERS = 16  # pages open at once
-
-UNANSWERED = 64
-"""Requests of a browser that wait for their answers, or answers that it has not read; more is no page of ours."""
-
+UNANSWERED = 64  # requests of a browser without an answer, and answers that it has not read; more is no page of ours
 HISTORY = 600  # frames whose plots a browser that comes later gets: half a minute of them
 LINES = 400  # messages of the line that it gets
 
@@ -63,13 +60,7 @@ class _Browser:
 class WebSite:
     """The panel's page (`isel_twin.bridge.operate.panel.guest.Site`)."""
 
-    def __init__(
-        self,
-        listener: socket.socket,
-        address: str,
-        token: str | None,
-        take: Callable[[Asked], None],
-    ) -> None:
+    def __init__(self, listener: socket.socket, address: str, token: str | None, take: Callable[[Asked], None]) -> None:
         """listener: bound and listening at `address`. take: is told, in another thread, what browsers want."""
         self._listener = listener
         self._gate = Gate(address, token)
