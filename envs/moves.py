@@ -1,7 +1,7 @@
-"""One job, one move: what the environment and the sweeps have in common.
+"""One move of a job: what the environment and the sweeps have in common.
 
-Goal: let a real controller make a move on a real twin, as a host program would ask for it (`Language.move` of its
-controller), and measure what one would measure at the machine with a dial gauge and a stop watch:
+A controller makes a move on a twin, as a host program would ask for it (`Language.move`), and what is measured is what
+a dial gauge and a stop watch would show:
 
     |<--------- time_s --------->|<-- settling_s -->|
     command                    reply    last time outside the tolerance        end of the dwell (settle_s)
@@ -48,11 +48,9 @@ JOB: Job = (
 _START_MM = (1.0, 3.0)  # from the motor-end switch at power-on: near, so that the reference run is short
 _ANSWER_LIMIT_S = 60.0  # for a command of the reference run, and for settings
 _BREAK_LIMIT_S = 60.0  # for a move that is broken off; the longest stop ramp takes 40 s: 40000 Hz at 1 Hz/ms
-_MOVING_SAMPLE_S = 0.02
-_MOVING_SAMPLE_NS = 20 * MILLISECOND_NS
-"""Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it."""
-_RESTING_SAMPLE_S = 0.002
-_RESTING_SAMPLE_NS = 2 * MILLISECOND_NS
+# Five quarters of a period of the portal's 63 Hz: four samples in a row see four phases of it.
+_MOVING_SAMPLE_S, _MOVING_SAMPLE_NS = 0.02, 20 * MILLISECOND_NS
+_RESTING_SAMPLE_S, _RESTING_SAMPLE_NS = 0.002, 2 * MILLISECOND_NS
 
 
 @dataclass(frozen=True)
@@ -128,21 +126,14 @@ def referenced_twin(setup: Setup, like: Twin | None = None) -> Twin:
 
 
 def new_twin(setup: Setup, like: Twin | None = None) -> Twin:
-    """The twin of a setup, switched on and no more; see `referenced_twin`."""
+    """The twin of a setup, switched on and no more."""
     x, y, z = np.random.default_rng(setup.seed).uniform(*_START_MM, size=3)
     start_mm = (float(x), float(y), float(z))
     if like is not None:
         return like.another(setup.seed, start_mm)
-    overrides = {**setup.overrides, **_loaded(setup)} if setup.load_nm > 0.0 else setup.overrides
-    return Twin(
-        setup.machine,
-        setup.controller,
-        setup.plant,
-        setup.seed,
-        scenario=setup.scenario,
-        overrides=overrides,
-        start_mm=start_mm,
-    )
+    changes: dict[str, Any] = {**setup.overrides, **(_loaded(setup) if setup.load_nm > 0.0 else {})}
+    origin = setup.machine, setup.controller, setup.plant, setup.seed
+    return Twin(*origin, scenario=setup.scenario, overrides=changes, start_mm=start_mm)
 
 
 def check_job(job: Job, machine: Machine) -> None:
@@ -154,7 +145,7 @@ def check_job(job: Job, machine: Machine) -> None:
 
 
 def _converse(twin: Twin, data: bytes, limit_s: float) -> tuple[bool, bytes]:
-    """Send and await: whether the controller is done after at most limit_s of virtual time, and what has come."""
+    """Whether the controller is done after at most limit_s of virtual time, and what has come."""
     twin.read()
     twin.write(data)
     over = twin.run_until_idle(limit_s)
@@ -202,8 +193,7 @@ def make_move(twin: Twin, target_mm: Sequence[float], settings: Settings, setup:
 
 
 def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
-    """Send the command of a move and let it be made, at most limit_s and what is missing to a whole interval; return
-    the largest position error meanwhile, in mm."""
+    """Let a move be made, in at most limit_s rounded up to whole intervals; the largest position error in mm."""
     began_ns, every = twin.time_ns, _MOVING_SAMPLE_NS
     watch = Watch(twin, every)
     try:
@@ -211,9 +201,9 @@ def _begin(twin: Twin, command: bytes, limit_s: float) -> float:
         if watch.in_loop:
             intervals = max(math.ceil(limit_s * 1e9 / every), 1)
             twin.run_until(began_ns + intervals * every, lambda: twin.idle)
-            at_end = (twin.time_ns - began_ns) % every == 0
             errors_mm = watch.errors_mm()
-            errors_mm = errors_mm[:-1] if at_end else errors_mm  # what is at the end belongs to the dwell
+            if (twin.time_ns - began_ns) % every == 0:
+                errors_mm = errors_mm[:-1]  # what is at the end belongs to the dwell
         else:
             looks = []
             while not twin.run_until_idle(_MOVING_SAMPLE_S) and twin.time_ns - began_ns < limit_s * 1e9:

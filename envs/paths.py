@@ -24,10 +24,9 @@ NAMES = ("corner", "square", "circle", "random")  # paths that have a name; a ra
 
 
 def lay_path(path: str | ArrayLike, draw: np.random.Generator) -> NDArray[np.float64]:
-    """float64 [n, 3], the corners of a path in mm from its first point.
+    """float64 [n, 3], the corners of a path in mm from its first point. draw: for a random one.
 
-    path: one of NAMES, or points [n, 2] or [n, 3] in mm, n at least 2. draw: for a random one.
-    Raises ValueError with one line for anything else.
+    path: one of NAMES, or points [n, 2] or [n, 3] in mm, n at least 2. Raises ValueError with one line otherwise.
     """
     if isinstance(path, str):
         if path not in NAMES:
@@ -54,9 +53,8 @@ def sampled(points: NDArray[np.float64]) -> NDArray[np.float64]:
     counts = np.ceil(lengths / SPACING_MM).astype(np.int64)
     if not 0 < counts.sum() < MOST_POINTS:
         raise ValueError(f"path is {lengths.sum():g} mm long; allowed: more than 0, up to {MOST_POINTS * SPACING_MM:g}")
-    pieces = [
-        start + np.arange(count)[:, None] / count * leg for start, leg, count in zip(starts, legs, counts, strict=True)
-    ]
+    ways_out = zip(starts, legs, counts, strict=True)
+    pieces = [start + np.arange(count)[:, None] / count * leg for start, leg, count in ways_out]
     places = np.concatenate([*pieces, points[-1:]])
     ways = np.concatenate([[0.0], np.cumsum(np.repeat(lengths / counts, counts))])
     return np.ascontiguousarray(np.column_stack([places, ways]))

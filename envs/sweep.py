@@ -8,9 +8,8 @@
         rows = sweep(Setup(), trials, pool)                # the same rows, bit for bit
     best = fastest(Setup(), Settings(20_000), "acceleration_hz_per_ms", margin_nm=0.3)
 
-A trial is a plain function of two frozen values, `run_job(setup, settings)`, so anything with the interface of
-`concurrent.futures.Executor` can run it, by the same code as `isel-twin sweep` (twin/many/studies), which varies
-whatever there is and keeps its rows in a file.
+A trial is a plain function of two frozen values, `run_job(setup, settings)`, so any `concurrent.futures.Executor` can
+run it, by the same code as `isel-twin sweep` (twin/many/studies), which varies anything and keeps its rows in a file.
 """
 
 from __future__ import annotations
@@ -96,10 +95,7 @@ def run_job(setup: Setup, settings: Settings) -> Row:
 
 
 def sweep(setup: Setup, trials: Iterable[Settings], executor: Executor | None = None) -> list[Row]:
-    """One row for each trial, in the order of the trials, whatever runs them. executor None: here, one by one.
-
-    Raises RuntimeError for trials that a cluster has lost.
-    """
+    """A row for each trial, in their order. executor None: here, one by one. Raises RuntimeError for lost trials."""
     made = dict(finished(functools.partial(run_job, setup), list(trials), here(executor)))
     rows = [made[index] for index in range(len(made))]
     if lost := [row.why for row in rows if isinstance(row, Lost)]:
@@ -124,8 +120,8 @@ def fastest(
     low, high: where to look; by default from the value in `settings` to the most that the controller takes.
     resolution: the answer is within this fraction below the first value found that is not good.
 
-    Bisection believes that what is too fast stays too fast. A resonance may break that rule: a sweep over the
-    neighbourhood of the answer shows it. Raises ValueError if even `low` is not good.
+    A resonance may break the rule of bisection that what is too fast stays too fast: a sweep around the answer shows
+    it. Raises ValueError if even `low` is not good.
     """
     ranges = spoken(setup).ranges
     if vary not in ranges:

@@ -109,7 +109,6 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Draw a machine and begin an episode on it."""
         if seed is not None:
             self._random = np.random.default_rng([seed, _DRAWS])
         elif self._random is None:
@@ -152,7 +151,6 @@ class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDAr
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Begin at the start of the path."""
         self._way_mm = 0.0
         return self.env.reset(seed=seed, options=options)
 

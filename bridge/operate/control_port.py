@@ -5,13 +5,12 @@
     {"set": {"estop": "half"}}         --->
                                        <---      {"error": "request: set: input 'estop' cannot be 'half'; ..."}
 
-What can be asked is in control.py. Up to CLIENTS clients; each has one request at a time in work, and what it sends
-meanwhile waits, at most LINE_BYTES of it. A client that does not read its answers is not listened to; one that
-has gone waits for nothing any more. None of them can hold up the server: reading, writing and the requests done in one
-round of its loop are bounded.
+Requests: control.py. Up to CLIENTS clients; each has one request at a time in work, and at most LINE_BYTES wait
+meanwhile. A client that does not read its answers is not listened to. None can hold up the server: reading, writing and
+the requests done in one round of its loop are bounded.
 
-Who may: whoever reaches a port of the loopback interface. Beyond it a token is needed, as the first request:
-{"token": "..."}. A connection that begins with anything but a JSON object, as a browser's would, is closed.
+Beyond the loopback interface a token is needed, as the first request: {"token": "..."}. A connection that begins with
+anything but a JSON object, as a browser's would, is closed.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.token import is_token, token_for
 from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
-from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.server import Guest, Server
 from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
 from isel_twin.core.twin import Twin
 
@@ -104,8 +103,8 @@ class _Client:
                 yield bytes(line)
 
 
-class ControlPort:
-    """A guest of a server that lets clients operate its twin. Raises ValueError, OSError as `TcpEndpoint`."""
+class ControlPort(Guest):
+    """Lets clients operate a server's twin. Raises ValueError, OSError as `TcpEndpoint`."""
 
     kind = "control"
 
@@ -125,7 +124,7 @@ class ControlPort:
 
     @property
     def operator(self) -> Operator:
-        """Who does what is asked. Raises RuntimeError before there is a server."""
+        """Raises RuntimeError before there is a server."""
         if self._operator is None:
             raise RuntimeError("the control port has no server yet")
         return self._operator
@@ -142,7 +141,6 @@ class ControlPort:
         return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
 
     def look(self) -> None:
-        """Answer who has waited, and deal with requests that have come."""
         self.operator.look()
         for client in list(self._clients):
             self._serve(client)
@@ -224,14 +222,17 @@ class ControlPort:
             request = parse_request(line)
             client.begun = True
             if "token" in request:
-                return self._admit(client, request)
+                client.trusted = is_token(request["token"], self.token) and len(request) == 1
+                if client.trusted:
+                    return {"ok": {}}
+                raise ControlError(
+                    "request: token: not the one of this server; allowed: the one it was started with, alone"
+                )
             if not client.trusted:
-                client.leaving = True
-                client.buffer.clear()
                 raise ControlError('request: token: missing; allowed: {"token": "..."} before anything else')
             result = self.operator.ask(request)
         except ControlError as error:
-            if not client.begun:
+            if not (client.begun and client.trusted):
                 client.leaving = True
                 client.buffer.clear()
             return _error(str(error))
@@ -240,15 +241,6 @@ class ControlPort:
         client.pending = result
         self._answer_pending(client)
         return None
-
-    def _admit(self, client: _Client, request: dict[str, Any]) -> dict[str, Any]:
-        given = request["token"]
-        if not is_token(given, self.token) or len(request) > 1:
-            client.leaving = True
-            client.buffer.clear()
-            return _error("request: token: not the one of this server; allowed: the one it was started with, alone")
-        client.trusted = True
-        return {"ok": {}}
 
     def _put(self, client: _Client, answer: dict[str, Any] | None) -> None:
         if answer is None:

@@ -27,8 +27,8 @@ class SerialTwin(Clocked, Protocol):
     def read(self) -> bytes: ...
 
 
-class WireTap(Protocol):
-    """Somebody who follows the traffic; see wire_log.py."""
+class WireTap:
+    """Somebody who follows the traffic (wire_log.py); does nothing unless overridden."""
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
         """Bytes have been sent by the host (`sent`) or have arrived there."""
@@ -78,15 +78,19 @@ class Endpoint(Protocol):
 
     def attach(self, line: SerialLine) -> None:
         """The line that will watch this endpoint, to be told what hosts send."""
+        return
 
     def watches(self, listening: bool) -> Iterable[FileWatch]:
         """Files to wait for now; no host is to be read while not `listening`: the line is full."""
 
     def send(self, data: bytes) -> None:
         """Bytes for the host. Never blocks; without a host they are lost."""
+        return
 
     def give_way(self) -> None:
         """A new network client takes the line: let go of one that only waits for its last replies."""
+        return
 
     def close(self) -> None:
         """Stop listening, let go of everything."""
+        return

@@ -12,7 +12,7 @@ OUTBOX_BYTES = 65_536  # kept for a host that does not read; more is lost, as on
 
 
 class Outbox:
-    """Bytes on their way to a host that may be slow: bounded, never blocking."""
+    """Bounded, never blocking."""
 
     def __init__(self, write: Callable[[bytes], int]) -> None:
         self._write = write
@@ -30,7 +30,6 @@ class Outbox:
         self.flush()
 
     def flush(self) -> None:
-        """Send what the host takes now."""
         with suppress(BlockingIOError):
             while self._waiting:
                 del self._waiting[: self._write(bytes(self._waiting))]

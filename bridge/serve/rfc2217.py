@@ -2,8 +2,8 @@
 
     serial.serial_for_url("rfc2217://127.0.0.1:PORT")
 
-The negotiation is pySerial's own `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set;
-what they mean for the bytes is the line's business (server.py, tap.py), as for those of a pseudo terminal.
+The negotiation is pySerial's `serial.rfc2217.PortManager`. Line settings are accepted and reported back as set; what
+they mean for the bytes is the line's business (server.py, tap.py).
 """
 
 from __future__ import annotations
@@ -62,10 +62,7 @@ class _Connection:
 
 
 class Rfc2217Codec:
-    """Telnet with the com port option on one connection.
-
-    `send`: sends bytes to the client directly. `form`: of the controller's line, and so of the port until it is set.
-    """
+    """Telnet with the com port option on one connection. form: of the port until the client sets another."""
 
     def __init__(self, send: Callable[[bytes], None], form: SerialFormat = SerialFormat(19_200)) -> None:  # noqa: B008
         self._port = LineSettings(form.baud, form.data_bits, form.parity, form.stop_bits)

@@ -72,10 +72,8 @@ class Ports:
         from serial.tools.list_ports_common import ListPortInfo
 
         info = ListPortInfo(self.shown, skip_link_detection=True)
-        info.description = "isel-twin"
-        info.manufacturer = "isel-twin"
+        info.description = info.manufacturer = info.hwid = "isel-twin"
         info.product = self.time.twin.controller_name
-        info.hwid = "isel-twin"
         return [info]
 
 
@@ -88,7 +86,7 @@ def _plain(name: str) -> str:
 class VirtualSerial(NoModemLines):
     """pySerial's `Serial` on virtual time. Made by a thread that is not a host's, it is the real one."""
 
-    ports: Ports  # set by whoever makes the class of a host, see `made_for`
+    ports: Ports  # set on the subclass of each host (`stand_ins`)
     real: Any
     is_open: bool
 
@@ -164,7 +162,7 @@ class VirtualSerial(NoModemLines):
         return data
 
     def _wait(self, time: Turns, size: int) -> None:
-        """Wait until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
+        """Until `size` bytes are there, the timeouts are over, or somebody cancels or closes."""
         inbox = time.inbox
         why = f"read of {self._port}"
         self._cancelled = False
@@ -179,11 +177,14 @@ class VirtualSerial(NoModemLines):
             wanted = size if gap is None else had + 1
 
             def enough(wanted: int = wanted) -> bool:
-                return len(inbox) >= wanted or self._cancelled or not self.is_open
+                return len(inbox) >= wanted or self._over
 
-            ready = time.wait(enough, limit_ns, why, hears=True)
-            if not ready or self._cancelled or not self.is_open or len(inbox) >= size:
+            if not time.wait(enough, limit_ns, why, hears=True) or self._over or len(inbox) >= size:
                 return
+
+    @property
+    def _over(self) -> bool:
+        return self._cancelled or not self.is_open
 
     def cancel_read(self) -> None:
         """Let a read of another thread return with what it has."""

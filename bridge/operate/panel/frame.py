@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 Frame = dict[str, Any]
-
-
 COME: Mapping[str, Any] = {"come": True}  # instead of a request: a browser has come and wants the present state
 
 

@@ -5,9 +5,9 @@
 
 viser has no door for this: it opens a port of its own and lets everybody in. So, while it starts, the name
 `websockets` in its module is exchanged for a `_Front`, which hands on what viser asks for and changes one call. That
-name is private, and a later viser may do without it. Therefore the start ends with a proof: viser serves at the panel's
-own port, and whoever names a foreign host or comes from a foreign page is refused there. Without it the panel does not
-start. What nobody here wants, to share a scene through a server of viser's makers, is taken out.
+name is private, and a later viser may do without it. So the start ends with a proof, without which there is no panel:
+viser serves at the panel's port, and refuses a foreign host or page there. Sharing a scene through a public server of
+viser's makers is taken out.
 """
 
 from __future__ import annotations
@@ -44,8 +44,6 @@ Respond = Callable[[ServerConnection, Request], Response | None]
 
 
 class UnguardedError(CallError):
-    """This viser cannot be kept behind the gate."""
-
     def __init__(self, why: str) -> None:
         super().__init__(
             f"panel: not started, as this viser ({viser.__version__}) cannot be guarded: {why}; "
@@ -121,7 +119,7 @@ class _Front:
 
     @property
     def asyncio(self) -> _Front:
-        """`websockets.asyncio`, and what is in it that viser calls."""
+        """`websockets.asyncio`."""
         return self
 
     @property

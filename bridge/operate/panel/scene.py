@@ -4,8 +4,8 @@
     positions mm [3] --- Poses ---> places of the bodies that move          sent with each frame
     tool over table --- Trail ---> coloured pieces of line                  in the frame of the table
 
-Positions are those of the joints, so every plant looks the same; the structure that gives is drawn stiff. The trail is
-where the tool was over the table, whichever of the two moves, and so it stays on the workpiece.
+Positions are those of the joints, so every plant looks the same, the structure stiff. The trail is relative to the
+table, whichever of the two moves, and so it stays on the workpiece.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """All of a body that has one colour."""
-
     body: str
     vertices: NDArray[np.float32]  # float32 [v, 3], m, in the frame of the body
     faces: NDArray[np.uint32]  # uint32 [f, 3]
@@ -44,7 +42,7 @@ class BodyMesh:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a body is, in the world."""
+    """Of a body, in the world."""
 
     position: Float  # float64 [3], m
     wxyz: Float  # float64 [4], a quaternion
@@ -103,7 +101,6 @@ def _shape(model: mujoco.MjModel, number: int) -> tuple[Float, NDArray[np.int64]
 
 
 def _box(half: Float) -> tuple[Float, NDArray[np.int64]]:
-    """A box of half sizes [3]."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     faces = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
@@ -146,9 +143,7 @@ class Poses:
         mujoco.mj_kinematics(self._model, data)
         body = self._model.site_bodyid[self._table]
         self.tool = (data.site_xpos[self._tool] - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
-        return {
-            name: Pose(data.xpos[number].copy(), data.xquat[number].copy()) for number, name in enumerate(self._names)
-        }
+        return {name: Pose(data.xpos[i].copy(), data.xquat[i].copy()) for i, name in enumerate(self._names)}
 
 
 def deviation_colour(deviation_mm: float, bad_mm: float) -> tuple[int, int, int]:

@@ -58,7 +58,7 @@ class _Browser:
 
 
 class WebSite:
-    """The panel's page (`isel_twin.bridge.operate.panel.guest.Site`)."""
+    """The panel's page (`guest.Site`)."""
 
     def __init__(self, listener: socket.socket, address: str, token: str | None, take: Callable[[Asked], None]) -> None:
         """listener: bound and listening at `address`. take: is told, in another thread, what browsers want."""
@@ -169,17 +169,12 @@ class WebSite:
                 await browser.news.wait()
                 browser.news.clear()
                 message: dict[str, Any] = {}
-                if browser.answers:
-                    message["answers"] = list(browser.answers)
-                    browser.answers.clear()
                 if browser.frame is not None:
                     message["frame"], browser.frame = browser.frame, None
-                if browser.lines:
-                    message["lines"] = list(browser.lines)
-                    browser.lines.clear()
-                if browser.plots:
-                    message["plots"] = list(browser.plots)
-                    browser.plots.clear()
+                for name in ("answers", "lines", "plots"):
+                    if queue := getattr(browser, name):
+                        message[name] = list(queue)
+                        queue.clear()
                 if message:
                     await connection.send(_json(message))
 
@@ -192,11 +187,10 @@ class WebSite:
         path = urlsplit(request.path).path
         if path == "/recording" and self._recording is not None:
             return file_response(self._recording)
-        found = self._files.get(path)
-        if found is None:
+        if path not in self._files:
             return response(http.HTTPStatus.NOT_FOUND, b"there is no such page\n")
-        kind, data = found
-        answer = response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if found is self._files["/scene"] else POLICY)
+        kind, data = self._files[path]
+        answer = response(http.HTTPStatus.OK, data, kind, SCENE_POLICY if path == "/scene" else POLICY)
         if (cookie := self._gate.keep(request.path)) is not None:
             answer.headers["Set-Cookie"] = cookie
         return answer
