@@ -162,7 +162,7 @@ class Execution:
         if not self.channel.active:
             return False
         only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1
-        return name in (self.interpreter.open if only_open else self.interpreter.opened)
+        return name in (self.interpreter.stack.open if only_open else self.interpreter.stack.opened)
 
     def _value(self, number: int) -> float | None:
         """Of a parameter that is worked out when it is asked for."""

@@ -119,7 +119,7 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
         return float(MODAL[number](told.modal))
     if number in PLANE:
         return _axis_of_plane(told, number)
-    name, block = interpreter.place
+    name, block = interpreter.stack.place
     in_cycle = told.called_by
     match number:
         case Cell.PROGRAM:
@@ -133,7 +133,7 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
         case Cell.CYCLE_BLOCK:
             return None if told.cycle is None else float(block if in_cycle else 0)
         case Cell.LOOPS:
-            return float(interpreter.loops)
+            return float(interpreter.stack.loops)
         case Cell.FEED:
             return told.feed_mm_min
     return float(G.SHIFT) if any(told.frame.shift) else 0.0
@@ -167,7 +167,7 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
         case Cell.CALLER_BLOCK:
             return float(told.caller[1])
         case Cell.PASSES | Cell.PASS:
-            return float(interpreter.loop[number - Cell.PASSES])
+            return float(interpreter.stack.loop[number - Cell.PASSES])
         case Cell.FEED:
             return feed
         case Cell.END_FEED:

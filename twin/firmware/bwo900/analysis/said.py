@@ -14,12 +14,12 @@ from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
 from isel_twin.firmware.bwo900.analysis.stack import Goal
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Later
-from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
 
 Called: TypeAlias = tuple[str, int | None, int | None]
 """A program, and its first and last block if they are named."""
@@ -29,7 +29,7 @@ Called: TypeAlias = tuple[str, int | None, int | None]
 class Said:
     """What a block has said so far."""
 
-    block: Block
+    block: ProgramBlock
     program: str
     main: bool
     """It is one of a program, not of a cycle's."""
@@ -41,8 +41,8 @@ class Said:
     groups: dict[int, int] = field(default_factory=dict)
     """The G function of each group that it has."""
     cycles: list[int] = field(default_factory=list)
-    pre: list[Machine] = field(default_factory=list)
-    post: list[Machine] = field(default_factory=list)
+    pre: list[MFunction] = field(default_factory=list)
+    post: list[MFunction] = field(default_factory=list)
     speeds: dict[int, float] = field(default_factory=dict)
     dwell_s: float | None = None
     feed: float | None = None

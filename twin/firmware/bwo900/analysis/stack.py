@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
 
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""
@@ -51,7 +51,7 @@ class Level:
         """Its name and the number of the block that was taken last."""
         return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
-    def take(self) -> Block:
+    def take(self) -> ProgramBlock:
         """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
         block = self.program.block(self.place)
         self.place += 1

@@ -17,7 +17,7 @@ from isel_twin.firmware.bwo900.analysis.reader import CENTRES
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
 from isel_twin.firmware.bwo900.geometry.groups import CORRECTION
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
@@ -151,7 +151,7 @@ class Targets:
         if motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE) and self._turns(targets):
             element = self._circle(said, frame, start, end)
         else:
-            element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
+            element = Straight(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
         if element is not None and motion and self.feed_mm_min is None and said.feed is None:
             raise ProgramError(Code.NO_FEED)
         coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)

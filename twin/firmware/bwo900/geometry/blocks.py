@@ -43,7 +43,7 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
+class MFunction:
     """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
 
     code: int
@@ -83,8 +83,8 @@ class PathBlock:
     """G12 with P71."""
     three_points: bool = False
     """G123: its only element is a line; the next one decides what becomes of both."""
-    pre: tuple[Machine, ...] = ()
-    post: tuple[Machine, ...] = ()
+    pre: tuple[MFunction, ...] = ()
+    post: tuple[MFunction, ...] = ()
     dwell_s: float | None = None
     """G04: after the path, before the post functions."""
     speeds: Mapping[int, float] = field(default_factory=dict)

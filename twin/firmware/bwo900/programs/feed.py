@@ -15,7 +15,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock, parse_block
 
 ROOM: Final = 65_536
 """Bytes of lines that can wait; the manual names no number."""
@@ -81,7 +81,7 @@ class Feed:
     def __len__(self) -> int:
         return self._dropped + len(self._known)
 
-    def block(self, place: int) -> Block:
+    def block(self, place: int) -> ProgramBlock:
         """The block at a place, from 0, read; with that all before it are analysed. Raises ProgramError if it cannot
         be."""
         text, _ = self._known[place - self._dropped]

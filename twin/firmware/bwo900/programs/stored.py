@@ -19,13 +19,13 @@ from typing import ClassVar, Protocol
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock, parse_block
 
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 
 
 @lru_cache(maxsize=4096)
-def _parsed(text: str, line: int) -> Block:
+def _parsed(text: str, line: int) -> ProgramBlock:
     return parse_block(text, line)
 
 
@@ -47,7 +47,7 @@ class Blocks(Protocol):
     def __len__(self) -> int:
         """Number of blocks that are known."""
 
-    def block(self, place: int) -> Block:
+    def block(self, place: int) -> ProgramBlock:
         """See Program.block."""
 
     def number(self, place: int) -> int:
@@ -61,7 +61,7 @@ class Blocks(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class StoredProgram:
     """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
     linear: ClassVar = False
@@ -79,7 +79,7 @@ class Program:
     """The highest number up to each."""
 
     @classmethod
-    def of(cls, name: str, blocks: Iterable[str]) -> Program:
+    def of(cls, name: str, blocks: Iterable[str]) -> StoredProgram:
         """A program of lines. Raises ProgramError as `Builder` does."""
         builder = Builder(name)
         for number, line in enumerate(blocks, start=1):
@@ -98,7 +98,7 @@ class Program:
         """The text of the block at a place, from 0."""
         return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
 
-    def block(self, place: int) -> Block:
+    def block(self, place: int) -> ProgramBlock:
         """The block at a place, read. Raises ProgramError if it cannot be."""
         return _parsed(self.line(place), place + 1)
 
@@ -146,10 +146,10 @@ class Builder:
         self._numbers.append(own)
         self._highest.append(self._lines.highest)
 
-    def program(self) -> Program:
+    def program(self) -> StoredProgram:
         """The program of these lines. Raises ProgramError M1111 if the last one is chained to nothing."""
         self._lines.end()
-        return Program(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
+        return StoredProgram(self._name, bytes(self._text), self._begins, self._numbers, self._highest)
 
 
 def program_name(line: str) -> str:
@@ -158,7 +158,7 @@ def program_name(line: str) -> str:
     return "" if match is None else f"{match[1]}{int(match[2])}"
 
 
-class Store(dict[str, Program]):
+class Store(dict[str, StoredProgram]):
     """The memory for programs, by name; and the one that is fed, if there is one, before one of that name."""
 
     feed: Feed | None = None

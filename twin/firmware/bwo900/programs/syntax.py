@@ -118,7 +118,7 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ProgramBlock:
     """A block that has been read. number: None without N; skip: `/`; line: of the file, from 1."""
 
     number: int | None
@@ -173,7 +173,7 @@ _DELETED = re.compile(r"\s*(?:-\s?-(?=\s*(?:$|[^\s\d.,+-]))|[-–—\x96\x97](?=
 _TEXT = re.compile(r"!\s*(?:(\$[0-9A-Fa-f]+|\d+)\s*,\s*)?(.*)", re.DOTALL)
 
 
-def parse_block(text: str, line: int = 0) -> Block:
+def parse_block(text: str, line: int = 0) -> ProgramBlock:
     """The block of a line, chained lines joined. Raises ProgramError with the column."""
     return _Parser(text, line).block()
 
@@ -207,7 +207,7 @@ class _Parser:
 
     # Blocks
 
-    def block(self) -> Block:
+    def block(self) -> ProgramBlock:
         if len(self.text) > LONGEST:
             raise ProgramError(Code.TOO_MANY, f"{len(self.text)} characters; allowed: {LONGEST}", LONGEST + 1)
         head = _HEAD.match(self.text)
@@ -256,7 +256,7 @@ class _Parser:
                 case _:
                     self.refuse(Code.UNKNOWN_AXIS if letter.isalpha() else Code.SYNTAX, f"{self.rest()!r}")
         self._count(words, g, m, len(assignments) + len(jumps))
-        return Block(
+        return ProgramBlock(
             number,
             self.text,
             self.line,

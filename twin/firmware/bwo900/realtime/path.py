@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -220,7 +220,7 @@ class PieceMaker:
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
                 self._end = element.tangent(1.0), min(wanted, limit)
-                line = isinstance(element, Line) and not block.rapid
+                line = isinstance(element, Straight) and not block.rapid
                 self._line = (element.start, element.end) if line else None
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()

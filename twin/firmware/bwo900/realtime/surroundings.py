@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.numbers import P
@@ -51,7 +51,7 @@ def mute(around: Surroundings) -> bool:
     return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
-def send(around: Surroundings, functions: tuple[Machine, ...]) -> None:
+def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
     """Send M functions to the PLC, unless programs are carried out without."""
     if functions and not mute(around):
         for function in functions:

@@ -27,7 +27,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import P
 
@@ -130,7 +130,7 @@ def rows(half: float, infeed: float) -> list[float]:
 # ---- rectangular pockets ---------------------------------------------------------------------------------------------
 
 
-def rectangle(call: Call) -> Iterator[Move]:
+def rectangle(call: Call) -> Iterator[CycleMove]:
     """G71: rows in conventional milling, back above each of them."""
     job, pocket = _rectangular(call)
     yield from _begin(job)
@@ -154,7 +154,7 @@ def rectangle(call: Call) -> Iterator[Move]:
     yield _rapid(job, (0.0, 0.0))
 
 
-def rectangle_zigzag(call: Call) -> Iterator[Move]:
+def rectangle_zigzag(call: Call) -> Iterator[CycleMove]:
     """G72: rows forth and back."""
     job, pocket = _rectangular(call)
     yield from _begin(job)
@@ -177,7 +177,7 @@ def rectangle_zigzag(call: Call) -> Iterator[Move]:
     yield _rapid(job, (0.0, 0.0))
 
 
-def rectangle_finished(call: Call) -> Iterator[Move]:
+def rectangle_finished(call: Call) -> Iterator[CycleMove]:
     """G73: the contour in all layers, what is left inside in all layers, then the contour to its size."""
     job, pocket = _rectangular(call)
     finishing = _finishing(call, job)
@@ -210,7 +210,7 @@ def rectangle_finished(call: Call) -> Iterator[Move]:
         yield from _mill(job, grown.ways, slow)
         before = grown.start
     yield _level(job, job.height, Kind.LINE, job.feed)
-    yield Move(Kind.LINE, job.place((0.0, 0.0)), None, job.feed)
+    yield CycleMove(Kind.LINE, job.place((0.0, 0.0)), None, job.feed)
 
 
 def _zigzag(pocket: _Pocket, lines: Sequence[float]) -> Iterator[_Way]:
@@ -263,7 +263,7 @@ def _grown(call: Call, job: _Job, allowance: float) -> _Pocket:
 # ---- circular pockets ------------------------------------------------------------------------------------------------
 
 
-def circle(call: Call) -> Iterator[Move]:
+def circle(call: Call) -> Iterator[CycleMove]:
     """G74: from the middle outwards, a spiral in each layer."""
     job, turn = _circular(call)
     radius = _radius(call, job, job.allowance)
@@ -277,7 +277,7 @@ def circle(call: Call) -> Iterator[Move]:
     yield from _up(job)
 
 
-def circle_finished(call: Call) -> Iterator[Move]:
+def circle_finished(call: Call) -> Iterator[CycleMove]:
     """G75: the same, then circles with half the feed until the pocket has its size."""
     job, turn = _circular(call)
     finishing = _finishing(call, job)
@@ -298,7 +298,7 @@ def circle_finished(call: Call) -> Iterator[Move]:
         yield from _mill(job, [*_full(grown, turn), _away(grown, turn)], slow)
         at = _away(grown, turn).end
     yield _level(job, job.height, Kind.LINE, job.feed)
-    yield Move(Kind.LINE, job.place((0.0, 0.0)), None, job.feed)
+    yield CycleMove(Kind.LINE, job.place((0.0, 0.0)), None, job.feed)
 
 
 def _circular(call: Call) -> tuple[_Job, int]:
@@ -430,22 +430,22 @@ def _finishing(call: Call, job: _Job) -> list[float]:
     return [job.allowance - reached for reached in layers(job.allowance, step)]
 
 
-def _begin(job: _Job) -> Iterator[Move]:
+def _begin(job: _Job) -> Iterator[CycleMove]:
     """To the middle, where the block says it."""
     if job.call.words:
-        yield Move(Kind.RAPID, job.call.words)
+        yield CycleMove(Kind.RAPID, job.call.words)
 
 
-def _rapid(job: _Job, place: UV) -> Move:
-    return Move(Kind.RAPID, job.place(place))
+def _rapid(job: _Job, place: UV) -> CycleMove:
+    return CycleMove(Kind.RAPID, job.place(place))
 
 
-def _level(job: _Job, height: float, kind: Kind, feed: float | None = None) -> Move:
+def _level(job: _Job, height: float, kind: Kind, feed: float | None = None) -> CycleMove:
     """To a height; with feed it is a floor, which is reached before the tool goes on."""
-    return Move(kind, {job.call.plane.third: height}, None, feed, exact_stop=kind is Kind.LINE)
+    return CycleMove(kind, {job.call.plane.third: height}, None, feed, exact_stop=kind is Kind.LINE)
 
 
-def _down(job: _Job, layer: int) -> Iterator[Move]:
+def _down(job: _Job, layer: int) -> Iterator[CycleMove]:
     """To a layer's floor: rapid through what is free, with a safety distance, then with the plunging feed."""
     if layer:
         over = job.floors[layer - 1] + job.call.needed(P.POCKET_SAFETY)
@@ -454,20 +454,20 @@ def _down(job: _Job, layer: int) -> Iterator[Move]:
     yield _level(job, job.floors[layer], Kind.LINE, job.plunge)
 
 
-def _up(job: _Job) -> Iterator[Move]:
+def _up(job: _Job) -> Iterator[CycleMove]:
     """To the safety distance above the workpiece."""
     yield _level(job, job.height, Kind.RAPID)
 
 
-def _mill(job: _Job, ways: Iterable[_Way], feed: float | None = None) -> Iterator[Move]:
+def _mill(job: _Job, ways: Iterable[_Way], feed: float | None = None) -> Iterator[CycleMove]:
     """Along the ways; those without a length are none."""
     for way in ways:
         if math.dist(way.start, way.end) <= NEAR_MM:
             continue
         if way.centre is None:
-            yield Move(Kind.LINE, job.place(way.end), None, feed)
+            yield CycleMove(Kind.LINE, job.place(way.end), None, feed)
             continue
         centre = job.place(way.centre)
         kind = Kind.COUNTER_CLOCKWISE if way.turn > 0 else Kind.CLOCKWISE
         plane = job.call.plane
-        yield Move(kind, job.place(way.end), (centre[plane.first], centre[plane.second]), feed)
+        yield CycleMove(kind, job.place(way.end), (centre[plane.first], centre[plane.second]), feed)
