@@ -7,6 +7,7 @@
     track.py    the Gymnasium environment `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies
     wrappers.py bounds and scales, other machines, feed along the path (with paths.py, tracking.py: its path, its loop)
     track_vector.py   many TrackPath-v0 in one compiled call
+    variations.py  what an episode of TrackPath-v0 changes of the machine
     sweep.py    tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin
 
     import gymnasium

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isel_twin.base.crew import Lost, finished, here
 from isel_twin.envs.moves import Settings, Setup, make_move, referenced_twin, spoken
-from isel_twin.many.studies.run import Lost, finished, here
 
 
 @dataclass(frozen=True)

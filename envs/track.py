@@ -3,7 +3,7 @@
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
 step    action -> pulses -> drives and machine -> where the tool is -> observation, reward        (tracking.py)
 
-There is no controller: who acts is the controller. Nothing is built anew by `reset` unless the machine itself changes,
+There is no controller: the agent is the controller. Nothing is built anew by `reset` unless the machine itself changes,
 and then not its model: see `isel_twin.plant.model.dressed`.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +24,7 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, SIZE, TRACK
+from isel_twin.envs.variations import VARIATIONS, checked, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import compile_model, dressed
 from isel_twin.plant.mujoco import MujocoPlant
@@ -32,16 +32,6 @@ from isel_twin.plant.mujoco import MujocoPlant
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
 
-VARIATIONS: dict[str, tuple[float, float]] = {
-    "payload_kg": (0.0, 20.0),
-    "friction": (0.1, 10.0),
-    "stiffness": (0.2, 1.2),
-    "supply": (0.5, 1.5),
-    "backlash": (0.0, 10.0),
-}
-"""What `reset` can change of the machine for an episode, and within which bounds: a mass, and factors."""
-
-_FACTORS = tuple(VARIATIONS)[1:]
 _SETTLING_NS = 100_000_000
 """From power-on to the start: the rotors have come to rest where their stages hold them."""
 _CLEAR_MM = 1.0
@@ -182,12 +172,12 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         abort_penalty: float = 100.0,
         render_mode: str | None = None,
     ) -> None:
-        """See the class. Raises ValueError (MachineError) with one line for a wrong argument."""
+        """Raises ValueError (MachineError) with one line for a wrong argument."""
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there are: human, rgb_array")
         loaded = machine if isinstance(machine, Machine) else load_machine(machine)
         self.machine = with_overrides(loaded, overrides or {})
-        """The machine without what options of `reset` change."""
+        """The machine before options of `reset` change it."""
         servo = [axis.name for axis in self.machine.axes if axis.closed_loop]
         if servo:
             raise ValueError(
@@ -223,9 +213,9 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._model = compile_model(self.machine, visual=False)
         self._plant: MujocoPlant | None = None
         self._stands: tuple[Any, ...] = ()
-        """What `_plant` is: variation and place."""
+        """Variation and place that `_plant` was built for."""
         self._settled: Mapping[str, Any] = {}
-        """Its state when it has settled there."""
+        """The state of `_plant` when it has settled there."""
         self._options: dict[str, Any] = {}
         self._points = np.zeros((0, 3))
         self._track = np.zeros(1, TRACK)
@@ -261,7 +251,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         Raises ValueError (MachineError) with one line for an option that does not exist or is out of range.
         """
         super().reset(seed=seed)
-        observation = self._begin(_checked(options or {}))
+        observation = self._begin(checked(options or {}))
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
@@ -308,7 +298,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return None
 
     def close(self) -> None:
-        """Free what draws."""
+        """Close renderer and window."""
         for shown in (self._picture, self._window):
             if shown is not None:
                 shown.close()
@@ -327,7 +317,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     @property
     def tool_mm(self) -> NDArray[np.float64]:
-        """float64 [3], where it is. Raises ResetNeeded before the first reset."""
+        """float64 [3], where the tool is, from the start of the path. Raises ResetNeeded before the first reset."""
         if self._plant is None:
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset()")
         at_mm: NDArray[np.float64] = self._plant.position_mm - self._lanes["origin_mm"]
@@ -340,7 +330,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return speed_mm_s
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the machine at work, and of that its state."""
+        """For pickle: of the plant only its state."""
         state = self.__dict__.copy()
         for name in ("_plant", "_stands", "_settled", "_fixed", "_now", "_picture", "_window", "_model"):
             state.pop(name, None)
@@ -387,7 +377,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         start_mm = self._start_mm(self._points)
         stands = (*(self._options.get(name) for name in VARIATIONS), *start_mm)
         if stands != self._stands:
-            machine = _varied(self.machine, self._options)
+            machine = varied(self.machine, self._options)
             plant = MujocoPlant(machine, (), start_mm, 3, dressed(self._model, machine))
             plant.set_power(stages=True, brake_released=True, lowering=False)
             plant.advance(_SETTLING_NS, np.empty(0, np.int64), np.empty((0, 3), np.int32))
@@ -434,12 +424,12 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     @property
     def steps_left(self) -> int:
-        """Steps until the time is over; whoever makes them by `at_work` counts them."""
+        """Steps until the time is over. A caller that steps by `at_work` counts them itself."""
         return self._left
 
 
 def infos(track: Any) -> dict[str, Any]:
-    """What `info` says of a TRACK, or of an array of them."""
+    """The entries of `info` for a TRACK, or for an array of them."""
     return {
         "way_mm": track["way_mm"],
         "deviation_mm": track["deviation_mm"],
@@ -452,46 +442,5 @@ def infos(track: Any) -> dict[str, Any]:
 
 
 def ended(over: int) -> str:
-    """What an episode has ended by, after what `tracking.take_step` returned; not positive: by its time."""
+    """How an episode ended, by what `tracking.take_step` returned; 0 or less: its time was over."""
     return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"
-
-
-def _checked(options: dict[str, Any]) -> dict[str, Any]:
-    """The options of a reset. Raises ValueError for a name that does not exist and for a number out of range."""
-    unknown = sorted(options.keys() - {*VARIATIONS, "path"})
-    if unknown:
-        raise ValueError(f"unknown options {unknown}; there are: {', '.join((*VARIATIONS, 'path'))}")
-    checked = dict(options)
-    for name, (low, high) in VARIATIONS.items():
-        if name in checked:
-            value = checked[name]
-            number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-            if not number or not low <= value <= high:
-                raise ValueError(f"option {name} is {value!r}; allowed: {low:g} to {high:g}")
-            checked[name] = float(value)
-    return checked
-
-
-def _varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
-    """The machine with what these options change; its `tree` stays. Raises ValueError for a number out of range."""
-    friction, stiffness, supply, backlash = (options.get(name, 1.0) for name in _FACTORS)
-    try:
-        x, y, z = (
-            replace(
-                axis,
-                guide_friction_n=axis.guide_friction_n * friction,
-                stage=replace(axis.stage, supply_v=axis.stage.supply_v * supply),
-                screw=replace(
-                    axis.screw,
-                    coulomb_nm=axis.screw.coulomb_nm * friction,
-                    stiffness_n_per_m=axis.screw.stiffness_n_per_m * stiffness,
-                    backlash_mm=axis.screw.backlash_mm * backlash,
-                ),
-            )
-            for axis in machine.axes
-        )
-        modes = tuple(replace(mode, stiffness_n_per_m=mode.stiffness_n_per_m * stiffness) for mode in machine.structure)
-    except ValueError as error:
-        raise ValueError(f"the machine does not take these options: {error}") from None
-    payload_kg = options.get("payload_kg", machine.payload_kg)
-    return replace(machine, axes=(x, y, z), structure=modes, payload_kg=payload_kg)

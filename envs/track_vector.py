@@ -6,8 +6,8 @@
                              thread 1: environments k+1 ..    ...
                        --->  observations [n, 35], rewards [n], ...
 
-Each environment is to the bit what it is alone: the same `take_step` on the same arrays (tracking.py). The vector only
-knows where they lie; what begins anew is begun anew by the environments themselves, one after the other.
+Each environment gives the same bits as alone: the same `take_step` on the same arrays (tracking.py), whose addresses
+the vector knows. Resets are made by the environments themselves, one after the other.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PLACE = np.dtype(
 )
 """Where the arrays of an environment lie, and how large they are."""
 _IDLE = -2
-"""In the place of what `take_step` returns: this environment makes no step."""
+"""Instead of a result of `take_step`: this environment makes no step."""
 
 
 @njit(nogil=True, error_model="numpy")
@@ -96,7 +96,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         self.envs: tuple[gymnasium.Env[Any, Any], ...] = tuple(
             Randomised(track, **randomised) if randomised else track for track in tracks
         )
-        """The environments, to look at; they are stepped here."""
+        """The environments, to look at; do not step them."""
         self._tracks = tracks
         self.num_envs = num_envs
         self.single_observation_space = tracks[0].observation_space
@@ -171,7 +171,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return tuple(track.render() for track in self._tracks)
 
     def close_extras(self, **_: Any) -> None:
-        """Free threads and what draws."""
+        """End threads, close renderers."""
         for track in self._tracks:
             track.close()
         if self._pool is not None:

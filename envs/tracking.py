@@ -26,7 +26,7 @@ from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
 
 PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""How far ahead on the path the points lie that are to be seen."""
+"""How far ahead on the path the observed points lie."""
 SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2
 """Numbers in an observation."""
 DONE, OUTSIDE, LOST = 1, 2, 4
@@ -76,7 +76,7 @@ LANE = np.dtype(
 
 @njit(nogil=True, error_model="numpy")
 def _within(value):
-    """The value, cut to -1 .. 1; -1 if it is not a number."""
+    """The value, clipped to -1 .. 1; -1 if it is nan."""
     return 1.0 if value > 1.0 else value if value > -1.0 else -1.0
 
 

@@ -207,15 +207,15 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         abort_penalty: float = 200.0,
         render_mode: str | None = None,
     ) -> None:
-        """See the class. Raises ValueError with one line for a wrong argument; the machine is built by `reset`."""
+        """Raises ValueError with one line for a wrong argument; the machine is built by `reset`."""
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; there is: rgb_array")
         self.action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = Box(-np.inf, np.inf, (_SIZE,), np.float64)
         self.render_mode = render_mode
         self.twin: Twin | None = None
-        """The twin of this episode, for whoever wants to look closer; None before the first reset. The next episode may
-        go on with it, unless somebody observes or records it."""
+        """The twin of this episode, None before the first reset. The next episode may go on with it, unless it is
+        observed or recorded."""
         self.ranges: Ranges
         """What the controller takes for each of the settings, and so what the action space spans."""
         self._setup = Setup(
@@ -301,13 +301,13 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return self._picture.draw(self.twin.machine_position_mm)
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Close the renderer."""
         if self._picture is not None:
             self._picture.close()
             self._picture = None
 
     def save(self) -> Episode:
-        """The episode as it is between two moves, for `restore`: a search goes on from here as often as it likes.
+        """The episode between two moves, for `restore`, so that a search can go on from here any number of times.
 
         Raises ResetNeeded before the first reset, StateError for a controller that cannot be saved.
         """
@@ -359,7 +359,7 @@ class JobTuning(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
                     self._begun.popitem(last=False)
             return twin
         check_job(setup.job, twin.machine)
-        if twin.followed:  # who looks at the last episode is not to see this one
+        if twin.followed:  # an observer of the last episode must not see this one
             twin = twin.another(setup.seed)
         twin.restore(state)
         return twin

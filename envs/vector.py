@@ -1,4 +1,4 @@
-"""Many environments side by side, in threads or processes, to the bit what each of them is alone.
+"""Many environments side by side, in threads or processes, each with the same bits as alone.
 
     envs = gymnasium.make_vec("isel_twin/JobTuning-v0", num_envs=8, mode="processes")
     envs = TwinVector([make_one] * 8, mode="threads")                       any Gymnasium environments
@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 Mode = Literal["serial", "threads", "processes"]
 
 _PATIENCE_S = 5.0
-"""For a process to end by itself."""
+"""Time for a process to end by itself."""
 
 Environment = gymnasium.Env[Any, Any]
 
@@ -58,7 +58,7 @@ class _Cell:
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], dict[str, Any] | None]:
-        """As an environment's, and what belongs to the episode that has ended if the observation is of the next one."""
+        """As the environment's, and the final observation and info if the first one is of the next episode."""
         if self._over and self._autoreset is AutoresetMode.NEXT_STEP:
             observation, info = self.reset(None, None)
             return observation, 0.0, False, False, info, None
@@ -71,7 +71,7 @@ class _Cell:
         return observation, float(reward), terminated, truncated, info, None
 
     def call(self, name: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Any:
-        """What `env.name` is, or returns if it can be called; wrappers are looked into."""
+        """`env.name`, or what it returns if it can be called; also below wrappers."""
         found = self.env.get_wrapper_attr(name)
         return found(*args, **kwargs) if callable(found) else found
 
@@ -83,13 +83,13 @@ class _Cell:
 
 
 class _Crew(Protocol):
-    """Whoever has the cells."""
+    """What holds the cells: this process or others."""
 
     def do(self, method: str, tasks: Mapping[int, tuple[Any, ...]]) -> dict[int, Any]:
-        """What a method of some cells returns, by number of the cell; what it raises is raised."""
+        """Results of a method of some cells, by number of the cell; an error in one is raised here."""
 
     def close(self) -> None:
-        """That was all."""
+        """Free threads or processes."""
 
 
 class _Threads:
@@ -173,7 +173,7 @@ class _Processes:
 
 
 def _work(end: Connection, makers: Mapping[int, CloudpickleWrapper], autoreset: AutoresetMode) -> None:
-    """A process: does what it is told until it is told nothing more."""
+    """Main loop of a process: calls methods of its cells until None comes."""
     cells: dict[int, _Cell] = {}
     order: tuple[str, dict[int, tuple[Any, ...]]] | None = ("", {})
     with suppress(EOFError, ConnectionError, KeyboardInterrupt):
@@ -279,16 +279,16 @@ class TwinVector(VectorEnv[Any, Any, Any]):
         return self._batched(), rewards, terminated.copy(), truncated.copy(), infos
 
     def render(self) -> tuple[Any, ...]:
-        """What each of them shows."""
+        """Pictures of all of them."""
         return self.call("render")
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What a method of each returns, or what an attribute of each is."""
+        """Results of a method of each, or an attribute of each."""
         results = self._crew.do("call", {i: (name, args, kwargs) for i in range(self.num_envs)})
         return tuple(results[i] for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """What an attribute of each is."""
+        """An attribute of each."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:

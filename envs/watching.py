@@ -22,7 +22,7 @@ from isel_twin.core.twin import Twin
 
 
 def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if somebody has it."""
+    """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if known."""
     return twin.position_mm - twin.counts[:3] / (_steps_per_mm(twin) if steps_per_mm is None else steps_per_mm)
 
 
@@ -42,7 +42,7 @@ class Watch:
         self._samples.append(samples)
 
     def error_mm(self) -> NDArray[np.float64]:
-        """As the function of that name: for whoever has to look himself."""
+        """The errors now, where the plant takes no samples."""
         return error_mm(self._twin, self._steps_per_mm)
 
     def leave(self) -> None:
@@ -74,7 +74,7 @@ class Watch:
                 break
             t_ns, delta = motion.window(motion.first, motion.last)
             first, last = t_ns.searchsorted(whole_ns, side="right"), t_ns.searchsorted(times_ns, side="right")
-            while (more := first < last).any():  # two times round at most, unless a stage makes steps without mercy
+            while (more := first < last).any():  # at most two rounds, unless a stage makes steps all the time
                 made[more] += delta[first[more], :3]
                 first += 1
         return made

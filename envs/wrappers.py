@@ -1,4 +1,4 @@
-"""Wrappers: what learners want of the environments beside what those are.
+"""Wrappers that make the environments easier to learn.
 
 Scaled        JobTuning-v0 with observations within -1 .. 1
 Randomised    TrackPath-v0 on another machine in every episode
@@ -16,12 +16,13 @@ from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from isel_twin.envs.track import VARIATIONS, TrackPath
+from isel_twin.envs.track import TrackPath
 from isel_twin.envs.tuning import JobTuning
+from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import Machine, load_machine, with_overrides
 
 _DRAWS = 0x5242
-"""Sets the numbers of `Randomised` apart from those that the environment draws of the same seed."""
+"""Separates the random numbers of `Randomised` from those that the environment draws from the same seed."""
 
 Observations = gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]
 
@@ -88,7 +89,7 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
     """
 
     def __init__(self, env: Observations, **ranges: Sequence[float]) -> None:
-        """ranges: by name of an option (isel_twin.envs.track.VARIATIONS), lowest and highest value.
+        """ranges: by name of an option (isel_twin.envs.variations.VARIATIONS), lowest and highest value.
 
         Raises ValueError with one line for an unknown name, a range out of bounds, or another environment.
         """
@@ -121,7 +122,7 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
 
 class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float32]],
                 RecordConstructorArgs):  # fmt: skip
-    """TrackPath-v0 by feed and offset: an agent that does nothing clever goes along the path all the same.
+    """TrackPath-v0 by feed and offset: even an untrained agent follows the path.
 
     A `Box(-1, 1, (4,), float32)`. Where the counters are to be at the end of a step is a point that goes along the
     path at the feed, plus the offset; step frequencies are what brings them there.

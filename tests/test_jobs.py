@@ -38,7 +38,7 @@ def job_of(golden: Path) -> Path:
 
 @pytest.mark.parametrize("golden", GOLDEN, ids=[str(path.relative_to(JOBS)) for path in GOLDEN])
 def test_a_job_does_what_it_did(golden: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A deliberate change: isel-twin golden compare --update tests/jobs/*/*.txt tests/jobs/*/*.nc."""
+    """A deliberate change: isel-twin golden compare --replace tests/jobs/*/*.txt tests/jobs/*/*.nc."""
     assert call("golden", "compare", job_of(golden)) == 0, capsys.readouterr().out
 
 

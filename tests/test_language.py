@@ -44,7 +44,7 @@ def test_a_controller_that_is_not_there_is_named() -> None:
 
 
 def test_who_needs_a_language_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("isel_twin.language._GROUP", "isel_twin.none")
+    monkeypatch.setattr("isel_twin.language.registry._GROUP", "isel_twin.none")
     assert language_names() == []
     for name in controller_names():
         assert create_language(name) is None
@@ -106,5 +106,5 @@ def test_a_language_that_does_not_work_claims_nothing(monkeypatch: pytest.Monkey
     def broken(name: str) -> None:
         raise PluginError(name)
 
-    monkeypatch.setattr("isel_twin.language.create_language", broken)
+    monkeypatch.setattr("isel_twin.language.registry.create_language", broken)
     assert programs_for("N10 G0 X5\n") == []

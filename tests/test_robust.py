@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from isel_twin.base import crew
 from isel_twin.base.errors import CallError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
@@ -118,7 +119,7 @@ def test_repetitions_have_scenario_line_and_machine_of_the_call(tmp_path: Path) 
 
     def first(**called: Any) -> Any:
         lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-        return next(robust.trials(TwinSpec(**called), lines, 1, timeout_s=60.0)).verdict
+        return next(robust.repetitions(TwinSpec(**called), lines, 1, timeout_s=60.0)).verdict
 
     plain = first()
     scenario = tmp_path / "stop.toml"
@@ -149,7 +150,7 @@ def test_a_job_that_fails_always_is_not_called_robust(run: Any) -> None:
 
 @pytest.mark.slow
 def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
-    code, out, _ = run(NEAR_STALL, "--machine", "m36", "--robust", "20", "--json", "--jobs", "2")
+    code, out, _ = run(NEAR_STALL, "--machine", "m36", "--robust", "20", "--json", "--workers", "2")
     *lines, last = (json.loads(line) for line in out)
     assert code == 1
     assert last["robust"] is False
@@ -162,7 +163,7 @@ def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
 
 def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
     call, lines = TwinSpec(), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    first, second = (trial.verdict for trial in robust.trials(call, lines, 2, timeout_s=60.0))
+    first, second = (trial.verdict for trial in robust.repetitions(call, lines, 2, timeout_s=60.0))
     assert robust.agree(first, second)
     assert not robust.agree(first, dataclasses.replace(second, refused=1))
     lost = dataclasses.replace(second, lost_steps=(32.1, 0.0, 0.0, 0.0))
@@ -172,9 +173,9 @@ def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:
 
 def test_other_processes_find_the_same(run: Any) -> None:
     call, lines = TwinSpec(seed=3), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    here = list(robust.trials(call, lines, 2, timeout_s=60.0))
+    here = list(robust.repetitions(call, lines, 2, timeout_s=60.0))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
-        assert list(robust.trials(call, lines, 2, timeout_s=60.0, executor=pool)) == here
+        assert list(robust.repetitions(call, lines, 2, timeout_s=60.0, crew=crew.here(pool))) == here
     assert here[0].verdict.position_mm != here[1].verdict.position_mm
 
 
@@ -191,7 +192,7 @@ def test_repetitions_begin_with_the_flash_file_as_it_was_and_leave_it_alone(run:
     assert stored != slow
     call, lines = TwinSpec(flash=file), parse_job(SOUND, create_language("imc-s8"), "imc-s8")
     times_s = [
-        next(robust.trials(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
+        next(robust.repetitions(call, lines, 1, timeout_s=600.0, flash=flash)).verdict.ended_ns / 1e9
         for flash in (slow, None)
     ]
     assert trial["time_ns"] / 1e9 == pytest.approx(times_s[0], abs=4.0)  # and some seconds for storing
@@ -210,7 +211,7 @@ def command(folder: Path, *words: str, stdin: str = "") -> subprocess.CompletedP
 def test_a_job_from_standard_input_is_repeated_as_a_file_is(tmp_path: Path) -> None:
     """In other processes too, which have no standard input of it."""
     (tmp_path / "job.txt").write_text(SOUND)
-    words = ("--robust", "2", "--jobs", "2", "--json")
+    words = ("--robust", "2", "--workers", "2", "--json")
     from_file, from_input = command(tmp_path, "job.txt", *words), command(tmp_path, "-", *words, stdin=SOUND)
     assert (from_file.returncode, from_file.stderr) == (from_input.returncode, from_input.stderr) == (0, "")
     assert from_file.stdout == from_input.stdout
@@ -231,7 +232,7 @@ def test_a_scenario_happens_in_each_repetition(run: Any, tmp_path: Path) -> None
 def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
     """As `| head -1` does: no traceback, no thousand repetitions, and no success."""
     (tmp_path / "job.txt").write_text(SOUND)
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs, "--json"]
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs, "--json"]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(words, cwd=tmp_path, **pipes) as child:
         assert child.stdout is not None
@@ -250,7 +251,7 @@ def test_nobody_reads_on(tmp_path: Path, jobs: str) -> None:
 def test_ctrl_c_of_a_terminal_ends_the_repetitions_and_shows_what_has_been_done(tmp_path: Path, jobs: str) -> None:
     """A terminal sends it to all processes of the command; so many repetitions would take minutes."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n")
-    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--jobs", jobs]
+    words = [sys.executable, "-m", "isel_twin.cli", "run", "job.txt", "--robust", "1000", "--workers", jobs]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes) as command:
         assert command.stdout is not None
@@ -275,7 +276,7 @@ def test_a_repetition_in_progress_is_given_up() -> None:
         asked += 1
         return asked > 40
 
-    assert list(robust.trials(call, lines, 3, timeout_s=60.0, stop=stop)) == []
+    assert list(robust.repetitions(call, lines, 3, timeout_s=60.0, stop=stop)) == []
     assert asked < 100
 
 
@@ -284,11 +285,10 @@ def test_other_processes_give_up_what_they_are_at() -> None:
     there, back = "@0A72000,10000,0,30,0,30,0,30\n", "@0A-72000,10000,0,30,0,30,0,30\n"
     lines = parse_job("@07\n@0R7\n" + (there + back) * 500, create_language("imc-s8"), "imc-s8")
     begin_s = time.monotonic()
-    with robust.processes(2) as pool:
-        trials = robust.trials(
-            TwinSpec(), lines, 2, timeout_s=60.0, executor=pool, stop=lambda: time.monotonic() > begin_s + 3.0
-        )
-        assert list(trials) == []
+    made = robust.repetitions(
+        TwinSpec(), lines, 2, timeout_s=60.0, crew=crew.local(2), stop=lambda: time.monotonic() > begin_s + 3.0
+    )
+    assert list(made) == []
     assert time.monotonic() < begin_s + 20.0
 
 
@@ -303,7 +303,7 @@ def test_other_processes_give_up_what_they_are_at() -> None:
             "--robust: the kinematic plant loses no step whatever",
         ),
         (("--robust", "-1"), "--robust -1: must be a number of repetitions"),
-        (("--robust", "3", "--jobs", "0"), "--jobs 0: must be a number of processes from 1"),
+        (("--robust", "3", "--workers", "0"), "--workers 0: must be a number of processes from 1"),
     ],
 )
 def test_a_call_that_makes_no_sense_is_refused_before_anything_runs(run: Any, words: Any, said: str) -> None:
@@ -332,5 +332,5 @@ def test_the_last_repetition_is_checked_as_the_others_are() -> None:
 
 def test_a_repetition_that_is_not_over_in_time_has_lines_not_sent() -> None:
     lines = parse_job(SOUND, create_language("imc-s8"), "imc-s8")
-    verdict = next(robust.trials(TwinSpec(), lines, 1, timeout_s=1.0)).verdict
+    verdict = next(robust.repetitions(TwinSpec(), lines, 1, timeout_s=1.0)).verdict
     assert (verdict.ok, verdict.unsent) == (False, 1)  # a reference run takes longer

@@ -11,7 +11,7 @@ import pytest
 from plugin.card6 import Card6, Card6Language
 
 from isel_twin import Twin
-from isel_twin.controller import Drives, Output, UsesDrives
+from isel_twin.controller import Drives, Output, UsesDrives, offers
 from isel_twin.jobs.checks.asserts import MotionError, assert_no_step_lost
 from isel_twin.jobs.checks.watched import Watched
 from isel_twin.jobs.expect import parse_condition
@@ -57,7 +57,7 @@ class ServoCard(Card6):
 
 def build(plant: str = "mujoco", machine: str = "4030-servo", **others: Any) -> tuple[Twin, ServoCard]:
     card = ServoCard()
-    assert isinstance(card, UsesDrives)
+    assert offers(card, UsesDrives)
     twin = Twin(machine, card, plant, **{"start_mm": START_MM, **others})
     twin.run(0.2)
     return twin, card

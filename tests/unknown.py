@@ -10,7 +10,7 @@ from __future__ import annotations
 from string import ascii_letters, digits
 
 from isel_twin.firmware.imc import commands
-from isel_twin.firmware.imc.language import FLOW
+from isel_twin.firmware.imc.wording import FLOW
 
 _dnc = {*commands.DNC, *commands.DNC_ALIASES, *FLOW, "I"}
 _cnc = {*commands.CNC, *commands.CNC_ALIASES, "9"}

@@ -1,7 +1,7 @@
 """Operating a served machine from outside: what a person at its cabinet would do, and what a laboratory wishes for.
 
 The goal of this code is one set of functions for whoever stands beside the host: the control port (control_port.py)
-hands it what has come over a socket, a panel would call the same. No sockets here.
+hands it what has come over a socket, the panel calls the same. No sockets here.
 
     request, a table with one action  --- Operator.ask --->  answer at once, or a Pending that becomes one
 
@@ -195,13 +195,13 @@ class Operator:
         return self._add(Pending(condition, until_ns, self._pacer.wall_s + wall_s, "wait", pause))
 
     def forget(self, pending: Pending) -> None:
-        """Nobody waits for this any more."""
+        """Drop a wait: whoever asked has gone."""
         if pending in self._pending:
             self._pending.remove(pending)
         self._mind()
 
     def end(self) -> None:
-        """The server ends: whoever waits has waited in vain."""
+        """The server ends: every wait fails."""
         for pending in self._pending:
             pending.error = f"{pending.what}: the server stops"
         self._pending.clear()
@@ -248,7 +248,7 @@ class Operator:
         return min((time_ns for time_ns in times if time_ns > self._twin.time_ns), default=None)
 
     def look(self) -> bool:
-        """Whether somebody's waiting is over: computing stops there, so that he is told."""
+        """True if a wait is over: the pacer then stops computing, so that the answer leaves at once."""
         for pending in self._pending:
             self._judge(pending)
         over = any(pending.over for pending in self._pending)
@@ -277,7 +277,7 @@ class Operator:
         return pending
 
     def _mind(self) -> None:
-        """Have the pacer ask only while somebody waits."""
+        """Be an onlooker of the pacer only while somebody waits: looking costs time."""
         if bool(self._pending) != (self in self._pacer.onlookers):
             (self._pacer.onlookers.append if self._pending else self._pacer.onlookers.remove)(self)
 
@@ -387,7 +387,7 @@ class Operator:
 
 
 def _number(value: Any, rule: Limits, place: Place) -> Any:
-    """The value, unless it is so long that the error about it would be, too."""
+    """The value; text and containers are refused here, so that the error stays one line."""
     if isinstance(value, str | list | dict):
         raise place.wrong(f"{_shown(value)}; allowed: {rule}")
     return value

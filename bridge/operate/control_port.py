@@ -27,7 +27,7 @@ from typing import Any, NoReturn
 
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.token import is_token, token_for
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import Spare, lacks_files, listen
@@ -96,12 +96,12 @@ class _Client:
 
     @property
     def ready(self) -> bool:
-        """Whether its next request can be dealt with."""
+        """True if its next request can be dealt with."""
         return self.pending is None and self.has_line and len(self.outbox) <= UNREAD_BYTES
 
     @property
     def overlong(self) -> bool:
-        """Whether its next request is longer than any may be."""
+        """True if its next request is longer than LINE_BYTES."""
         return self.pending is None and len(self.buffer) > LINE_BYTES and not self.has_line
 
     def lines(self) -> Iterator[bytes]:
@@ -142,17 +142,15 @@ class ControlPort:
             raise RuntimeError("the control port has no server yet")
         return self._operator
 
-    def watches(self) -> Iterable[Watch]:
-        """See Guest."""
-        yield Watch(self._listener, selectors.EVENT_READ, self._accept)
+    def watches(self) -> Iterable[FileWatch]:
+        yield FileWatch(self._listener, selectors.EVENT_READ, self._accept)
         for client in self._clients:
             room = not client.leaving and len(client.buffer) <= LINE_BYTES and len(client.outbox) <= UNREAD_BYTES
             events = (selectors.EVENT_READ if room else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
             if events:
-                yield Watch(client.connection, events, partial(self._ready, client))
+                yield FileWatch(client.connection, events, partial(self._ready, client))
 
     def wait_s(self) -> float | None:
-        """See Guest."""
         return 0.0 if any(client.ready or client.overlong for client in self._clients) else self.operator.wait_s
 
     def look(self) -> None:
@@ -165,7 +163,7 @@ class ControlPort:
                 self._answer_pending(client)
 
     def close(self) -> None:
-        """See Guest. May be called again, and before there is a server."""
+        """Tell those who wait, and let everybody go. May be called again, and before there is a server."""
         if self._operator is not None:
             self._operator.end()
         for client in list(self._clients):

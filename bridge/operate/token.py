@@ -11,7 +11,7 @@ from isel_twin.bridge.serve.tcp import parse_address
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this computer reaches an address HOST:PORT, the host being a number."""
+    """True if only this computer reaches the address HOST:PORT; the host is a number."""
     return ipaddress.ip_address(parse_address(address)[0].partition("%")[0]).is_loopback
 
 
@@ -21,7 +21,7 @@ def token_for(address: str, given: str | None) -> str | None:
 
 
 def is_token(given: Any, token: str | None) -> bool:
-    """Whether `given`, which anybody may have sent, is the token; anything is if there is none."""
+    """True if `given`, which may be anything, is the token, or if none is needed. Takes the same time for all texts."""
     return token is None or (
         isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "surrogatepass"), token.encode("utf-8"))
     )

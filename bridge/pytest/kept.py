@@ -56,7 +56,6 @@ class _Kept:
     """It has been given a state (`Twin.restore`): its causes alone do not tell what it did."""
 
     def note(self, time_ns: int, kind: str, what: Any) -> None:
-        """See isel_twin.core.journal."""
         if kind in ("sent", "operated"):
             self.causes.append((time_ns, kind, what))
         elif kind == "restored":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.pacing import Clocked
 from isel_twin.controller import SerialFormat
 
@@ -43,7 +43,7 @@ class WireTap(Protocol):
         """That was all."""
 
 
-class Line(Protocol):
+class SerialLine(Protocol):
     """What endpoints are attached to: the controller's line, a twin's (`Server`) or a real one's (tap.py)."""
 
     @property
@@ -58,14 +58,14 @@ class Line(Protocol):
 
 
 class Endpoint(Protocol):
-    """A place where hosts connect. It is given its `Line` by `attach`, and from then on watched."""
+    """A place where hosts connect. It is given its `SerialLine` by `attach`, and from then on watched."""
 
     kind: str
     """`pty`, `tcp`, `rfc2217`: the key of its address in the line that `serve` prints."""
     address: str
     """What a host connects to."""
     gathers: bool
-    """Whether bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
+    """True if bytes that follow each other on a paced line are handed on in one piece, as a terminal server does."""
 
     @property
     def busy(self) -> bool:
@@ -79,10 +79,10 @@ class Endpoint(Protocol):
     def settings(self) -> Mapping[str, Any]:
         """How the host has set the port, as far as that can be seen: attributes of a pySerial port, baudrate first."""
 
-    def attach(self, line: Line) -> None:
+    def attach(self, line: SerialLine) -> None:
         """The line that will watch this endpoint, to be told what hosts send."""
 
-    def watches(self, listening: bool) -> Iterable[Watch]:
+    def watches(self, listening: bool) -> Iterable[FileWatch]:
         """Files to wait for now; no host is to be read while not `listening`: the line is full."""
 
     def send(self, data: bytes) -> None:

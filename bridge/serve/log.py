@@ -84,7 +84,7 @@ class PatientHandler(logging.Handler):
             self._put(line)
 
     def _is_repeated(self, key: str, line: str) -> bool:
-        """Whether the line is counted only. The first of its kind begins a minute."""
+        """True if the line is to be counted, not printed. The first of its kind begins a minute."""
         repeated = self._repeated.get(key)
         if repeated is None:
             self._repeated[key] = _Repeated(time.monotonic() + self._period_s, line)

@@ -1,7 +1,7 @@
 """How the loops of this folder sleep: until a file is ready, until somebody wakes them, or for a while.
 
 watches of endpoints and guests --.
-Wake.watch -----------------------+-->  Watched.wait(watches, timeout_s)  -->  handlers of those that are ready
+Wake.watch -----------------------+-->  FileWatches.wait(watches, timeout_s)  -->  handlers of those that are ready
     ^                             |
     '-- threads, signals (woken_by_signals)
 """
@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 
-class Watch(NamedTuple):
+class FileWatch(NamedTuple):
     """A file to wait for: its `handler` is called when it is ready for `events` (of `selectors`).
 
     Another handler may have been called in between, so it must bear with a file that is gone or not ready any more.
@@ -35,7 +35,7 @@ class Wake:
         self._in, self._out = socket.socketpair()
         self._in.setblocking(False)
         self._out.setblocking(False)
-        self.watch = Watch(self._out, selectors.EVENT_READ, self._awake)
+        self.watch = FileWatch(self._out, selectors.EVENT_READ, self._awake)
         """To be waited for beside everything else."""
 
     def __call__(self) -> None:
@@ -89,22 +89,22 @@ def on_signals(action: Callable[[], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-class Watched:
+class FileWatches:
     """The files waited for now. Registers with the operating system only what has changed since the last time."""
 
     def __init__(self) -> None:
         self._selector = selectors.DefaultSelector()
-        self._watches: list[Watch] = []
-        self._files: dict[int, Watch] = {}
+        self._watches: list[FileWatch] = []
+        self._files: dict[int, FileWatch] = {}
 
-    def wait(self, watches: list[Watch], timeout_s: float | None) -> None:
+    def wait(self, watches: list[FileWatch], timeout_s: float | None) -> None:
         """Sleep until one of the files is ready, then call the handlers of those that are."""
         if watches != self._watches:
             self._change(watches)
         for key, _ in self._selector.select(timeout_s):
             self._files[key.fd].handler()
 
-    def _change(self, watches: list[Watch]) -> None:
+    def _change(self, watches: list[FileWatch]) -> None:
         now = {_descriptor(watch.file): watch for watch in watches}
         for number, old in self._files.items():
             if (new := now.get(number)) is None or new.file is not old.file:

@@ -241,7 +241,7 @@ class Pacer:
         self._even = self._slipped
 
     def _judge(self, twin: Clocked, present: int) -> None:
-        """Whether the twin is late, and whether it keeps the speed again."""
+        """Find out if the twin is late now, and if it keeps the speed again."""
         self._late = twin.time_ns < present
         if self._late:
             return

@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import Any
 
 from isel_twin.base.files import Claim
-from isel_twin.bridge.serve.borders import Line
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 
 
@@ -76,14 +76,14 @@ class PtyEndpoint:
     def settings(self) -> Mapping[str, Any]:
         return _settings(self._master)
 
-    def attach(self, line: Line) -> None:
+    def attach(self, line: SerialLine) -> None:
         self._line = line
         _set_speed(self._slave, line.serial_format.baud)
 
-    def watches(self, listening: bool) -> Iterable[Watch]:
+    def watches(self, listening: bool) -> Iterable[FileWatch]:
         self._listening = listening
         events = (selectors.EVENT_READ if listening else 0) | (selectors.EVENT_WRITE if self._outbox else 0)
-        return [Watch(self._master, events, self._ready)] if events else []
+        return [FileWatch(self._master, events, self._ready)] if events else []
 
     def _ready(self) -> None:
         if self._outbox:

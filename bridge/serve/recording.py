@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Server
 from isel_twin.recordings.recording import FileRecording
 
@@ -31,20 +31,17 @@ class Freshness:
         self._since_s: float | None = None
 
     def attach(self, server: Server) -> None:
-        """See Guest."""
+        """Nothing to do: the recording knows its twin."""
 
-    def watches(self) -> Iterable[Watch]:
-        """See Guest."""
+    def watches(self) -> Iterable[FileWatch]:
         return ()
 
     def wait_s(self) -> float | None:
-        """See Guest."""
         if self._since_s is None:
             return None
         return max(0.0, self._since_s + FLUSH_S - time.monotonic())
 
     def look(self) -> None:
-        """See Guest."""
         if not self._recording.unwritten or self._recording.writer.ended:
             self._since_s = None
         elif self._since_s is None:
@@ -54,7 +51,6 @@ class Freshness:
             self._since_s = None
 
     def close(self) -> None:
-        """See Guest."""
         self._recording.flush()
 
 
@@ -65,17 +61,16 @@ class TimeTap:
         self._recording = recording
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """See WireTap."""
+        """Nothing to do: the twin records its bytes."""
 
     def look(self, time_ns: int) -> None:
-        """See WireTap."""
+        """Nothing to do."""
 
     def act(self, time_ns: int, text: str) -> None:
-        """See WireTap."""
         with suppress(ValueError):
             request = json.loads(text)
             if isinstance(request, dict) and _TIME_KEYS & request.keys():
                 self._recording.tell_time(text)
 
     def close(self) -> None:
-        """See WireTap."""
+        """Nothing to do."""

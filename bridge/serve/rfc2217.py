@@ -16,7 +16,7 @@ from typing import Any
 import serial
 from serial.rfc2217 import PortManager
 
-from isel_twin.bridge.serve.tcp import ProtocolError
+from isel_twin.bridge.serve.tcp import CodecError
 from isel_twin.controller import SerialFormat
 
 SUBOPTION_BYTES = 256
@@ -80,13 +80,13 @@ class Rfc2217Codec:
         return {name: value for name, value in asdict(self._port).items() if name in SETTINGS}
 
     def decode(self, data: bytes) -> bytes:
-        """Bytes for the line; negotiation is answered on the way. Raises ProtocolError for malformed Telnet."""
+        """Bytes for the line; negotiation is answered on the way. Raises CodecError for malformed Telnet."""
         try:
             line = b"".join(self._manager.filter(data))
         except (ValueError, KeyError, IndexError, TypeError, struct.error) as error:
-            raise ProtocolError(f"malformed RFC 2217 option: {error}") from error
+            raise CodecError(f"malformed RFC 2217 option: {error}") from error
         if len(self._manager.suboption or b"") > SUBOPTION_BYTES:
-            raise ProtocolError("endless RFC 2217 option")
+            raise CodecError("endless RFC 2217 option")
         return line
 
     def encode(self, data: bytes) -> bytes:

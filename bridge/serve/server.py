@@ -26,7 +26,7 @@ from typing import Any, Protocol
 from isel_twin.bridge.serve.borders import Endpoint, SerialTwin, WireTap
 from isel_twin.bridge.serve.endpoints import claimed, name_of
 from isel_twin.bridge.serve.host_settings import MisfitLog, fits, host_format
-from isel_twin.bridge.serve.loop import Wake, Watch, Watched, woken_by_signals
+from isel_twin.bridge.serve.loop import FileWatch, FileWatches, Wake, woken_by_signals
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.uart import heard
 from isel_twin.controller import SerialFormat
@@ -45,12 +45,12 @@ PIECE_BYTES = 1024
 
 
 class Guest(Protocol):
-    """Somebody at the server who is no host: looked after in every round of the loop. See control_port.py."""
+    """Somebody at the server who is no host, such as the control port: called in every round of the loop."""
 
     def attach(self, server: Server) -> None:
         """The server whose guest this is."""
 
-    def watches(self) -> Iterable[Watch]:
+    def watches(self) -> Iterable[FileWatch]:
         """Files to wait for now."""
 
     def wait_s(self) -> float | None:
@@ -91,7 +91,7 @@ class _Piece:
 
 
 class Server:
-    """Serves one twin on some endpoints until `stop` is called. See the module."""
+    """Serves one twin on some endpoints until `stop` is called."""
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class Server:
         self._piece = _Piece()
         self._behind = False
         self._stopped = False
-        self._watched = Watched()
+        self._watched = FileWatches()
         self._wake = Wake()
         self._guests = tuple(guests)
         self._unheard = 0
@@ -181,7 +181,7 @@ class Server:
                 self.pacer.reached,
             )
 
-    def _watches(self) -> list[Watch]:
+    def _watches(self) -> list[FileWatch]:
         watches = [self._wake.watch]
         listening = self.listening
         for endpoint in self.endpoints:
@@ -209,16 +209,15 @@ class Server:
 
     @property
     def listening(self) -> bool:
-        """Whether the line has room for what a host says now."""
+        """True if the line has room for what a host says now."""
         return self._backlog_s() <= 0 and not self._piles_up() and not self._filled_up()
 
     def _piles_up(self) -> bool:
-        """Whether the line to the host is so far behind that no more questions should be asked, or the controller lets
-        its host wait."""
+        """True if too many replies wait for the line to the host, or too many commands for the controller."""
         return self.twin.replies_due > LINE_BYTES or self.twin.commands_due > 2 * LINE_BYTES
 
     def _filled_up(self) -> bool:
-        """Whether virtual time stands still, and hosts have said as much meanwhile as a line can hold."""
+        """True if virtual time stands still, and hosts have said as much meanwhile as a line can hold."""
         if not self.pacer.paused:
             self._unheard = 0
         return self._unheard > LINE_BYTES
@@ -309,7 +308,7 @@ class Server:
         self.pacer.catch_up(self.twin, self._reply)
 
     def act(self, text: str) -> None:
-        """Have it written down what is done, where the traffic is."""
+        """Tell whoever follows the traffic what is done to the machine."""
         if self._wire is not None:
             self._wire.act(self.twin.time_ns, text)
 

@@ -27,8 +27,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
-from isel_twin.bridge.serve.borders import Line
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.outbox import Outbox
 from isel_twin.controller import SerialFormat
 
@@ -44,7 +44,7 @@ VANISHED_S = PROBE_AFTER_S + PROBE_EVERY_S * PROBES
 """Time after which a client that does not answer is given up, also one that was being sent something."""
 
 
-class ProtocolError(Exception):
+class CodecError(Exception):
     """A client does not speak the protocol of this endpoint."""
 
 
@@ -52,7 +52,7 @@ class Codec(Protocol):
     """What lies between the bytes of a connection and those of the serial line; one a connection."""
 
     def decode(self, data: bytes) -> bytes:
-        """Bytes for the line out of bytes of the connection. Raises ProtocolError."""
+        """Bytes for the line out of bytes of the connection. Raises CodecError."""
 
     def encode(self, data: bytes) -> bytes:
         """Bytes for the connection out of bytes of the line."""
@@ -129,12 +129,12 @@ class Spare:
 
 
 def lacks_files(error: OSError) -> bool:
-    """Whether there is no file left for another connection."""
+    """True if no file descriptor is left for another connection."""
     return error.errno in (errno.EMFILE, errno.ENFILE)
 
 
 def _hung_up(connection: socket.socket) -> bool:
-    """Whether the other side has closed or will send no more, perhaps with bytes of it still unread."""
+    """True if the other side has closed or will send no more; bytes of it may still be unread."""
     if hasattr(select, "POLLRDHUP"):
         poll = select.poll()
         poll.register(connection, select.POLLRDHUP)
@@ -199,19 +199,19 @@ class TcpEndpoint:
     def settings(self) -> Mapping[str, Any]:
         return self._client.codec.settings if self._client is not None else {}
 
-    def attach(self, line: Line) -> None:
+    def attach(self, line: SerialLine) -> None:
         self._line = line
 
-    def watches(self, listening: bool) -> Iterable[Watch]:
-        yield Watch(self._listener, selectors.EVENT_READ, self._accept)
+    def watches(self, listening: bool) -> Iterable[FileWatch]:
+        yield FileWatch(self._listener, selectors.EVENT_READ, self._accept)
         for connection in self._refused:
-            yield Watch(connection, selectors.EVENT_READ, partial(self._drain, connection))
+            yield FileWatch(connection, selectors.EVENT_READ, partial(self._drain, connection))
         self._listening = listening
         if (client := self._client) is not None:
             reading = listening and not client.departing
             events = (selectors.EVENT_READ if reading else 0) | (selectors.EVENT_WRITE if client.outbox else 0)
             if events:
-                yield Watch(client.connection, events, self._ready)
+                yield FileWatch(client.connection, events, self._ready)
 
     def _accept(self) -> None:
         try:
@@ -269,7 +269,7 @@ class TcpEndpoint:
             line = client.codec.decode(data)
         except BlockingIOError:
             return
-        except (OSError, ProtocolError) as error:
+        except (OSError, CodecError) as error:
             self._disconnect(str(error))
             return
         if not data:

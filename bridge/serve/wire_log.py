@@ -72,22 +72,18 @@ class Taps:
         self._taps = tuple(taps)
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """See WireTap."""
         for tap in self._taps:
             tap.carry(time_ns, data, sent)
 
     def look(self, time_ns: int) -> None:
-        """See WireTap."""
         for tap in self._taps:
             tap.look(time_ns)
 
     def act(self, time_ns: int, text: str) -> None:
-        """See WireTap."""
         for tap in self._taps:
             tap.act(time_ns, text)
 
     def close(self) -> None:
-        """See WireTap."""
         for tap in self._taps:
             tap.close()
 
@@ -134,7 +130,6 @@ class WireLog:
             self._print_begun()
 
     def act(self, time_ns: int, text: str) -> None:
-        """See WireTap."""
         self._print_begun()
         self._say(WireLine(time_ns / SECOND_NS, self._others, text, ""))
 

@@ -1,1 +1,5 @@
-"""Between a real host and a real controller."""
+"""Between a real host and a real controller.
+
+tap.py             passes bytes on, and notes both directions
+real_port.py       the controller's side of it
+"""

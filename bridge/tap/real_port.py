@@ -228,7 +228,7 @@ class RealPort:
 
     @property
     def full(self) -> bool:
-        """Whether nothing should be put for a while: the line is slower than the host."""
+        """True while nothing should be put: the line is slower than the host."""
         return self._waiting >= HELD_BYTES
 
     def put(self, data: bytes) -> None:

@@ -4,7 +4,7 @@
                           >--- pass on, unchanged -<
          (pty.py, tcp.py) '          |             '    (real_port.py)
                                      v
-                             Scribe: a recording, in a thread of its own
+                             BookWriter: a recording, in a thread of its own
 
 Times are those of this computer's finest monotonic clock since the tap began: of a byte from the host when the tap has
 read it, of a byte from the controller when the reader thread has. What is written down never holds up what is passed
@@ -27,7 +27,7 @@ from typing import Any, Protocol
 
 from isel_twin.bridge.serve.borders import Endpoint, WireTap
 from isel_twin.bridge.serve.endpoints import claimed
-from isel_twin.bridge.serve.loop import Wake, Watch, Watched, woken_by_signals
+from isel_twin.bridge.serve.loop import FileWatch, FileWatches, Wake, woken_by_signals
 from isel_twin.bridge.serve.outbox import OUTBOX_BYTES
 from isel_twin.bridge.tap.real_port import HELD_BYTES, PIECE_BYTES, Arrived, RealPort
 from isel_twin.controller import SerialFormat
@@ -69,7 +69,7 @@ class Book(Protocol):
         """That was all."""
 
 
-class Scribe:
+class BookWriter:
     """Writes a book in a thread of its own. `close` returns whether everything is in it."""
 
     def __init__(self, book: Book) -> None:
@@ -144,11 +144,11 @@ class Tap:
     ) -> None:
         self._line = {**port_settings(serial_format), "dtr": True, "rts": True, "break_condition": False}
         self.endpoints = tuple(endpoints)
-        self.scribe: Scribe | None = None
+        self.writer: BookWriter | None = None
         """Writes down what passes."""
         self._wire = wire
         self._wake = Wake()
-        self._watched = Watched()
+        self._watched = FileWatches()
         self._stopped = self._closed = False
         self._speaker = self.endpoints[0]
         self._slow_since: float | None = None
@@ -202,7 +202,7 @@ class Tap:
         self._follow()
         if self._wire is not None:
             self._wire.look(time.perf_counter_ns() - self._start_ns)
-        watches: list[Watch] = [self._wake.watch]
+        watches: list[FileWatch] = [self._wake.watch]
         listening = not self._port.full
         for endpoint in self.endpoints:
             watches += endpoint.watches(listening)
@@ -267,8 +267,8 @@ class Tap:
                 self._note("said", time.perf_counter_ns() - self._start_ns, f"host sets {text}")
 
     def _note(self, kind: str, time_ns: int, data: bytes | str) -> None:
-        if self.scribe is not None:
-            self.scribe.note(kind, time_ns, data)
+        if self.writer is not None:
+            self.writer.note(kind, time_ns, data)
         if self._wire is not None:
             if isinstance(data, str):
                 self._wire.act(time_ns, data)

@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING, Any
 from serial.serialutil import SerialException, to_bytes
 
 from isel_twin.bridge.serve.pacing import Pacer, parse_speed
-from isel_twin.bridge.virtual.no_modem_lines import NoModemLines
+from isel_twin.bridge.virtual.in_process import PATIENCE_NS, STRETCH_NS, NoModemLines
 from isel_twin.core.flash import flash_file
 from isel_twin.core.spec import TwinSpec
 
@@ -52,12 +52,6 @@ if TYPE_CHECKING:
 
 POLL_NS = 10_000_000
 """Virtual time that a look which does not wait costs: 10 ms, as a polling host would sleep."""
-
-LOOK_NS = 1_000_000_000
-"""Virtual time between two looks whether a read without timeout can still end: 1 s."""
-
-PATIENCE_NS = 3_600_000_000_000
-"""Virtual time after which a read without timeout gives up on a controller that is idle: 1 h."""
 
 OPTIONS = ("machine", "plant", "seed", "speed", "scenario", "flash")
 
@@ -240,7 +234,7 @@ class Serial(NoModemLines):
                     "no byte can come"
                 )
             if (event := twin.next_event_ns) is not None:
-                limits.append(event if self._pacer.speed is not None else twin.time_ns + LOOK_NS)
+                limits.append(event if self._pacer.speed is not None else twin.time_ns + STRETCH_NS)
             if not limits:
                 raise SerialException("read without timeout, but the twin is waiting for the host: no byte can come")
             self._pass(min(limits))

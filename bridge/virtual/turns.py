@@ -24,19 +24,20 @@ threads of the process (a test runner's) and the twin itself, whoever's thread i
 from __future__ import annotations
 
 import _thread
-import os
-import signal
 import sys
 import threading
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-import isel_twin
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.bridge.virtual.cpython import frames_of_threads, hear_uncaught, let_exit_without
+from isel_twin.bridge.virtual.host_code import host_line
+from isel_twin.bridge.virtual.host_thread import Ending, HostEnded, HostThread
+from isel_twin.bridge.virtual.in_process import PATIENCE_NS, STRETCH_NS
+from isel_twin.bridge.virtual.signals import Signals
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -54,42 +55,12 @@ EPOCH_NS = 1_767_225_600 * SECOND_NS
 UPTIME_NS = 1000 * SECOND_NS
 """`time.monotonic_ns()` then: hosts may take 0 for "never"."""
 
-STRETCH_NS = SECOND_NS
-"""Virtual time between two looks whether bytes can still come, if nobody waits for a time."""
-PATIENCE_NS = 3600 * SECOND_NS
-"""Virtual time for which a controller may be idle before nothing is expected of it any more (as in `twin://`)."""
-
 STRIKES = 3
 """Times a thread may go on after it was told that the host has ended."""
 GRACE_S = 2.0
 """Real time for a thread to come to its end."""
 
-LIBRARIES = tuple(
-    folder.rstrip(os.sep) + os.sep
-    for folder in (
-        os.path.dirname(os.__file__),
-        os.path.dirname(os.path.abspath(__file__)),
-        os.path.dirname(os.path.abspath(isel_twin.__file__)),
-        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
-    )
-)
-"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
-
 _get_ident = _thread.get_ident
-
-
-class HostEnded(SystemExit):
-    """Raised in all threads of a host that cannot go on. As a SystemExit, so that nothing is printed for it."""
-
-
-@dataclass(frozen=True)
-class Ending:
-    """Why a host was ended from outside."""
-
-    kind: str
-    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
-    reason: str
-    """One line for people."""
 
 
 class Wire(Protocol):
@@ -97,38 +68,6 @@ class Wire(Protocol):
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
         """Bytes of the host (`sent`) or for it, at time_ns."""
-
-
-def host_line(frame: FrameType | None) -> str:
-    """File and line of the innermost call in a stack that is in no library; empty if there is none."""
-    while frame is not None:
-        name = frame.f_code.co_filename
-        if not name.startswith((*LIBRARIES, "<frozen")):
-            return f"{os.path.basename(name)}:{frame.f_lineno}"
-        frame = frame.f_back
-    return ""
-
-
-class Task:
-    """A thread of the host."""
-
-    def __init__(self, name: str, *, daemon: bool, ident: int | None = None) -> None:
-        self.name = name
-        self.daemon = daemon
-        self.ident = ident
-        self.turn = _thread.allocate_lock()
-        """Released by whoever hands over to this thread, which waits for it."""
-        self.turn.acquire()
-        self.ready: Callable[[], bool] | None = None
-        """What it waits for; None: for its time only."""
-        self.deadline_ns: int | None = None
-        self.why = "start"
-        self.hears = False
-        """It waits for bytes."""
-        self.spun_ns = 0
-        self.free_looks = 0
-        self.strikes = 0
-        self.ended = False
 
 
 class Turns:
@@ -154,8 +93,7 @@ class Turns:
         """Time that looks have taken and the twin has not been given yet."""
         self.at_exit: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = []
         """What the host has given to `atexit.register`."""
-        self.handlers: dict[int, Any] = {}
-        """What was there of signal handlers that were replaced, by number of the signal."""
+        self.signals = Signals(self._at_work)
         self.inbox = bytearray()
         """Bytes that have arrived and not been read."""
         self.ending: Ending | None = None
@@ -169,13 +107,12 @@ class Turns:
         self._limit_ns = self.deadline(limit_s)
         self.give_up: Callable[[], object] | None = None
         """Called if the main thread goes on and on after it was told that the host has ended; does not return."""
-        self._main = self._running = Task("MainThread", daemon=False)
-        self._waiting: deque[Task] = deque()
-        self._tasks: weakref.WeakKeyDictionary[threading.Thread, Task] = weakref.WeakKeyDictionary()
+        self._main = self._running = HostThread("MainThread", daemon=False)
+        self._waiting: deque[HostThread] = deque()
+        self._tasks: weakref.WeakKeyDictionary[threading.Thread, HostThread] = weakref.WeakKeyDictionary()
         self._inside = False
         self._exempt = False
         self._busy_ns = 0
-        self._signals: list[tuple[Callable[[int, FrameType | None], Any], int, FrameType | None]] = []
         self._undo: Callable[[], None] | None = None
 
     def __enter__(self) -> Self:
@@ -185,14 +122,8 @@ class Turns:
         self._main.ident = _get_ident()
         self._main.name = threading.current_thread().name
         self._busy_ns = self.twin.time_ns
-        put_back = self._replace()
-        restore_signals = self._defer_signals()
-
-        def undo() -> None:
-            put_back()
-            restore_signals()
-
-        self._undo = undo
+        self._undo = self._replace()
+        self.signals.defer()
         _active = self
         return self
 
@@ -205,6 +136,7 @@ class Turns:
             _active = None
             if self._undo is not None:
                 self._undo()
+            self.signals.restore()
 
     def _replace(self) -> Callable[[], None]:
         """Put stand-ins in the place of what is real; returns what puts it back."""
@@ -261,8 +193,8 @@ class Turns:
                 task.turn.acquire()
             self._inside = False
             self._check(task)
-            if task is self._main and self._signals:
-                self._deliver()
+            if task is self._main:
+                self.signals.deliver()
             if ready is not None and ready():
                 return True
             if deadline_ns is not None and self.now_ns >= deadline_ns:
@@ -276,33 +208,32 @@ class Turns:
 
     # Threads
 
-    def spawn(self, function: Callable[..., object]) -> Task:
+    def spawn(self, function: Callable[..., object]) -> HostThread:
         """A task for a new thread of the host, last in the row. `body(task, ...)` is what the thread has to run."""
         thread = getattr(function, "__self__", None)
         if isinstance(thread, threading.Thread):
-            task = self._tasks[thread] = Task(thread.name, daemon=thread.daemon)
+            task = self._tasks[thread] = HostThread(thread.name, daemon=thread.daemon)
             self._listen(thread)
         else:
-            task = Task("a thread", daemon=True)
+            task = HostThread("a thread", daemon=True)
         self._waiting.append(task)
         task.deadline_ns = self.now_ns
         return task
 
     def _listen(self, thread: threading.Thread) -> None:
         """Let nothing be printed of HostEnded in a thread; an exception that nobody has caught is noted, too."""
-        told = getattr(thread, "_invoke_excepthook", None)
 
-        def tell(thread: threading.Thread) -> None:
+        def tell(report: Callable[[], None]) -> None:
             error = sys.exc_info()[1]
             if not isinstance(error, SystemExit):
                 self.ports.notes.append(f"the thread {thread.name} has ended with {type(error).__name__}: {error}")
-            if told is not None and not isinstance(error, HostEnded):
-                told(thread)
+            if not isinstance(error, HostEnded):
+                report()
 
-        thread._invoke_excepthook = tell  # type: ignore[attr-defined]
+        hear_uncaught(thread, tell)
 
     def body(
-        self, task: Task, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
+        self, task: HostThread, function: Callable[..., object], args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> None:
         """What the thread of a task does: its turn awaited, the function, and the turn handed on."""
         task.ident = _get_ident()
@@ -318,7 +249,7 @@ class Turns:
             task.ended = True
             self._hand_over(self._main if self._exempt else self._choose())
 
-    def task_of(self, thread: threading.Thread) -> Task | None:
+    def task_of(self, thread: threading.Thread) -> HostThread | None:
         """The task of a thread that the host has started; None for others."""
         return self._tasks.get(thread)
 
@@ -342,60 +273,29 @@ class Turns:
             if not task.ended:
                 self._leave(task)
 
-    def _leave(self, task: Task) -> None:
+    def _leave(self, task: HostThread) -> None:
         """Let the process end without a thread that will not."""
         self.left.append(task.name)
         for thread, its in self._tasks.items():
             if its is task:
-                getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
+                let_exit_without(thread)
 
     def places(self) -> str:
         """What each thread waits for and where in the host's code, for the line about a deadlock."""
-        frames = sys._current_frames()
+        frames = frames_of_threads()
         told = []
         for task in sorted(self._waiting, key=lambda task: (task is not self._main, task.name)):
             where = host_line(frames.get(task.ident or 0))
             told.append(f"{task.name} in {task.why}{f' ({where})' if where else ''}")
         return ", ".join(told)
 
-    # Signals
-
-    def deferred(self, handler: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
-        """A signal handler that runs `handler` at once, or when the main thread next leaves the clock."""
-
-        def heard(number: int, frame: FrameType | None) -> None:
-            if _active is self and (self._inside or self._running.ident != _get_ident()):
-                self._signals.append((handler, number, frame))
-            else:
-                handler(number, frame)
-
-        heard.__wrapped__ = handler  # type: ignore[attr-defined]
-        return heard
-
-    def _defer_signals(self) -> Callable[[], None]:
-        """Let no handler that is there interrupt the twin in the middle of something; return what undoes it."""
-        if threading.current_thread() is not threading.main_thread():
-            return lambda: None
-        for number in (signal.SIGINT, signal.SIGTERM):
-            handler = signal.getsignal(number)
-            if callable(handler):
-                self.handlers[number] = signal.signal(number, self.deferred(handler))
-
-        def restore() -> None:
-            for number, handler in self.handlers.items():
-                if handler is not None:  # one of C's making, which could not be put back
-                    signal.signal(number, handler)
-
-        return restore
-
-    def _deliver(self) -> None:
-        while self._signals:
-            handler, number, frame = self._signals.pop(0)
-            handler(number, frame)
+    def _at_work(self) -> bool:
+        """True while a signal must wait: time passes, or another thread has its turn."""
+        return _active is self and (self._inside or self._running.ident != _get_ident())
 
     # The row
 
-    def _check(self, task: Task) -> None:
+    def _check(self, task: HostThread) -> None:
         """Raise HostEnded if the host has."""
         if self._limit_ns is not None and self.now_ns >= self._limit_ns:
             self._end_late()
@@ -420,7 +320,7 @@ class Turns:
     def _catch_up(self) -> None:
         """Let the twin have the time that looks have taken; it is not asked to for each of them."""
         end_ns = self.now_ns
-        while self.twin.time_ns < end_ns and not self._signals and self.ending is None:
+        while self.twin.time_ns < end_ns and not self.signals and self.ending is None:
             self._run_until(end_ns, self._wire is not None)
             self._fetch()
         self._lead_ns = max(0, end_ns - self.twin.time_ns)
@@ -429,16 +329,16 @@ class Turns:
         """Let time pass, with `hears` to the next byte for the host at most, and to the next signal."""
         twin = self.twin
         try:
-            twin.run_until(until_ns, lambda: bool(self._signals) or (hears and twin.reply_waiting))
+            twin.run_until(until_ns, lambda: bool(self.signals) or (hears and twin.reply_waiting))
         except Exception as error:  # the twin has broken: everybody ends, and whoever runs the host is told
             self.broken = error
             self.end("broken", "the twin has broken")
 
-    def _hand_over(self, task: Task) -> None:
+    def _hand_over(self, task: HostThread) -> None:
         self._running = task
         task.turn.release()
 
-    def _choose(self) -> Task:
+    def _choose(self) -> HostThread:
         """Take the task whose turn it is out of the row; let time pass until there is one."""
         while True:
             self._fetch()
@@ -447,7 +347,7 @@ class Turns:
                 return task
             self._advance()
 
-    def _runnable(self) -> Task | None:
+    def _runnable(self) -> HostThread | None:
         if self._main.ended:
             raise AssertionError("the main thread has ended")
         if self.ending is not None:
@@ -455,7 +355,7 @@ class Turns:
         now_ns = self.now_ns
         best, best_ns = None, 0
         for task in self._waiting:
-            if task is self._main and self._signals:
+            if task is self._main and self.signals:
                 return task
             if task.ready is not None and task.ready():
                 since_ns = now_ns

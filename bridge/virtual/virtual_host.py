@@ -39,7 +39,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError
-from isel_twin.bridge.virtual.turns import HostEnded
+from isel_twin.bridge.virtual.cpython import pools_told_to_end
+from isel_twin.bridge.virtual.host_code import LIBRARIES
+from isel_twin.bridge.virtual.host_thread import HostEnded
 from isel_twin.bridge.virtual.virtual_time import VirtualTime, Wire
 from isel_twin.jobs.verdict import Verdict, judge
 
@@ -54,7 +56,7 @@ _HARMLESS = ("-u", "-B", "-s", "-E", "-I", "-P")
 
 
 @dataclass(frozen=True)
-class Program:
+class HostProgram:
     """What `python ...` is asked to run."""
 
     arguments: tuple[str, ...] = ()
@@ -95,7 +97,7 @@ class HostRun:
         return self.code == 0 and self.verdict.ok
 
 
-def parse_program(words: Sequence[str]) -> Program:
+def parse_program(words: Sequence[str]) -> HostProgram:
     """What a command says: `python host.py ...`, `python -m host ...`, `/path/of/python ...`, or `host.py ...` alone.
 
     Raises CallError for everything that is no Python.
@@ -118,17 +120,17 @@ def parse_program(words: Sequence[str]) -> Program:
         if len(rest) < 2:
             raise CallError(f"{first} {rest[0]}: there is nothing after it")
         if rest[0] == "-m":
-            return Program(tuple(rest[2:]), module=rest[1])
-        return Program(tuple(rest[2:]), code=rest[1])
+            return HostProgram(tuple(rest[2:]), module=rest[1])
+        return HostProgram(tuple(rest[2:]), code=rest[1])
     if rest[0].startswith("-"):
         raise CallError(f"{first} {rest[0]}: of Python's options -m, -c and {', '.join(_HARMLESS)} are understood")
     if not Path(rest[0]).exists():
         raise CallError(f"{rest[0]}: there is no such file")
-    return Program(tuple(rest[1:]), path=rest[0])
+    return HostProgram(tuple(rest[1:]), path=rest[0])
 
 
 def _is_python(file: Path) -> bool:
-    """Whether a file that is named without an interpreter is a Python program: by its name, or by its first line."""
+    """True if a file named without an interpreter is a Python program, by its name or its first line."""
     if file.suffix in (".py", ".pyz") or file.is_dir():
         return True
     try:
@@ -141,7 +143,7 @@ def _is_python(file: Path) -> bool:
 
 def run_host(
     twin: Twin,
-    argv: Sequence[str] | Program,
+    argv: Sequence[str] | HostProgram,
     port: str | None = None,
     *,
     wire: Wire | None = None,
@@ -160,7 +162,7 @@ def run_host(
     A twin with `line_speed` gives bytes their time on the line, as a real one does. Raises CallError if there is
     nothing to run, RuntimeError if a host is running in this process already, and what goes wrong in the twin itself.
     """
-    program = argv if isinstance(argv, Program) else parse_program(argv)
+    program = argv if isinstance(argv, HostProgram) else parse_program(argv)
     began_ns = twin.time_ns
     struck = _Struck(twin)
     with _put_back(), VirtualTime(twin, port, wire=wire, limit_s=limit_s) as time:
@@ -205,7 +207,7 @@ class _Struck:
 # As an interpreter would run it
 
 
-def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
+def _run(program: HostProgram, time: VirtualTime) -> tuple[int, str]:
     """Run the program, its threads and what it has registered for the end; return its exit code and how it ended."""
     code, ending = _guarded(lambda: _execute(program), time)
     if time.ending is None:
@@ -223,18 +225,9 @@ def _run(program: Program, time: VirtualTime) -> tuple[int, str]:
 
 def _wait_for_threads(time: VirtualTime) -> None:
     """Wait for the threads of the host, those of executors told before that nothing more will come."""
-    pools: Any = sys.modules.get("concurrent.futures.thread")
-    if pools is not None:
-        workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if time.task_of(thread)]
-        if workers:
-            pools._shutdown = True
-            try:
-                for _, work in workers:
-                    work.put(None)
-                for thread, _ in workers:
-                    thread.join()
-            finally:
-                pools._shutdown = False
+    with pools_told_to_end(time.task_of) as workers:
+        for worker in workers:
+            worker.join()
     time.wait_for_threads()
 
 
@@ -287,7 +280,7 @@ def _ours(file: str) -> bool:
     return file in (__file__, runpy.__file__) or file.startswith("<frozen")
 
 
-def _execute(program: Program) -> None:
+def _execute(program: HostProgram) -> None:
     """Run the program as `__main__`."""
     if program.module is not None:
         sys.path.insert(0, os.getcwd())
@@ -351,7 +344,7 @@ def _put_back() -> Iterator[None]:
         random.setstate(chance)
         for name in set(sys.modules) - before:
             file = getattr(sys.modules[name], "__file__", None)
-            if file is not None and not _in_library(file):
+            if file is not None and not file.startswith(LIBRARIES):
                 del sys.modules[name]
         sys.modules.update(own)
         log.handlers[:], log.propagate = its_handlers, propagates
@@ -363,9 +356,3 @@ def _put_back() -> Iterator[None]:
             os.environ.clear()
             os.environ.update(environment)
         sys.argv[:], sys.path[:] = argv, path
-
-
-def _in_library(file: str) -> bool:
-    from isel_twin.bridge.virtual.turns import LIBRARIES
-
-    return file.startswith(LIBRARIES)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from serial.serialutil import SerialException, SerialTimeoutException, to_bytes
 
-from isel_twin.bridge.virtual.no_modem_lines import NoModemLines
+from isel_twin.bridge.virtual.in_process import NoModemLines
 from isel_twin.bridge.virtual.stand_in import StandIn
 from isel_twin.bridge.virtual.turns import Turns, here
 

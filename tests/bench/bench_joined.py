@@ -14,8 +14,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from isel_twin.firmware.gmi99 import planner
-from isel_twin.motion.joined import Joined, Pieces, joined
-from isel_twin.motion.pieces import piece
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces, piece
 
 PIECES = 100_000
 PERIOD_NS = 1_000_000

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from isel_twin.motion import Path, SetPointRun, StepRun, Steps, TimeLaw, circle, constant, helix, line, trapezoid
+from isel_twin.motion import SetPointRun, StepPath, StepRun, Steps, TimeLaw, circle, constant, helix, line, trapezoid
 
 TICKS = 1_000_000
 CHUNK = 1 << 16
@@ -58,7 +58,7 @@ def test_baseline_fill(benchmark: BenchmarkFixture) -> None:
 
 @pytest.mark.benchmark(group="step streams, 10^6 ticks")
 @pytest.mark.parametrize(("path", "law"), RUNS.values(), ids=RUNS)
-def test_generation(benchmark: BenchmarkFixture, path: Path, law: TimeLaw) -> None:
+def test_generation(benchmark: BenchmarkFixture, path: StepPath, law: TimeLaw) -> None:
     run = StepRun(path, law, 0)
     assert benchmark(in_chunks, run) == law.duration_ns
     note(benchmark)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +25,14 @@ START_S = 120.0
 STOP_S = 30.0
 REPLY_S = 60.0
 """Longest wait for a reply; a healthy twin needs a small part of it."""
+
+
+def until(true: Callable[[], object]) -> None:
+    """Wait for it, however busy the computer is: what never comes takes REPLY_S to fail."""
+    end = time.monotonic() + REPLY_S
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 class Served:

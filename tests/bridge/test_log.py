@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -17,7 +16,7 @@ import pytest
 
 from isel_twin.bridge.serve.log import QUEUE_LINES, SHOWN, PatientHandler, log_to
 from isel_twin.bridge.serve.tcp import TcpEndpoint, parse_address
-from tests.bridge.conftest import REPLY_S
+from tests.bridge.conftest import REPLY_S, until
 
 log = logging.getLogger("tests.log")
 CONNECTED = "client %d connected"
@@ -71,10 +70,7 @@ def test_a_log_that_nobody_reads_stops_nothing(pipe):
             log.info("x" * 200)
         thread = threading.Thread(target=reader.read)
         thread.start()
-        deadline = time.monotonic() + 60
-        while b"are lost" not in reader.data and time.monotonic() < deadline:
-            time.sleep(0.01)
-            log.info("still there")
+        until(lambda: log.info("still there") or b"are lost" in reader.data)
     os.close(writing)
     thread.join(60)
     lines = reader.data.decode().splitlines()
@@ -115,14 +111,16 @@ def test_repeats_are_counted_not_printed(pipe):
 
 def test_the_count_is_told_when_the_time_is_over_and_the_next_one_is_printed_again(pipe):
     writing, reader = pipe
-    with logging_to(PatientHandler(writing, period_s=0.2)):
+    thread = threading.Thread(target=reader.read)
+    thread.start()
+    with logging_to(PatientHandler(writing, period_s=2.0)):
         for number in range(SHOWN + 2):
             log.info(CONNECTED, number)
-        time.sleep(1.0)
+        until(lambda: b"more in the last minute" in reader.data)
         log.info(CONNECTED, 99)
-        time.sleep(0.5)
     os.close(writing)
-    assert reader.lines()[SHOWN:] == [
+    thread.join(REPLY_S)
+    assert reader.data.decode().splitlines()[SHOWN:] == [
         f"client {SHOWN + 1} connected (2 times more in the last minute)",
         "client 99 connected",
     ]

@@ -14,7 +14,7 @@ from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.rfc2217 import SUBOPTION_BYTES, Rfc2217Codec
 from isel_twin.bridge.serve.server import LINE_BYTES, PIECE_BYTES, SILENCE_BYTES, Server, _Piece
-from isel_twin.bridge.serve.tcp import ProtocolError, RawCodec, TcpEndpoint, parse_address
+from isel_twin.bridge.serve.tcp import CodecError, RawCodec, TcpEndpoint, parse_address
 from isel_twin.core.twin import Twin
 from tests.bridge.conftest import REPLY_S, ask
 from tests.bridge.test_pacing import MS, Clock
@@ -350,7 +350,7 @@ def test_telnet_bytes_pass_both_ways():
 )
 def test_malformed_options_are_an_error_of_the_client(data):
     codec = Rfc2217Codec(lambda _: None)
-    with pytest.raises(ProtocolError):
+    with pytest.raises(CodecError):
         codec.decode(data)
 
 

@@ -27,14 +27,14 @@ from isel_twin.bridge.serve.rfc2217 import Rfc2217Codec
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import TcpEndpoint
 from isel_twin.bridge.tap import real_port
-from isel_twin.bridge.tap.tap import LOOK_S, Scribe, Tap
+from isel_twin.bridge.tap.tap import LOOK_S, BookWriter, Tap
 from isel_twin.cli import main
 from isel_twin.controller import SerialFormat
 from isel_twin.core.twin import Twin
 from isel_twin.language import create_language
 from isel_twin.recordings.compare import compare
 from isel_twin.recordings.reading import read
-from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask
+from tests.bridge.conftest import REPLY_S, STOP_S, Served, ask, until
 
 SESSION = (("@07", 1), ("@0R7", 1), ("@0A 1600,5000,800,5000,0,5000,0,30", 1), ("@0P", 19), ("@0Q", 1), ("@0P", 19))
 BURST = bytes(range(256)) * 256
@@ -51,6 +51,7 @@ class Notes:
         self.rows: list[tuple[int, str, bytes]] = []
         self.said: list[str] = []
         self.broken = False
+        self.tap: Tap | None = None
 
     def sent(self, time_ns: int, data: bytes) -> None:
         self.rows.append((time_ns, "sent", data))
@@ -101,10 +102,11 @@ def tapping(device: str, *ends: Endpoint) -> Iterator[Notes]:
     """A tap that runs, and what it writes down."""
     notes = Notes()
     tap = Tap(device, ends, SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
+    notes.tap = tap
     with running(tap):
         yield notes
-    assert tap.scribe.close()
+    assert tap.writer.close()
 
 
 @contextmanager
@@ -143,8 +145,9 @@ def test_what_passes_is_what_the_controller_sees_and_what_is_written_down(host, 
     assert notes.bytes_of("received") == seen.bytes_of("received") == came
 
 
-def test_times_go_on_and_agree_with_those_of_the_controller():
+def test_times_go_on_and_are_those_of_the_clock_on_both_sides():
     """As `python -m tests.reliability.tap` measures to the millisecond; here on a computer that may be busy."""
+    began_ns = time.perf_counter_ns()
     there, here = endpoint("pty"), endpoint("pty")
     with twin_at(there, 1.0) as seen, tapping(there.address, here) as notes, opened(here) as port:
         for _ in range(3):
@@ -152,8 +155,9 @@ def test_times_go_on_and_agree_with_those_of_the_controller():
             time.sleep(0.3)
     times = [time_ns for time_ns, _, _ in notes.rows]
     assert times == sorted(times)
-    assert times[-1] - times[0] > 0.6e9
-    assert times[-1] - times[0] == pytest.approx(seen.rows[-1][0] - seen.rows[0][0], abs=1e9)
+    lasted_ns = time.perf_counter_ns() - began_ns
+    assert 0.6e9 < times[-1] - times[0] < lasted_ns
+    assert 0 < seen.rows[-1][0] - seen.rows[0][0] < lasted_ns  # a twin that is too slow gives up some of its time
 
 
 def test_the_controllers_port_is_set_as_the_host_sets_its_own():
@@ -240,25 +244,18 @@ def device(tmp_path: Path) -> Iterator[Device]:
         device.unplug()
 
 
-def until(true: Callable[[], object]) -> None:
-    end = time.monotonic() + REPLY_S
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_a_device_that_is_unplugged_in_use_is_said_waited_for_and_taken_again(device, monkeypatch, caplog):
     monkeypatch.setattr(real_port, "RETRY_S", 0.05)
     caplog.set_level(logging.WARNING)
     here = endpoint("pty")
     with tapping(str(device.link), here) as notes, opened(here, baudrate=9600) as port:
+        assert notes.tap is not None
         port.write(b"first")
         assert device.read(5) == b"first"
         device.unplug()
         until(lambda: any("has gone" in text for text in notes.said))
         port.write(b"nowhere")
-        until(lambda: b"nowhere" in notes.bytes_of("sent"))
-        time.sleep(0.2)
+        until(lambda: notes.tap._port.nowhere == len(b"nowhere"))
         device.plug_in()
         until(lambda: any("is back" in text for text in notes.said))
         port.write(b"again")
@@ -353,14 +350,14 @@ class FullDisk(Notes):
 def test_a_recording_that_ends_does_not_end_the_session(device):
     here, notes = endpoint("pty"), FullDisk()
     tap = Tap(str(device.link), [here], SerialFormat(19_200))
-    tap.scribe = Scribe(notes)
+    tap.writer = BookWriter(notes)
     with running(tap), opened(here) as port:
         for _ in range(3):
             port.write(b"ask")
             assert device.read(3) == b"ask"
             device.write(b"told")
             assert port.read(4) == b"told"
-    assert not tap.scribe.close()
+    assert not tap.writer.close()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from isel_twin.bridge.virtual.turns import EPOCH_NS, LIBRARIES, here
+from isel_twin.bridge.virtual.host_code import LIBRARIES
+from isel_twin.bridge.virtual.turns import EPOCH_NS, here
 from isel_twin.bridge.virtual.virtual_host import run_host
 from isel_twin.bridge.virtual.virtual_time import VirtualTime
 from isel_twin.core.twin import Twin
@@ -545,7 +546,7 @@ def test_other_threads_of_the_process_keep_the_real_time(host):
     thread.join()
     assert done.code == 0
     assert seen
-    assert max(seen) < 5.0
+    assert max(seen) < 60.0  # of the 2000 s of the host
 
 
 def test_a_test_may_live_in_virtual_time_itself(twin):

@@ -68,7 +68,7 @@ def written(folder: Path, name: str, text: str | bytes) -> Path:
         ),
         (
             "quoted.csv",
-            'note,"t_us","D0","D1"\n"a, b",0,0,1\n,"12.5","1",1\n"say ""c, d""",25,0,1\nx,37.5,1,1\n,50,0,0\n,62.5,1,0\n',
+            'note,"t_us","D0","D1"\n"a, b",0,0,1\n,"12.5","1",1\n"a ""b, c""",25,0,1\n,37.5,1,1\n,50,0,0\nd,62.5,1,0\n',
             MAP,
         ),
         ("before.csv", "t [us],D0,D1,A\n-50,0,1,3.1\n-37.5,1,1,2\n-25,0,1,\n-12.5,1,1,x\n0,0,0,\n12.5,1,0,-\n", MAP),

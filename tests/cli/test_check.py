@@ -86,7 +86,7 @@ def test_rules_that_need_no_physics(
 
 def test_a_command_that_is_not_over_in_time_ends_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     job = write(tmp_path, WELL + "@0P\n")
-    findings = found(capsys, job, "--timeout-s", "5")
+    findings = found(capsys, job, "--timeout", "5")
     assert [(rule, line) for rule, line, _ in findings] == [("unfinished", 2), ("unfinished", 2)]
     assert "no complete reply within 5 s" in findings[0][2]
     assert "2 lines are not sent" in findings[1][2]
@@ -194,7 +194,7 @@ def test_wrong_bounds_are_one_line(tmp_path: Path, text: str, error: str, capsys
         (("job.txt", "--deviation-mm", "nan"), "--deviation-mm nan: must be"),
         (("job.txt", "--cycle-s", "-1"), "--cycle-s -1: must be a time"),
         (("job.txt", "--robust", "-1"), "--robust -1: must be"),
-        (("job.txt", "--processes", "0"), "--processes 0: must be"),
+        (("job.txt", "--workers", "0"), "--workers 0: must be"),
         (("job.txt", "--may-strike", "limit_q"), "may-strike limit_q: is no end switch; there are:"),
         (("job.txt", "--settings", "none.toml"), "none.toml: there is no such file"),
         (("job.txt", "--machine", "4O30"), "unknown machine '4O30'"),
@@ -283,7 +283,7 @@ def test_annotations_where_the_runner_reads_them(
 def test_processes_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     jobs = [write(tmp_path, text, f"{n}.txt") for n, text in enumerate((WELL, ODD, HOME))]
     one = call(capsys, *jobs, "--plant", "kinematic", "--json")
-    assert call(capsys, *jobs, "--plant", "kinematic", "--json", "--processes", "2") == one
+    assert call(capsys, *jobs, "--plant", "kinematic", "--json", "--workers", "2") == one
 
 
 def test_many_findings_of_a_rule_are_told_in_short(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -296,7 +296,7 @@ def test_each_job_has_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str
     jobs = write(tmp_path, WELL), write(tmp_path, HOME + "@0A99999999,3000,0,30,0,30,0,30\n", "other/job.txt")
     pages = tmp_path / "pages"
     plain = call(capsys, *jobs, "--plant", "kinematic", "--cycle-s", "1")
-    told = call(capsys, *jobs, "--plant", "kinematic", "--cycle-s", "1", "--report", pages, "--processes", "2")
+    told = call(capsys, *jobs, "--plant", "kinematic", "--cycle-s", "1", "--report", pages, "--workers", "2")
     assert plain == told
     assert sorted(path.name for path in pages.iterdir()) == ["job-2.html", "job.html"]
     first, second = ((pages / name).read_text() for name in ("job.html", "job-2.html"))

@@ -169,7 +169,7 @@ def test_a_file_that_looks_like_text_is_text_if_told_so(tmp_path, monkeypatch, c
 
 
 def test_a_controller_without_language(monkeypatch, capsys):
-    monkeypatch.setattr("isel_twin.language._GROUP", "isel_twin.none")
+    monkeypatch.setattr("isel_twin.language.registry._GROUP", "isel_twin.none")
     assert language_names() == []
     code, _, err = call(capsys, "@07")
     assert code == 2

@@ -161,13 +161,13 @@ def test_update_writes_down_what_is_different_and_leaves_the_rest(
     golden = job.with_suffix(".golden")
     before = golden.read_text().splitlines()
     change(job, "@0M0,3000,0,3000", "@0M0,2000,0,3000")
-    assert call(capsys, "compare", job, "--update")[0] == 0
+    assert call(capsys, "compare", job, "--replace")[0] == 0
     after = golden.read_text().splitlines()
     changed = [new for old, new in zip(before, after, strict=True) if old != new]
     assert [line.strip().partition(",")[0].partition(" = 1")[0] for line in changed[:1]] == ["{ line = 6"]
     assert [line.partition(" ")[0] for line in changed[1:]] == ["cycle_s"]
     stat = golden.stat().st_mtime_ns
-    assert call(capsys, "compare", job, "--update")[0] == 0
+    assert call(capsys, "compare", job, "--replace")[0] == 0
     assert golden.stat().st_mtime_ns == stat
 
 
@@ -206,7 +206,7 @@ def test_a_machine_and_a_scenario_of_ones_own_are_found_from_elsewhere(
         (("compare", "new.txt"), "new.golden: there is no golden run of new.txt; isel-twin golden record new.txt"),
         (("compare", "-"), "a golden run stands beside its job"),
         (("compare", "job.golden"), "job.golden: is a golden run, not a job"),
-        (("record", "job.txt"), "job.golden: is there already; --update replaces it"),
+        (("record", "job.txt"), "job.golden: is there already; --replace replaces it"),
         (("record", "new.txt", "--machine", "4o3o"), "unknown machine '4o3o'"),
         (("record", "empty.txt"), "empty.txt: there is no command in it"),
         (("compare", "job.txt", "--timeout", "-1"), "--timeout -1: must be a time"),
@@ -250,7 +250,7 @@ def test_a_golden_file_that_is_wrong_is_one_line(
     assert old in golden.read_text()
     golden.write_text(golden.read_text().replace(old, new, 1))
     before = golden.read_bytes()
-    code, out, err = call(capsys, "compare", job, "--update")
+    code, out, err = call(capsys, "compare", job, "--replace")
     assert (code, out) == (2, "")
     assert error in err
     assert str(golden) in err

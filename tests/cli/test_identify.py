@@ -112,7 +112,7 @@ def test_json_has_it_all(days: list[Path], capsys: pytest.CaptureFixture[str]) -
         (("MEASURED", "--hold-out", "day1", "--hold-out", "day2"), "nothing is left to be fitted"),
         (("MEASURED", "--fit", "backlash.x", "--prior", "supply=20..60"), "--prior supply: is not fitted"),
         (("MEASURED", "--prior", "supply=60..20"), "must be NAME=LOW..HIGH"),
-        (("MEASURED", "--processes", "0"), "--processes 0: must be"),
+        (("MEASURED", "--workers", "0"), "--workers 0: must be"),
     ],
 )
 def test_a_wrong_call_is_one_line(

@@ -353,7 +353,7 @@ def test_a_picture_of_a_kind_that_does_not_exist_is_named(
     with pytest.raises(SystemExit) as caught:
         main(["motor", "23HS32-4004S", "--picture", "out.xyz"])
     assert caught.value.code == 2
-    assert "isel-twin: out.xyz: " in capsys.readouterr().err
+    assert "isel-twin: --picture out.xyz: " in capsys.readouterr().err
 
 
 def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_file(call: Any, tmp_path: Path) -> None:

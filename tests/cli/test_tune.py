@@ -21,7 +21,7 @@ JOB = """@07
 @0A320,1000,0,30,0,30,0,30
 @0M0,9000,0,30,0,30,0,30
 """
-SMALL = ("--trials", "6", "--repetitions", "1", "--confirm", "3", "--acceleration", "100:400", "--start-stop", "300")
+SMALL = ("--trials", "6", "--robust", "1", "--confirm", "3", "--acceleration", "100:400", "--start-stop", "300")
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_ctrl_c_keeps_what_has_been_tried(tune: Any, tmp_path: Path, monkeypatch
 
 
 def test_each_move_gets_its_own(tune: Any, tmp_path: Path) -> None:
-    words = ("--each-move", "--trials", "5", "--repetitions", "0", "--confirm", "2", "--json")
+    words = ("--each-move", "--trials", "5", "--robust", "0", "--confirm", "2", "--json")
     code, out, _ = tune("tune", "job.txt", *words)
     summary = json.loads(out.splitlines()[-1])
     assert code == 0
@@ -151,6 +151,6 @@ def test_what_cannot_be_done_is_told_in_a_line(tune: Any, tmp_path: Path, words:
 def test_one_of_a_thing_is_told_as_one(tune: Any, tmp_path: Path) -> None:
     (tmp_path / "one.txt").write_text("@07\n@0R7\n@0M1600,9000,0,30,0,30,0,30\n")
     ranges = ("--speed", "9000", "--start-stop", "300", "--acceleration", "100:110")
-    _, out, _ = tune("tune", "one.txt", "--trials", "1", "--repetitions", "0", "--confirm", "1", *ranges)
+    _, out, _ = tune("tune", "one.txt", "--trials", "1", "--robust", "0", "--confirm", "1", *ranges)
     assert out.startswith("1 parameter for 1 move; ")
     assert " or more on 1 machine that no trial has seen" in out

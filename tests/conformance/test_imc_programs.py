@@ -7,6 +7,7 @@ import pytest
 from conformance.closed_forms import hex24, line, off_circle, pulse_times_ns
 from conformance.imc_desk import CONTROLLERS, MIDDLE, XYZA, fresh, initialised, made, program, ready, stored
 from conformance.rows import case, shows
+from from_start import from_start
 
 from isel_twin.testing import Desk
 
@@ -151,7 +152,7 @@ def test_a_program_makes_the_stream_of_its_commands_sent_one_by_one(controller: 
     host = ready()
     one_by_one(host, user_3)
     assert desk.steps.delta.tolist() == host.steps.delta.tolist()
-    assert desk.steps.from_start().t_ns.tolist() == host.steps.from_start().t_ns.tolist()
+    assert from_start(desk.steps).t_ns.tolist() == from_start(host.steps).t_ns.tolist()
     assert desk.counts == host.counts == (0, 0, 0, 0)
     assert desk.outputs["user"] == 0
     assert ("user", 128) in [(name, value) for _, name, value in desk.output_log]

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
-from isel_twin.envs.track import VARIATIONS, TrackPath
+from isel_twin.envs.track import TrackPath
+from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import load_machine, with_overrides
 from isel_twin.plant.model import compile_model, dressed, load_model
 from isel_twin.plant.mujoco import MujocoPlant

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from plant.energy import mechanical_energy_j
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.controller import Controller, CounterSet, Event, Reply, SerialFormat
@@ -347,7 +348,7 @@ class Watch:
             self._exchanged_j = 0.0
             return
         self._exchanged_j = max(self._exchanged_j, exchanged_j(plant))
-        self._limp_j.append(plant.energy_j)
+        self._limp_j.append(mechanical_energy_j(plant.built))
         lowest, highest = min(self._limp_j), max(self._limp_j)
         gain = self._limp_j[-1] - lowest
         if gain > ROUNDING_J + self._exchanged_j + GAIN * (highest - lowest):

@@ -17,8 +17,9 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, Pieces, Stretch, joined, written
-from isel_twin.motion.pieces import chain, piece
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces, chain, piece
+from isel_twin.motion.stretch import Stretch, since, written
 
 PERIOD_NS = 4_000_000
 PERIOD_S = 0.004
@@ -415,7 +416,7 @@ def test_a_curve_is_followed() -> None:
             x, y = 1000 * math.cos(angle) - 1000, 300 + 1000 * math.sin(angle)
             assert motion.displacement(k) == pytest.approx((x, y), abs=0.5 + 1e-6)
     assert np.abs(held.deltas(0, held.ticks)).sum() > 0
-    assert motion.since(0) is None
+    assert since(motion, 0) is None
     assert tuple(np.add(held.displacement(held.ticks), left.displacement(left.ticks))) == (-1300, 1300)
 
 
@@ -464,12 +465,12 @@ def test_set_points_that_are_not_there() -> None:
 def test_a_plan_can_be_written_down_and_what_is_new_of_it() -> None:
     """Through blocks of thousands of pieces, from the middle on, to the bit."""
     motion = plan([replace(ALONG, way=(50.0, float(j % 3)), length=50, speed=3000) for j in range(3000)])
-    stretch = motion.since(0)
+    stretch = since(motion, 0)
     assert stretch is not None
     known = written(stretch, PERIOD_NS, sine=False)
     for k, factor in ((100, 0.5), (3000, 0.9), (3001, 1.0), (9000, 0.3)):
         motion = motion.replanned(k, scale=factor)
-        stretch = motion.since(k)
+        stretch = since(motion, k)
         assert stretch is not None
         known = written(stretch, PERIOD_NS, sine=False, before=known)
         assert known.ticks == motion.ticks
@@ -507,7 +508,7 @@ def test_what_was_not_written_by_us_is_refused(wrong: dict[str, object]) -> None
 
 
 def test_a_stretch_of_another_plan_is_refused() -> None:
-    stretch = plan([ALONG] * 3).since(700)
+    stretch = since(plan([ALONG] * 3), 700)
     assert stretch is not None
     assert stretch.first == 1
     for other in (
@@ -630,7 +631,7 @@ def test_replanned_motions_keep_what_was_made_and_every_limit(
     parts: list[Part], sine: bool, what: list[tuple[float, tuple[str, object]]]
 ) -> None:
     motion, k, free = plan(parts, sine), 0, []
-    known = written(motion.since(0), PERIOD_NS, sine=sine)  # type: ignore[arg-type]
+    known = written(since(motion, 0), PERIOD_NS, sine=sine)  # type: ignore[arg-type]
     parts = list(parts)
     for part_of_rest, (name, value) in what:
         k += round(part_of_rest * max(motion.ticks - k, 30))
@@ -638,7 +639,7 @@ def test_replanned_motions_keep_what_was_made_and_every_limit(
         later = motion.replanned(k, **{name: given_now})  # type: ignore[arg-type]
         parts += value if name == "append" else []  # type: ignore[operator]
         same_until(k, motion, later)
-        stretch = later.since(min(k, motion.ticks))
+        stretch = since(later, min(k, motion.ticks))
         assert stretch is not None
         known = written(stretch, PERIOD_NS, sine=sine, before=known)
         assert np.array_equal(known.deltas(0, known.ticks), later.deltas(0, later.ticks))
@@ -684,11 +685,11 @@ def test_a_piece_more_leaves_what_is_settled_as_it_is() -> None:
     """What is shared is neither planned nor copied again: all but a block and the braking distance."""
     plan = joined(pieces([SHORT] * 5000), 1_000_000)
     later = plan.replanned(0, append=pieces([SHORT]))
-    assert later._blocks[0] is plan._blocks[0]
-    assert len(plan._blocks[-1].table) <= 300
+    assert later.blocks[0] is plan.blocks[0]
+    assert len(plan.blocks[-1].table) <= 300
     for _ in range(1000):
         later = later.replanned(0, append=pieces([SHORT]))
-        assert len(later._blocks[-1].table) <= 300 + 512 + 1
+        assert len(later.blocks[-1].table) <= 300 + 512 + 1
     at_once = joined(pieces([SHORT] * 6001), 1_000_000)
     assert np.array_equal(later.deltas(0, later.ticks), at_once.deltas(0, at_once.ticks))
 
@@ -736,7 +737,7 @@ def test_a_plan_that_forgets_goes_on_like_one_that_does_not(
 ) -> None:
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patched:
-        patched.setattr("isel_twin.motion.joined.BLOCK", 2)  # blocks end everywhere
+        patched.setattr("isel_twin.motion.blocks.BLOCK", 2)  # blocks end everywhere
         motion = plan(parts * 5, sine)
         short, k = motion, 0
         for part_of_rest, (name, value) in what:
@@ -755,7 +756,7 @@ def test_a_plan_that_forgets_goes_on_like_one_that_does_not(
             assert [short.displacement(n) for n in ticks] == [motion.displacement(n) for n in ticks]
             later = range(motion.finished(k) + 1, motion.finished(motion.ticks) + 1)
             assert [short.passed(j) for j in later] == [motion.passed(j) for j in later]
-            stretch, same = short.since(k), motion.since(k)
+            stretch, same = since(short, k), since(motion, k)
             assert stretch is not None
             assert same is not None
             assert all(np.array_equal(a, b) for a, b in zip(stretch, same, strict=True))

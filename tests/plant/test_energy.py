@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hunt.invariants import exchanged_j
 from numpy.typing import NDArray
+from plant.energy import mechanical_energy_j
 
 from .conftest import NONE, Bench
 
@@ -49,7 +50,7 @@ def energies(b: Bench, count: int, step_ns: int) -> tuple[NDArray[np.float64], f
     energy, most = np.empty(count), 0.0
     for k in range(count):
         b.feed(step_ns, *NONE)
-        energy[k] = b.plant.energy_j
+        energy[k] = mechanical_energy_j(b.plant.built)
         most = max(most, exchanged_j(b.plant))
     return energy, most
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from isel_twin.wiring import Condition, ScenarioEvent, Schedule
+from isel_twin.wiring import ScenarioEvent, Schedule, Trigger
 from isel_twin.wiring.schedule import REARM_NS
 
 MS = 1_000_000
-SPINDLE = Condition("output", "spindle", 1.0)
+SPINDLE = Trigger("output", "spindle", 1.0)
 
 
 def event(number: int, at_ns: int = 0, **fields: Any) -> ScenarioEvent:
@@ -99,7 +99,7 @@ def test_a_delay_passes_whatever_becomes_of_the_condition() -> None:
 
 
 def test_one_event_after_another() -> None:
-    later = Condition("after", "trip", 2e-6)
+    later = Trigger("after", "trip", 2e-6)
     schedule = Schedule([event(1, 100, name="trip", times=3, every_ns=5 * MS), event(2, when=later, times=2)])
     assert all_until(schedule, 100 * MS) == [
         (100, 1), (2100, 2), (100 + 5 * MS, 1), (2100 + 5 * MS, 2), (100 + 10 * MS, 1),
@@ -110,15 +110,15 @@ def test_chains() -> None:
     schedule = Schedule(
         [
             event(1, 7, name="a"),
-            event(2, when=Condition("after", "a", 0.0), name="b"),
-            event(3, when=Condition("after", "b", 1e-9), delay_ns=2),
+            event(2, when=Trigger("after", "a", 0.0), name="b"),
+            event(3, when=Trigger("after", "b", 1e-9), delay_ns=2),
         ]
     )
     assert all_until(schedule, 100) == [(7, 1), (7, 2), (10, 3)]
 
 
 def test_positions_are_numbered_as_they_are_asked_for() -> None:
-    waits = [Condition("position", "x", 1.0, 1), Condition("position", "y", 2.0, -1)]
+    waits = [Trigger("position", "x", 1.0, 1), Trigger("position", "y", 2.0, -1)]
     schedule = Schedule([event(1, when=waits[0]), event(2, when=SPINDLE), event(3, when=waits[1])])
     assert schedule.positions == tuple(waits)
     schedule.passed(0, True)
@@ -140,7 +140,7 @@ class Lines:
 
 def test_messages_are_those_of_the_language() -> None:
     schedule = Schedule(
-        [event(1, when=Condition("sent", "GO"), times=0), event(2, when=Condition("replied", "OK"))], Lines()
+        [event(1, when=Trigger("sent", "GO"), times=0), event(2, when=Trigger("replied", "OK"))], Lines()
     )
     schedule.heard(b"NO GO\nG", sent=True)
     assert taken(schedule, 0) == []
@@ -154,9 +154,7 @@ def test_messages_are_those_of_the_language() -> None:
 
 @pytest.mark.parametrize("pieces", [[b"xab<\rab<\ra"], [b"xa", b"b", b"<\rab<", b"\ra"]])
 def test_without_a_language_bytes_are_found_wherever_they_stand(pieces: list[bytes]) -> None:
-    schedule = Schedule(
-        [event(1, when=Condition("sent", "ab<60><13>"), times=2), event(2, when=Condition("sent", "q"))]
-    )
+    schedule = Schedule([event(1, when=Trigger("sent", "ab<60><13>"), times=2), event(2, when=Trigger("sent", "q"))])
     happened: list[int] = []
     for number, piece in enumerate(pieces):
         schedule.heard(piece, sent=True)
@@ -173,7 +171,7 @@ def test_what_ends_comes_before_what_begins() -> None:
 
 def test_two_events_that_bring_each_other_about_come_to_an_end() -> None:
     """Opened, closed, opened ... at one instant would never end."""
-    opened, closed = Condition("input", "hood", "open"), Condition("input", "hood", "closed")
+    opened, closed = Trigger("input", "hood", "open"), Trigger("input", "hood", "closed")
     schedule = Schedule([event(1, when=opened, times=0), event(2, when=closed, times=0)])
     hood, happened = "closed", 0
     schedule.look(lambda condition: condition.value == hood)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from isel_twin.machine import load_machine
-from isel_twin.wiring import Condition, ScenarioError, ScenarioEvent, load_scenario, outputs, settable
+from isel_twin.wiring import ScenarioError, ScenarioEvent, Trigger, load_scenario, outputs, settable
 
 MACHINE = load_machine("4030")
 
@@ -23,22 +23,22 @@ def load(folder: Path, text: str) -> tuple[ScenarioEvent, ...]:
 @pytest.mark.parametrize(
     ("words", "condition"),
     [
-        ("sent @0M", Condition("sent", "@0M")),
-        ("sent @0A 1, 2", Condition("sent", "@0A 1, 2")),
-        ("replied 0", Condition("replied", "0")),
-        ("x > 120 mm", Condition("position", "x", 120.0, 1)),
-        ("z<-2.5mm", Condition("position", "z", -2.5, -1)),
-        ("z < -2.5 mm", Condition("position", "z", -2.5, -1)),
-        ("output spindle == 1", Condition("output", "spindle", 1.0)),
-        ("output power==0", Condition("output", "power", 0.0)),
-        ("input hood == open", Condition("input", "hood", "open")),
-        ("input limit_x1 == struck", Condition("input", "limit_x1", "struck")),
-        ("input limit_x1 == broken", Condition("input", "limit_x1", "broken")),
-        ("0.5 s after first", Condition("after", "first", 0.5)),
-        ("20 ms after first", Condition("after", "first", 0.02)),
+        ("sent @0M", Trigger("sent", "@0M")),
+        ("sent @0A 1, 2", Trigger("sent", "@0A 1, 2")),
+        ("replied 0", Trigger("replied", "0")),
+        ("x > 120 mm", Trigger("position", "x", 120.0, 1)),
+        ("z<-2.5mm", Trigger("position", "z", -2.5, -1)),
+        ("z < -2.5 mm", Trigger("position", "z", -2.5, -1)),
+        ("output spindle == 1", Trigger("output", "spindle", 1.0)),
+        ("output power==0", Trigger("output", "power", 0.0)),
+        ("input hood == open", Trigger("input", "hood", "open")),
+        ("input limit_x1 == struck", Trigger("input", "limit_x1", "struck")),
+        ("input limit_x1 == broken", Trigger("input", "limit_x1", "broken")),
+        ("0.5 s after first", Trigger("after", "first", 0.5)),
+        ("20 ms after first", Trigger("after", "first", 0.02)),
     ],
 )
-def test_conditions(tmp_path: Path, words: str, condition: Condition) -> None:
+def test_conditions(tmp_path: Path, words: str, condition: Trigger) -> None:
     first, second = load(
         tmp_path, f'[[event]]\nname = "first"\nat = 0\nreset = true\n[[event]]\nwhen = "{words}"\nreset = true'
     )

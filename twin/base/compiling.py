@@ -39,7 +39,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 class _Cache(FunctionCache):
-    """numba's own, but for the end of it when a disk is full."""
+    """numba's own cache, except that a full disk is no error."""
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
@@ -52,7 +52,7 @@ class _Cache(FunctionCache):
 
 
 def _say(line: str) -> None:
-    """Once in a process: what goes for one function goes for all."""
+    """Log a line once in a process: the reason is the same for every function."""
     global _said
     if not _said:
         _said = True

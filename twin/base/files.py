@@ -1,4 +1,4 @@
-"""Files that are never seen half written, and of which there is one owner at a time.
+"""Files that are never seen half written, and files with one owner at a time.
 
 A file is written under a temporary name in the same folder, flushed to the disk, and only then renamed over the old
 one; the folder is flushed too, so that a power cut leaves the old file or the new one:
@@ -68,8 +68,8 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 def _flush(path: Path) -> None:
     """Wait until a file or folder is on the disk."""
     if _WINDOWS and path.is_dir():
-        return  # nor can one be opened there; its file system keeps a journal of names
-    handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # only what can be written is flushed there
+        return  # a folder cannot be opened there; its file system keeps a journal of names
+    handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # Windows flushes only what is open for writing
     try:
         os.fsync(handle)
     finally:
@@ -85,8 +85,8 @@ _claiming = threading.Lock()
 class Claim:
     """The only owner of a path, until `release`, or until it is garbage or the process ends.
 
-    Raises OSError (EBUSY) if it has another owner. What the path is does not matter, nor whether it exists. In a folder
-    that cannot be written to nothing can be replaced either, so there a claim holds within this process only.
+    Raises OSError (EBUSY) if it has another owner. The path may be of any kind and need not exist. In a folder that
+    cannot be written to nothing can be replaced either, so there a claim holds within this process only.
     `name`: what the user calls it, for the error.
     """
 
@@ -101,7 +101,7 @@ class Claim:
                 raise _in_use(name, os.getpid())
             lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
             handle, self.abandoned = _lock(name, lock)
-            """Whether its last owner was killed before it could let go of it."""
+            """True if its last owner was killed before it could let go of it."""
             _claims[self._key] = self
         self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
 
@@ -119,7 +119,7 @@ def _in_use(name: str, pid: int) -> OSError:
 
 
 def _lock(name: str, lock: str) -> tuple[int | None, bool]:
-    """Descriptor of the locked file `lock`, and whether it was there; None where locks cannot be had.
+    """Descriptor of the locked file `lock`, and True if it was there before; None where there are no locks.
 
     Raises OSError if it has an owner.
     """
@@ -150,7 +150,10 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
 
 
 def _open_lock(lock: str) -> tuple[int | None, bool]:
-    """The file, new or found; None if it can be neither made nor opened. Another user's can only be read."""
+    """Descriptor of the lock file, and True if it was there; None if it can be neither made nor opened.
+
+    Another user's file can only be read, which is enough to lock it.
+    """
     while True:
         made: type[OSError] | None = None
         for flags, found in ((os.O_RDWR | os.O_CREAT | os.O_EXCL, False), (os.O_RDWR, True), (os.O_RDONLY, True)):

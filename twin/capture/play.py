@@ -43,7 +43,7 @@ class Strikes:
 
 
 def lines_of(player: Player) -> list[Line]:
-    """What stands for a command where a motion is shown: its way in steps."""
+    """The motions as lines of a job: in place of a command the way in steps."""
     return [Line(number, _in_words(motion), ()) for number, motion in enumerate(player.motions, 1)]
 
 

@@ -1,4 +1,4 @@
-"""A controller that plays a captured stream: it hears no host, heeds no switch, and makes each tick at its time.
+"""A controller that plays a captured stream: it ignores host and switches, and makes each tick at its time.
 
     ticks     ||||||||||        |||||||||||          |||
     motions   |---- 1 ---|      |---- 2 ----|        |-3-|        a pause of `gap_ns` or more ends a motion
@@ -27,9 +27,9 @@ NAME = "player"
 """What twins and recordings call it."""
 
 GAP_NS = 100_000_000
-"""Pause between two ticks that ends a motion: a start-stop frequency below 10 Hz is of no use to anybody."""
+"""Pause between two ticks that ends a motion: no start-stop frequency is below 10 Hz."""
 LEAD_NS = 1000
-"""Time by which a motion begins before its first tick, if there is so much."""
+"""A motion begins this long before its first tick, or at the end of the one before."""
 _BLOCK = 1 << 12
 """Ticks between two sums that are kept."""
 
@@ -125,7 +125,7 @@ class Player:
         self._events: list[Event] = []
 
     def image(self) -> bytes:
-        """All that a player is made of, as flash memory that `restored` reads, for recordings."""
+        """The whole player as an image that `restored` reads: the flash memory in its recordings."""
         file = io.BytesIO()
         times, names, levels = zip(*self._outputs, strict=True) if self._outputs else ((), (), ())
         np.savez_compressed(
@@ -142,7 +142,7 @@ class Player:
 
     @staticmethod
     def restored(image: bytes) -> Player:
-        """A player fresh from an image. Raises ValueError for what is none."""
+        """A new player from an image. Raises ValueError for a damaged one."""
         try:
             with np.load(io.BytesIO(image), allow_pickle=False) as file:
                 t_ns = np.cumsum(file["after_ns"])
@@ -169,7 +169,7 @@ class Player:
 
     @property
     def idle(self) -> bool:
-        """Nothing of the capture is left."""
+        """True once the whole capture has been played."""
         return self.next_ns is None
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -177,11 +177,9 @@ class Player:
         self.advance(t_ns)
 
     def receive(self, t_ns: int, data: bytes) -> None:
-        """Nobody listens."""
         self.advance(t_ns)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """Nobody looks."""
         self.advance(t_ns)
 
     def advance(self, t_ns: int) -> None:

@@ -171,7 +171,7 @@ def _joined(pieces: Sequence[tuple[NDArray[np.int64], NDArray[np.uint8]]], k: in
 
 
 def _key(code: str) -> int:
-    """What the scanner makes of a code."""
+    """The number that the scanner computes for a code."""
     key = 0
     for byte in code.encode("latin-1", "replace"):
         key = (key * 257 + byte) % (1 << 53)

@@ -23,7 +23,7 @@ class CaptureError(ValueError):
 
 
 class WrongCallError(CaptureError):
-    """It is not the file: an option is wrong, with whose bare name the line begins."""
+    """An option is wrong, not the file; the line begins with the option's bare name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,28 +1,13 @@
-"""The command `isel-twin`.
+"""The command `isel-twin`: one file a command, each with one function that returns the exit code.
 
-    serve        a twin behind a serial port that host programs connect to
-    ctl          operate a machine that is served
-    run          a file of commands in virtual time
-    drive        captured step and direction signals of a real controller
-    exec         a host program in Python in virtual time
-    decode       bytes of a line explained
-    replay       a recorded session once more, and what is different
-    compare      two recordings laid over each other, command by command
-    export       a recording as a file for other tools
-    check        jobs against their bounds
-    tune         the fastest settings of a job that lose no step
-    golden       jobs that have to do what they did
-    sweep        a job under many conditions, as a table
-    identify     a machine's numbers from recordings and measurements
-    experiment   the moves that would tell most about a machine
-    tap          between a real host and a real controller, recording both
-    ports        serial ports that are served here, and real ones
-    plc          programs of a controller's PLC
-    machines, describe, controllers, motor      what there is, and its numbers
+    operate   serve, ctl, tap, ports, exec             a machine behind a port, and hosts that drive it
+    test      run, check, golden, drive, replay, compare
+    tune      tune, sweep, identify, experiment
+    look      machines, controllers, describe, motor, decode, export, plc
 
-One file a command, each with one function that returns the exit code; what they share:
+What they share:
 
-    options.py   parameters that several commands have, and checks of their values
+    options.py   options that several commands have, and checks of their values
     jobs.py      job files as they are given to a command
     outputs.py   where results go: table, JSON, recorder
 
@@ -37,7 +22,7 @@ import logging
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 
-from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError
 
 from isel_twin.base.errors import CallError, one_line
 from isel_twin.cli import (
@@ -76,31 +61,31 @@ app = App(
     version_flags=["--version"],
     default_parameter=Parameter(negative=()),
 )
-for command in (
-    identify.identify,
-    experiment.experiment,
-    serve.serve,
-    ctl.ctl,
-    run.run,
-    drive.drive,
-    exec_,
-    check.check,
-    tune.tune,
-    decode.decode,
-    export.export,
-    replay.replay,
-    compare.compare,
-    sweep.sweep,
-    tap.tap,
-    ports.ports,
-    machines.machines,
-    controllers.controllers,
-    describe.describe,
-    motor.motor,
-):
-    app.command(command)
-app.command(golden.golden)
-app.command(plc.plc)
+GROUPS = {
+    "Operate": (serve.serve, ctl.ctl, tap.tap, ports.ports, exec_),
+    "Test": (run.run, check.check, golden.golden, drive.drive, replay.replay, compare.compare),
+    "Tune": (tune.tune, sweep.sweep, identify.identify, experiment.experiment),
+    "Look": (
+        machines.machines,
+        controllers.controllers,
+        describe.describe,
+        motor.motor,
+        decode.decode,
+        export.export,
+        plc.plc,
+    ),
+}
+"""The commands by what a person wants, in the order of the help."""
+
+for place, (title, commands) in enumerate(GROUPS.items()):
+    group = Group(title, sort_key=place)
+    for command in commands:
+        if isinstance(command, App):
+            command.group = (group,)
+            app.command(command)
+        else:
+            app.command(command, group=group)
+app.register_install_completion_command()
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from isel_twin.base.crew import in_order
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.cli.crews import crew_of
 from isel_twin.cli.jobs import check_names, read_job
-from isel_twin.cli.options import STANDARD_INPUT, check_seconds, check_writable
+from isel_twin.cli.options import (
+    STANDARD_INPUT,
+    Overrides,
+    Whole,
+    Workers,
+    check_seconds,
+    check_workers,
+    check_writable,
+    parse_overrides,
+)
 from isel_twin.cli.outputs import many, put_off, tell
 
 if TYPE_CHECKING:
@@ -32,16 +43,17 @@ def check(
     machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None,
     controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None,
     plant: Annotated[str | None, Parameter(help="mujoco or kinematic.")] = None,
-    seed: Annotated[int | None, Parameter(help="Seed of power-on positions, switch scatter and bounce.")] = None,
+    seed: Annotated[Whole | None, Parameter(help="Seed of power-on positions, switch scatter and bounce.")] = None,
     scenario: Annotated[Path | None, Parameter(help="Events around the machine (TOML).")] = None,
+    set: Overrides = (),
     margin: Annotated[float | None, Parameter(help="Least pull-out margin of each motor, 0 .. 1.")] = None,
     deviation_mm: Annotated[float | None, Parameter(help="Most difference of counter and true position.")] = None,
     cycle_s: Annotated[float | None, Parameter(help="Most time from first command to end of the last.")] = None,
     may_strike: Annotated[str | None, Parameter(help="End switches that may be struck, with commas; all.")] = None,
-    robust: Annotated[int | None, Parameter(help="Repetitions on slightly different machines.")] = None,
-    timeout_s: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
+    robust: Annotated[Whole | None, Parameter(help="Repetitions on slightly different machines.")] = None,
+    timeout: Annotated[float | None, Parameter(help="Virtual seconds a command may take.")] = None,
     golden: Annotated[bool | None, Parameter(negative="no-golden", help="Compare with golden runs.")] = None,
-    processes: Annotated[int, Parameter(help="Processes that share the jobs.")] = 1,
+    workers: Workers = 1,
     junit: Annotated[Path | None, Parameter(help="Write the findings as JUnit XML.")] = None,
     sarif: Annotated[Path | None, Parameter(help="Write the findings as SARIF 2.1.0.")] = None,
     report: Annotated[Path | None, Parameter(help="Folder for a page about each job (HTML).")] = None,
@@ -58,11 +70,11 @@ def check(
     options: dict[str, Any] = {
         "machine": machine, "controller": controller, "plant": plant, "seed": seed, "scenario": scenario,
         "margin": margin, "deviation_mm": deviation_mm, "cycle_s": cycle_s, "robust": robust,
-        "timeout_s": timeout_s, "golden": golden,
+        "timeout_s": timeout, "golden": golden, "set": parse_overrides(set) or None,
     }  # fmt: skip
     if may_strike is not None:
         options["may_strike"] = tuple(name for name in may_strike.split(",") if name)
-    _check_options(options, processes)
+    _check_options(options, workers)
     tasks = _tasks(jobs, settings, options)
     pages = _pages(tasks, report)
     check_writable(junit, sarif, *pages, kept=(*jobs, settings, scenario))
@@ -72,10 +84,9 @@ def check(
     from isel_twin.jobs.checks.formats import sarif as as_sarif
 
     reports = []
-    with ExitStack() as stack:
-        for made in _reports(tasks, pages, processes, stack):
-            reports.append(made)
-            print(as_json(made) if json else _in_words(made), flush=True)
+    for made in in_order(perform, list(zip(tasks, pages, strict=True)), crew_of(min(workers, len(tasks)))):
+        reports.append(made)
+        print(as_json(made) if json else _in_words(made), flush=True)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in as_annotations(reports):
             print(line)
@@ -93,19 +104,18 @@ def check(
     return 1 if failed else 0
 
 
-def _check_options(options: dict[str, Any], processes: int) -> None:
+def _check_options(options: dict[str, Any], workers: int) -> None:
     """Refuse numbers that are none. Raises CallError."""
-    for key in ("cycle_s", "timeout_s"):
+    for key, option in (("cycle_s", "cycle-s"), ("timeout_s", "timeout")):
         if options[key] is not None:
-            check_seconds(key.replace("_", "-"), options[key], 0.0)
+            check_seconds(option, options[key], 0.0)
     if options["margin"] is not None and not 0.0 <= options["margin"] <= 1.0:
         raise CallError(f"margin {options['margin']:g}: must be from 0 to 1", option=True)
     if options["deviation_mm"] is not None and not options["deviation_mm"] >= 0.0:
         raise CallError(f"deviation-mm {options['deviation_mm']:g}: must be a distance from 0", option=True)
     if options["robust"] is not None and options["robust"] < 0:
         raise CallError(f"robust {options['robust']}: must be a number of repetitions, such as 20", option=True)
-    if processes < 1:
-        raise CallError(f"processes {processes}: must be a number of processes from 1", option=True)
+    check_workers(workers)
 
 
 def _tasks(jobs: Sequence[Path], settings: Path | None, options: dict[str, Any]) -> list[Task]:
@@ -161,19 +171,9 @@ def _pages(tasks: Sequence[Task], folder: Path | None) -> list[Path | None]:
     return [folder / f"{name}.html" for name in names]
 
 
-def _reports(tasks: Sequence[Task], pages: Sequence[Path | None], processes: int, stack: ExitStack) -> Iterator[Report]:
-    """The reports in the order of the tasks, whatever makes them."""
-    if processes == 1 or len(tasks) == 1:
-        yield from map(perform, tasks, pages)
-        return
-    from isel_twin.jobs.robust import processes as pool
-
-    executor = stack.enter_context(pool(min(processes, len(tasks))))
-    yield from executor.map(perform, tasks, pages)
-
-
-def perform(task: Task, page: Path | None = None) -> Report:
-    """Check one job, and write a page about it; in this process or another."""
+def perform(asked: tuple[Task, Path | None]) -> Report:
+    """Check one job, and write a page about it if one is named; in this process or another."""
+    task, page = asked
     from isel_twin.jobs.checks import check_job
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.golden import called, golden_file, load
@@ -191,7 +191,7 @@ def perform(task: Task, page: Path | None = None) -> Report:
 
         report = check_job(task.job, task.call, lines, task.bounds, None if page is None else begun)
         if golden is not None:
-            report = report.compared(golden, called(report.run, task.call, task.job, file))
+            report = report.compared(golden, called(report.golden, task.call, task.job, file))
         for inspection, recorder in watched:
             from isel_twin.report.report import write_report
 
@@ -209,8 +209,9 @@ def _in_words(report: Report) -> str:
 
     verdict = report.verdict
     commands = many(verdict.commands, "command")
-    margin = "" if report.margin is None else f", margin {100.0 * report.margin:.0f} %"
-    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {report.cycle_s:.3f} s{margin})"
+    least = verdict.least_margin
+    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
+    head = f"{report.job}: {'ok' if report.ok else 'NOT OK'} ({commands}, {verdict.cycle_s:.3f} s{margin})"
     return "\n".join(
         [
             head,

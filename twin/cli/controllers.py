@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from isel_twin.cli.options import Json
 
-def controllers() -> int:
+
+def controllers(*, json: Json = False) -> int:
     """List the installed controllers."""
+    from isel_twin.cli.outputs import names
     from isel_twin.controller import controller_names
 
-    print("\n".join(controller_names()))
-    return 0
+    return names(controller_names(), json)

@@ -7,19 +7,35 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import call_errors
+from isel_twin.cli.machines import machines
+from isel_twin.cli.options import Json, Overrides, parse_overrides
 
 
-def describe(name: Annotated[str, Parameter(help="Name of a machine or path of a machine folder.")]) -> int:
-    """Show every parameter of a machine with value, unit, source and grade."""
+def describe(
+    name: Annotated[str | None, Parameter(help="Name of a machine or path of a machine folder.")] = None,
+    /,
+    *,
+    set: Overrides = (),
+    json: Json = False,
+) -> int:
+    """Show the parameters of a machine with value, unit, source and grade; without a name, which machines there are."""
+    if name is None:
+        return machines(json=json)
     from rich.markup import escape
     from rich.table import Table
 
     from isel_twin.cli.outputs import console
     from isel_twin.machine import describe as rows_of
-    from isel_twin.machine import load_machine
+    from isel_twin.machine import load_machine, with_overrides
 
     with call_errors():
-        rows = rows_of(load_machine(name))
+        rows = rows_of(with_overrides(load_machine(name), parse_overrides(set)))
+    if json:
+        from dataclasses import asdict
+        from json import dumps
+
+        print(dumps([asdict(row) for row in rows]))
+        return 0
     table = Table("parameter", "value", "unit", "grade", "source", box=None)
     table.columns[1].justify = "right"
     for row in rows:

@@ -12,23 +12,26 @@ from cyclopts import Parameter
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import MICROSECOND_NS, SECOND_NS
+from isel_twin.cli import outputs
+from isel_twin.cli.files import MOST_SAMPLES, Files, StepsPath, TracePath, VcdPath
+from isel_twin.cli.interruption import interruption
 from isel_twin.cli.options import (
     Interval,
     MachineName,
+    Overrides,
     PlantName,
     ScenarioFile,
     Seed,
     check_seconds,
-    check_writable,
-    parse_override,
+    parse_overrides,
 )
-from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.cli.run import MOST_SAMPLES, interruption, need_pyarrow, need_report
+from isel_twin.cli.recording import RecordPath
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.capture.play import Strikes
     from isel_twin.capture.ticks import AxisTiming, Offence, Ticks
+    from isel_twin.recordings.recorder import Recorder
 
 _OFFENCES = {
     "short_pulses": "pulses shorter than {pulse_us:g} us",
@@ -47,7 +50,7 @@ def drive(
     plant: PlantName = TwinSpec.plant,
     seed: Seed = TwinSpec.seed,
     start: Annotated[str, Parameter(help="Where the machine stands: X,Y,Z in mm from the motor-end switches.")] = "",
-    set: Annotated[tuple[str, ...], Parameter(help="Machine parameters: axes.all.steps_per_rev=3200.")] = (),
+    set: Overrides = (),
     scenario: ScenarioFile = None,
     edge: Annotated[Literal["rising", "falling", "both"], Parameter(help="Which edge of step is a step.")] = "rising",
     reverse: Annotated[str, Parameter(help="Axes whose direction is turned round: x,z.")] = "",
@@ -60,9 +63,9 @@ def drive(
     hold_us: Annotated[float, Parameter(help="Shortest time from step to dir that they take.")] = 0.65,
     may_strike: Annotated[str, Parameter(help="Switches that may be struck: limit_x1,limit_y1 or all.")] = "",
     gap: Annotated[float, Parameter(help="Pause in seconds that ends a motion.")] = 0.1,
-    steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
-    vcd: Annotated[Path | None, Parameter(help="Write step, direction, levels and positions (VCD).")] = None,
-    trace: Annotated[Path | None, Parameter(help="Write samples of counters, positions, levels (Parquet).")] = None,
+    steps: StepsPath = None,
+    vcd: VcdPath = None,
+    trace: TracePath = None,
     report: Annotated[Path | None, Parameter(help="Write an HTML page about the capture.")] = None,
     record: RecordPath = None,
     interval: Interval = 0.01,
@@ -85,38 +88,20 @@ def drive(
     for name, value in limits_us.items():
         if not 0.0 <= value <= 1e6:
             raise CallError(f"{name.replace('_', '-')} {value:g}: must be from 0 to 1e6 us", option=True)
-    needs_recorder = vcd is not None or trace is not None or report is not None
-    if trace is not None:
-        need_pyarrow()
-    if report is not None:
-        need_report(report)
-    check_record(record)
-    check_writable(steps, vcd, trace, report, record, kept=(capture, scenario))
-    overrides = dict(parse_override(text) for text in set)
+    files = Files(steps, vcd, trace, report, record, interval)
+    files.check(capture, scenario)
+    overrides = parse_overrides(set)
     call = TwinSpec(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
-
-    from isel_twin.capture.load import load
-    from isel_twin.capture.ticks import Needs
-    from isel_twin.capture.wave import WrongCallError
-
-    needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
-    with call_errors(capture):
-        try:
-            ticks = load(
-                capture, map, edge=edge, needs=needs, time_unit=time_unit, sample_rate_hz=sample_rate, reverse=reverse
-            )
-        except WrongCallError as error:
-            raise CallError(str(error), option=True) from None
-    if (needs_recorder or record is not None) and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
+    reading = {"edge": edge, "time_unit": time_unit, "sample_rate_hz": sample_rate, "reverse": reverse}
+    ticks = _read(capture, map, limits_us, reading)
+    if files.sampled and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import Player
-        from isel_twin.cli import outputs
         from isel_twin.core.warm import told_of_compiling
-        from isel_twin.jobs.verdict import judge
+        from isel_twin.jobs.playing import followed
         from isel_twin.machine import load_machine
-        from isel_twin.recordings.write import write_trace
 
         with call_errors():
             as_built = load_machine(machine)
@@ -125,46 +110,51 @@ def drive(
         twin = call.with_(flash=None if record is None else player.image()).build(controller=player)
         stack.enter_context(told_of_compiling())
         strikes = Strikes(twin)
-        recorder = outputs.record(twin, interval, stack) if needs_recorder else None
-        recording = None if record is None else begin(record, twin, interval, {"capture": str(capture)}, stack)
+        writing = files.begin(twin, {"capture": str(capture)}, stack)
         lines = lines_of(player)
-        show: outputs.JobOutput = (
-            outputs.JsonOutput() if json else stack.enter_context(outputs.MotionsOutput(twin, lines))
-        )
-        results = []
+        show: outputs.JobOutput
+        show = outputs.JsonOutput() if json else stack.enter_context(outputs.MotionsOutput(twin, lines))
         with interruption() as stopped:
-            for result in play(twin, player, ticks.over_ns, strikes, allowed, lambda: bool(stopped)):
-                show.result(result)
-                results.append(result)
-        interrupted = bool(stopped) and not (len(results) == len(lines) and results[-1].complete)
-        verdict = judge(twin, results, len(lines) - len(results), interrupted)
-        told = {
-            "plant": plant,
-            "seed": seed,
-            "capture": _summary(capture, ticks, strikes, allowed),
-        }
-        for path, kind in ((steps, ".npz"), (vcd, ".vcd"), (trace, ".parquet")):
-            if path is not None:
-                with call_errors():
-                    write_trace(path, twin, recorder, kind)
-        recorded = True
-        if record is not None and recording is not None:
-            with call_errors(record):
-                recorded = keep(recording, record)
-        with call_errors(report):
-            if report is not None and recorder is not None:
-                from isel_twin.report.report import write_report
 
-                write_report(report, f"isel-twin: {capture}", twin, recorder, results, {**verdict.summary(), **told})
+            def stop() -> bool:
+                return bool(stopped)
+
+            motions = play(twin, player, ticks.over_ns, strikes, allowed, stop)
+            made = followed(twin, lines, motions, [show.result], stop)
+        verdict = made.verdict
+        told = {"plant": plant, "seed": seed, "capture": _summary(capture, ticks, strikes, allowed)}
         show.verdict(verdict, told)
         if not json:
             for text in _in_words(ticks, strikes, allowed, limits_us):
                 print(text, flush=True)
-    if interrupted:
-        outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
+        if verdict.interrupted:
+            outputs.say(f"{capture}: interrupted at {twin.time_ns / SECOND_NS:.3f} s; the capture ends there")
+
+        def page(path: Path, recorder: Recorder) -> None:
+            from isel_twin.report.report import write_report
+
+            title = f"isel-twin: {capture}"
+            write_report(path, title, twin, recorder, made.results, {**verdict.summary(), **told})
+
+        recorded = writing.write(page)
+    if verdict.interrupted:
         return 128 + stopped[0]
     struck = not all(allowed(strike.switch) for strike in strikes.seen)
     return 0 if verdict.ok and recorded and not struck else 1
+
+
+def _read(capture: Path, map: Sequence[str], limits_us: Mapping[str, float], how: Mapping[str, Any]) -> Ticks:
+    """The ticks of a capture. Raises CallError."""
+    from isel_twin.capture.load import load
+    from isel_twin.capture.ticks import Needs
+    from isel_twin.capture.wave import WrongCallError
+
+    needs = Needs(*(round(value * MICROSECOND_NS) for value in limits_us.values()))
+    with call_errors(capture):
+        try:
+            return load(capture, map, needs=needs, **how)
+        except WrongCallError as error:
+            raise CallError(str(error), option=True) from None
 
 
 def _start(text: str) -> tuple[float, ...] | None:

@@ -9,22 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from isel_twin.base.errors import call_errors
+from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
 from isel_twin.cli.options import (
-    ControllerName,
-    FlashPath,
+    DEFAULT_TWIN,
     Interval,
-    MachineName,
-    PlantName,
-    ScenarioFile,
-    Seed,
+    TwinOptions,
+    check_kind,
     check_seconds,
     check_writable,
-    parse_override,
 )
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
-from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.serve.wire_log import WireLog
@@ -35,18 +30,9 @@ if TYPE_CHECKING:
 
 def exec_(
     *command: Annotated[str, Parameter(help="-- python host.py and its arguments.", allow_leading_hyphen=True)],
-    machine: MachineName = MACHINE,
-    controller: ControllerName = TwinSpec.controller,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
+    twin: TwinOptions = DEFAULT_TWIN,
     port: Annotated[
         str | None, Parameter(help="Name of the twin's serial port; without it, every port that the host opens.")
-    ] = None,
-    flash: FlashPath = None,
-    scenario: ScenarioFile = None,
-    overrides: Annotated[
-        list[str] | None,
-        Parameter(name="--set", help="KEY=VALUE: a machine parameter, such as axes.x.lead=10.", negative=()),
     ] = None,
     steps: Annotated[Path | None, Parameter(help="Write the step stream (npz: t_ns, delta).")] = None,
     record: RecordPath = None,
@@ -71,26 +57,28 @@ def exec_(
     Exit code: the host's own; with --check 1 if that is 0 and the machine is not well; 2 if the call cannot be carried
     out, or the host does what virtual time cannot do.
     """
-    from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    try:
+        from isel_twin.bridge.virtual.virtual_host import parse_program, run_host
+    except ImportError as error:  # a Python that virtual threads cannot rest on
+        raise CallError(str(error)) from error
 
     if timeout is not None:
         check_seconds("timeout", timeout, 0.0)
     program = parse_program(command)
     check_seconds("interval", interval, 1e-9)
     check_record(record)
-    check_writable(steps, record, kept=(flash, scenario, None if program.path is None else Path(program.path)))
-    settings = dict(parse_override(text) for text in overrides or ())
-    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=True, overrides=settings)
-    twin = call.build()
+    check_kind("steps", steps, ".npz")
+    check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
+    driven = twin.spec(line_speed=True).build()
     from isel_twin.cli import outputs
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.recordings.write import write_trace
 
     with ExitStack() as stack:
         stack.enter_context(told_of_compiling())
-        wire = _wire_log(controller, stack) if log is not None else None
-        recording = None if record is None else begin(record, twin, interval, {"host": " ".join(command)}, stack)
-        done = run_host(twin, program, port, wire=wire, limit_s=timeout, give_up=_give_up, raise_interrupt=False)
+        wire = _wire_log(twin.controller, stack) if log is not None else None
+        recording = None if record is None else begin(record, driven, interval, {"host": " ".join(command)}, stack)
+        done = run_host(driven, program, port, wire=wire, limit_s=timeout, give_up=_give_up, raise_interrupt=False)
         recorded = True
         if record is not None and recording is not None:
             with call_errors(record):
@@ -101,11 +89,12 @@ def exec_(
         outputs.say(done.reason)
     if steps is not None:
         with call_errors():
-            write_trace(steps, twin, None, ".npz")
+            write_trace(steps, driven, None, ".npz")
     if json:
         import json as json_
 
-        print(json_.dumps(summary(done, twin) | {"controller": controller, "plant": plant, "seed": seed}), flush=True)
+        called = {"controller": twin.controller, "plant": twin.plant, "seed": twin.seed}
+        print(json_.dumps(summary(done, driven) | called), flush=True)
     elif done.ending != "refused":
         outputs.say(told(done))
     code = done.code or (1 if not recorded or (check and not done.verdict.ok) else 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,7 +10,15 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.identify import Names, Priors, need_scipy, unknowns_of
-from isel_twin.cli.options import ControllerName, MachineName, check_writable
+from isel_twin.cli.options import (
+    ControllerName,
+    Json,
+    MachineName,
+    Overrides,
+    Whole,
+    check_writable,
+    parse_overrides,
+)
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -25,20 +34,22 @@ def experiment(
     *,
     machine: MachineName = MACHINE,
     controller: ControllerName = TwinSpec.controller,
+    set: Overrides = (),
     axes: Annotated[str, Parameter(help="Axes to be measured, with commas.")] = "x",
     fit: Names = None,
     prior: Priors = None,
     known: Annotated[Path | None, Parameter(help="JSON of `identify`: what is known already.")] = None,
-    blocks: Annotated[int, Parameter(help="How many pieces the experiment has.")] = 8,
+    blocks: Annotated[Whole, Parameter(help="How many pieces the experiment has.")] = 8,
     criterion: Annotated[
         Literal["D", "E"], Parameter(help="D: all parameters together. E: the one least known.")
     ] = "D",
-    seed: Annotated[int, Parameter(help="Of places, speeds and forces: another one is another experiment.")] = 0,
+    seed: Annotated[Whole, Parameter(help="Of places, speeds and forces: another one is another experiment.")] = 0,
     carry_out: Annotated[
         str, Parameter(help="A machine whose twin stands in for the real one: writes NAME.mcap and fills in NAME.toml.")
     ] = "",
-    carry_out_seed: Annotated[int, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
+    carry_out_seed: Annotated[Whole, Parameter(help="Seed of that twin and of the errors of gauge and clock.")] = 1,
     gauge_noise_mm: Annotated[float, Parameter(help="Standard deviation of its gauge.")] = 0.005,
+    json: Json = False,
 ) -> int:
     """Choose moves and measurements that tell most about what is least known, and write them as a job.
 
@@ -60,7 +71,7 @@ def experiment(
     from isel_twin.base.axes import CARRIAGES
     from isel_twin.base.files import atomic_write
     from isel_twin.language import create_language, needed
-    from isel_twin.machine import load_machine
+    from isel_twin.machine import load_machine, with_overrides
     from isel_twin.many.identification import experiment as experiments
     from isel_twin.many.identification.choice import choose
     from isel_twin.many.identification.measured import written
@@ -71,7 +82,7 @@ def experiment(
     if not wanted or any(axis not in CARRIAGES for axis in wanted):
         raise CallError(f"axes {axes!r}: must be some of {', '.join(CARRIAGES)}, with commas", option=True)
     with call_errors():
-        believed = load_machine(machine)
+        believed = with_overrides(load_machine(machine), parse_overrides(set))
         language = needed(create_language(controller), controller)
         real = load_machine(carry_out) if carry_out else None
     unknowns = unknowns_of(believed, fit, prior, wanted)
@@ -92,6 +103,11 @@ def experiment(
             write_recording(recording, recorded)
         atomic_write(form, written(filled, made.comments()).encode())
     names = [item.name for item in unknowns]
+    if json:
+        rest = [dict(zip(names, map(float, row), strict=True)) for row in choice.left]
+        blocks_told = [{"block": block.name, "left": row} for block, row in zip(choice.blocks, rest, strict=True)]
+        print(dumps({"job": str(job), "measure": str(form), "blocks": blocks_told}))
+        return 0
     print(f"{'':34}what will be left of the prior's uncertainty")
     print(f"{'block':<34}{''.join(f'{name:>14}' for name in names)}")
     for block, left in zip(choice.blocks, choice.left, strict=True):

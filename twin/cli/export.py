@@ -8,13 +8,15 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import check_writable
+from isel_twin.cli.options import Json, check_writable
 
 
 def export(
     recording: Annotated[Path, Parameter(help="File that --record NAME.mcap has made.")],
     out: Annotated[Path, Parameter(help="What to write: .npz (steps), .vcd, .parquet or .csv (samples).")],
     /,
+    *,
+    json: Json = False,
 ) -> int:
     """Write a recording as a file for other tools: the same that `--record OUT` would have written.
 
@@ -34,4 +36,8 @@ def export(
         whole = export(recording, out)
     if not whole:
         say(f"{recording}: has no end, it was cut off; {out} has what there is")
+    if json:
+        from json import dumps
+
+        print(dumps({"recording": str(recording), "out": str(out), "whole": whole}))
     return 0

@@ -11,14 +11,16 @@ from cyclopts import App, Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.jobs import check_names, read_job
 from isel_twin.cli.options import (
+    DEFAULT_TWIN,
     STANDARD_INPUT,
-    ControllerName,
-    MachineName,
-    PlantName,
-    ScenarioFile,
-    Seed,
+    Overrides,
+    Replace,
+    Timeout,
+    TwinOptions,
+    Whole,
     check_seconds,
     check_writable,
+    parse_overrides,
 )
 from isel_twin.cli.outputs import many
 from isel_twin.core.spec import TwinSpec
@@ -32,19 +34,14 @@ MOST = 20
 """Differences of a job that are told."""
 
 Jobs = Annotated[Path, Parameter(help="Files of controller commands, one a line.")]
-Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
 
 
 @golden.command
 def record(
     *jobs: Jobs,
-    machine: MachineName = "4030",
-    controller: ControllerName = "imc-s8",
-    plant: PlantName = "mujoco",
-    seed: Seed = 0,
-    scenario: ScenarioFile = None,
+    twin: TwinOptions = DEFAULT_TWIN,
     timeout: Timeout = 3600.0,
-    update: Annotated[bool, Parameter(help="Replace golden runs that are there.")] = False,
+    replace: Replace = False,
 ) -> int:
     """Run jobs and write down beside each what it did: job.txt has its golden run in job.golden.
 
@@ -54,15 +51,15 @@ def record(
     files = _files(jobs)
     check_seconds("timeout", timeout, 0.0)
     for job, file in files:
-        check_writable(file, kept=(job, scenario))
-        if file.exists() and not update:
-            raise CallError(f"{file}: is there already; --update replaces it, golden compare compares with it")
+        check_writable(file, kept=(job, *twin.files))
+        if file.exists() and not replace:
+            raise CallError(f"{file}: is there already; --replace replaces it, golden compare compares with it")
     from isel_twin.jobs.golden import called
 
-    call = TwinSpec(machine, controller, plant, seed, scenario)
+    call = twin.spec()
     for job, file in files:
-        run, _ = _play(job, call, timeout)
-        _write(file, called(run, call, job, file))
+        run = called(_play(job, call, timeout), call, job, file)
+        _write(file, run)
         print(f"{file}: {_in_words(run)}")
     return 0
 
@@ -73,42 +70,43 @@ def compare(
     machine: Annotated[str | None, Parameter(help="Another machine than that of the golden run.")] = None,
     controller: Annotated[str | None, Parameter(help="Another controller.")] = None,
     plant: Annotated[str | None, Parameter(help="Another plant.")] = None,
-    seed: Annotated[int | None, Parameter(help="Another seed.")] = None,
+    seed: Annotated[Whole | None, Parameter(help="Another seed.")] = None,
+    set: Annotated[Overrides, Parameter(help="KEY=VALUE: another parameter of the machine.")] = (),
     timeout: Timeout = 3600.0,
-    update: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
+    replace: Annotated[bool, Parameter(help="Replace the golden runs that differ.")] = False,
     json: Annotated[bool, Parameter(help="One line of JSON a job.")] = False,
 ) -> int:
     """Run jobs as their golden runs were made, and say what they do differently, the first divergence first.
 
-    Exit code 0 if nothing is different (or --update has written it down), 1 if something is, 2 if a golden run is
+    Exit code 0 if nothing is different (or --replace has written it down), 1 if something is, 2 if a golden run is
     missing.
     """
     from isel_twin.jobs.golden import called, differences, load
 
     files = _files(jobs)
     check_seconds("timeout", timeout, 0.0)
-    asked = {"machine": machine, "controller": controller, "plant": plant, "seed": seed}
+    asked: dict[str, Any] = {"machine": machine, "controller": controller, "plant": plant, "seed": seed}
+    asked["set"] = parse_overrides(set) or None
     kept = []
     for job, file in files:
         with call_errors(file):
             if not file.exists():
                 raise CallError(f"{file}: there is no golden run of {job}; isel-twin golden record {job} makes it")
             kept.append(load(file))
-        if update:
+        if replace:
             check_writable(file, kept=(job,))
     same = True
     for (job, file), was in zip(files, kept, strict=True):
         wanted = {**was.call, **{key: value for key, value in asked.items() if value is not None}}
         call = _call(wanted, file, asked)
-        run, spans_ns = _play(job, call, timeout)
-        run = called(run, call, job, file)
-        found = list(differences(was, run, spans_ns))
+        run = called(_play(job, call, timeout), call, job, file)
+        found = list(differences(was, run))
         _tell(job, run, found, json)
-        if found and update:
+        if found and replace:
             _write(file, run)
             if not json:
                 print(f"  {file}: written anew")
-        same = same and (update or not found)
+        same = same and (replace or not found)
     return 0 if same else 1
 
 
@@ -131,22 +129,16 @@ def _files(jobs: Sequence[Path]) -> list[tuple[Path, Path]]:
     return files
 
 
-def _play(job: Path, call: TwinSpec, timeout_s: float) -> tuple[Golden, list[tuple[tuple[int, int], ...]]]:
-    """What a job does, and when the windows of its stream begin and end."""
-    from isel_twin.jobs.golden import Golden, Scribe
-    from isel_twin.jobs.job import play
-    from isel_twin.jobs.verdict import judge
+def _play(job: Path, call: TwinSpec, timeout_s: float) -> Golden:
+    """What a job does."""
+    from isel_twin.jobs.golden import Scribe
+    from isel_twin.jobs.playing import played
 
-    twin, scribe = call.build(), Scribe()
+    twin = call.build()
     lines = read_job(job, call.controller)
     check_names(job, lines, twin)
-    results, moves = [], []
-    for result in play(twin, lines, timeout_s):
-        results.append(result)
-        move = scribe.move(result, twin.steps)
-        if not result.condition:  # whether it is met is in the verdict
-            moves.append(move)
-    return Golden.of({}, moves, judge(twin, results, len(lines) - len(results))), scribe.spans_ns
+    scribe = Scribe(twin)
+    return scribe.golden(played(twin, lines, [scribe.take], timeout_s).verdict)
 
 
 def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
@@ -156,7 +148,8 @@ def _call(head: dict[str, Any], file: Path, asked: dict[str, Any]) -> TwinSpec:
     if asked["machine"] is None and (folder / machine).is_dir():
         machine = str(folder / machine)
     scenario = folder / head["scenario"] if head.get("scenario") else None
-    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario)
+    overrides = head.get("set", {})
+    return TwinSpec(machine, head["controller"], head["plant"], head.get("seed", 0), scenario, overrides=overrides)
 
 
 def _write(file: Path, run: Golden) -> None:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import MachineName, check_writable
+from isel_twin.cli.crews import crew_of
+from isel_twin.cli.options import (
+    MachineName,
+    Overrides,
+    Workers,
+    check_workers,
+    check_writable,
+    parse_overrides,
+)
 from isel_twin.core.spec import MACHINE
 
 if TYPE_CHECKING:
@@ -35,6 +42,7 @@ def identify(
     *recordings: Annotated[Path, Parameter(help="Recordings of the machine: of `tap`, or of --record NAME.mcap.")],
     measured: MeasuredFiles = None,
     machine: MachineName = MACHINE,
+    set: Overrides = (),
     controller: Annotated[str, Parameter(help="Which one it has, if a recording does not say.")] = "",
     fit: Names = None,
     prior: Priors = None,
@@ -46,7 +54,7 @@ def identify(
     ] = None,
     patch: Annotated[Path | None, Parameter(help="Folder for a machine.toml with what was found.")] = None,
     report: Annotated[Path | None, Parameter(help="A page about it (HTML).")] = None,
-    processes: Annotated[int, Parameter(help="Processes that share the replays.")] = 1,
+    workers: Workers = 1,
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Fit parameters of a machine to recordings and to what was measured meanwhile.
@@ -59,19 +67,18 @@ def identify(
 
     with call_errors():
         need_scipy()
-    if processes < 1:
-        raise CallError(f"processes {processes}: must be a number of processes from 1", option=True)
+    check_workers(workers)
     target = None if patch is None else patch / "machine.toml"
     if patch is not None and patch.exists() and not patch.is_dir():
         raise CallError(f"{patch}: is a file; name a folder for the machine")
     check_writable(report, kept=(*recordings, *(measured or ())))
-    from isel_twin.machine import load_machine
+    from isel_twin.machine import load_machine, with_overrides
     from isel_twin.many.identification.fit import fit as fit_sessions
     from isel_twin.many.identification.patch import as_json, based_on
     from isel_twin.many.identification.patch import patch as as_patch
 
     with call_errors():
-        known = load_machine(machine)
+        known = with_overrides(load_machine(machine), parse_overrides(set))
     told = read_all(measured)
     sessions = _sessions(recordings, told, controller, known)
     unknowns = unknowns_of(known, fit, prior, told.axes)
@@ -82,13 +89,8 @@ def identify(
         if not json:
             print("before the fit:", *prospect.lines, sep="\n  ", flush=True)
 
-    with ExitStack() as stack, call_errors():
-        executor = None
-        if processes > 1:
-            from isel_twin.jobs.robust import processes as begin
-
-            executor = stack.enter_context(begin(processes))
-        result = fit_sessions(known, unknowns, fitted, held, executor=executor, told=say_prospect, progress=progress())
+    with call_errors(), crew_of(workers) as crew:
+        result = fit_sessions(known, unknowns, fitted, held, crew=crew, told=say_prospect, progress=progress())
     if report is not None:
         from isel_twin.base.files import atomic_write
         from isel_twin.many.identification.page import page

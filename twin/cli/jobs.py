@@ -29,12 +29,13 @@ def job_name(job: Path) -> str:
 
 def read_job(job: Path, controller: str) -> list[Line]:
     """The lines of a job file, or of standard input, for a controller. Raises CallError."""
+    from isel_twin.controller import offers
     from isel_twin.jobs.job import check_controller, decode_job, parse_job
     from isel_twin.language import RunsPrograms, create_language
 
     with call_errors(job_name(job)):
         language = create_language(controller)
-        most = PROGRAM_BYTES if isinstance(language, RunsPrograms) else JOB_BYTES
+        most = PROGRAM_BYTES if offers(language, RunsPrograms) else JOB_BYTES
         data = _read(job, most)
         if len(data) > most:
             raise CallError(f"{job_name(job)}: is longer than {most >> 20} MiB; cut it into several")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import check_writable
+from isel_twin.cli.options import Json, Overrides, check_writable, parse_overrides
 
 if TYPE_CHECKING:
     from isel_twin.drives import Stage
@@ -23,7 +23,9 @@ def motor(
     machine: Annotated[
         str | None, Parameter(help="Machine (name or folder) whose own motors and stages are to be taken.")
     ] = None,
+    set: Overrides = (),
     picture: Annotated[Path | None, Parameter(help="Draw the curve into a file (.png, .svg, .pdf).")] = None,
+    json: Json = False,
 ) -> int:
     """Show a motor's torque curve with its closed forms: a prediction, and a bound. * marks what was compared.
 
@@ -32,25 +34,29 @@ def motor(
     """
     from tempfile import TemporaryDirectory
 
+    if set and machine is None:
+        raise CallError("set: changes a machine; name it with --machine", option=True)
+    from isel_twin.base.pictures import check_picture
+
     check_writable(picture)
     if picture is not None:
-        _check_picture(picture)
+        check_picture(picture)
     with call_errors(), TemporaryDirectory() as folder:
         from isel_twin.base.axes import CARRIAGES
         from isel_twin.drives.motor import MOTORS
         from isel_twin.drives.report import show_motor
-        from isel_twin.machine import load_machine
+        from isel_twin.machine import load_machine, with_overrides
 
         drawn = Path(folder) / picture.name if picture is not None else None
         if machine is None:
-            show_motor(name, picture=drawn)
+            show_motor(name, picture=drawn, json=json)
         else:
-            owner = load_machine(machine)
-            if name in CARRIAGES and _show_servo(owner, name, drawn):
+            owner = with_overrides(load_machine(machine), parse_overrides(set))
+            if name in CARRIAGES and _show_servo(owner, name, drawn, json):
                 return _keep(drawn, picture)
             if name in CARRIAGES:
                 name = str(owner.tree["axes"][name]["motor"])
-            show_motor(name, _stage(owner, name), drawn, {**MOTORS, **owner.motors})
+            show_motor(name, _stage(owner, name), drawn, {**MOTORS, **owner.motors}, json=json)
         return _keep(drawn, picture)
 
 
@@ -63,7 +69,7 @@ def _keep(drawn: Path | None, picture: Path | None) -> int:
     return 0
 
 
-def _show_servo(machine: Machine, name: str, picture: Path | None) -> bool:
+def _show_servo(machine: Machine, name: str, picture: Path | None, json: bool) -> bool:
     """Show the motor of a servo axis; False if the axis is none."""
     from isel_twin.base.axes import CARRIAGES
     from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
@@ -72,7 +78,7 @@ def _show_servo(machine: Machine, name: str, picture: Path | None) -> bool:
     axis = machine.axes[CARRIAGES.index(name)]
     if not (isinstance(axis.motor, ServoMotor) and isinstance(axis.stage, ServoDrive)):
         return False
-    show_servo(f"{machine.name}, axis {name}", axis.motor, axis.stage, axis.screw.lead_mm, picture)
+    show_servo(f"{machine.name}, axis {name}", axis.motor, axis.stage, axis.screw.lead_mm, picture, json=json)
     return True
 
 
@@ -82,14 +88,3 @@ def _stage(machine: Machine, motor: str) -> Stage | None:
 
     stages = (a.stage for a in machine.axes if machine.tree["axes"][a.name].get("motor") == motor)
     return next((stage for stage in stages if isinstance(stage, Stage)), None)
-
-
-def _check_picture(picture: Path) -> None:
-    try:
-        import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
-        from matplotlib.backend_bases import FigureCanvasBase
-    except ImportError:
-        raise CallError("picture needs matplotlib: pip install 'isel-twin[report]'", option=True) from None
-    kinds = FigureCanvasBase.get_supported_filetypes()
-    if picture.suffix.removeprefix(".") not in kinds:
-        raise CallError(f"{picture}: the name must end in one of .{', .'.join(sorted(kinds))}")

@@ -1,21 +1,52 @@
-"""Parameters that several commands have, and checks of their values before anything is begun."""
+"""Options that several commands have, each with one name and one meaning, and checks before anything is begun.
+
+    --machine --controller --plant --seed --flash --scenario --set   which twin (TwinOptions)
+    --workers     processes that share the work; what comes out does not depend on them
+    --timeout     virtual seconds after which a missing reply is given up
+    --robust      repetitions on slightly different machines
+    --json        what is told, for programs
+    --out, -o     the file that the command is for; --steps --vcd --trace --report --picture --record: files beside it
+
+Files that can be made again are replaced whole. What a real machine has done, and golden runs, need --replace.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from isel_twin.base.errors import CallError
+from isel_twin.core.spec import MACHINE, TwinSpec
 
+
+def _whole_number(_: Any, tokens: Sequence[Token]) -> int:
+    """A whole number as it is written; cyclopts alone would round 1.5. Raises ValueError."""
+    word = tokens[0].value
+    try:
+        return int(word)
+    except ValueError:
+        raise ValueError(f"{word} is no whole number") from None
+
+
+Whole = Annotated[int, Parameter(converter=_whole_number)]
 MachineName = Annotated[str, Parameter(help="Name of a machine (see `machines`) or path of a machine folder.")]
 ControllerName = Annotated[str, Parameter(help="Name of a controller (see `controllers`).")]
 PlantName = Annotated[str, Parameter(help="mujoco: physics. kinematic: the carriage follows the counter.")]
-Seed = Annotated[int, Parameter(help="Seed of power-on positions, switch scatter and bounce.")]
+Seed = Annotated[Whole, Parameter(help="Seed of power-on positions, switch scatter and bounce.")]
 ScenarioFile = Annotated[Path | None, Parameter(help="Timed events (TOML): hood, E-stop, faults, forces.")]
 FlashPath = Annotated[Path | None, Parameter(help="The controller's flash memory; created if missing.")]
+Overrides = Annotated[
+    tuple[str, ...], Parameter(help="KEY=VALUE: a machine parameter, such as payload.mass=8. May be repeated.")
+]
+Workers = Annotated[Whole, Parameter(help="Processes that share the work; what comes out does not depend on it.")]
+Robust = Annotated[Whole, Parameter(help="Repeat the job so many times on slightly different machines.")]
+Timeout = Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")]
+Json = Annotated[bool, Parameter(help="JSON for programs.")]
+Replace = Annotated[bool, Parameter(help="Replace files that exist.")]
 Interval = Annotated[float, Parameter(help="Time between two samples of a trace, in virtual seconds.")]
 
 Ptys = Annotated[
@@ -26,6 +57,41 @@ Tcps = Annotated[list[str] | None, Parameter(help="HOST:PORT for raw TCP; port 0
 Rfc2217s = Annotated[
     list[str] | None, Parameter(help="HOST:PORT for RFC 2217 (Telnet with line settings). May be repeated.")
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TwinOptions:
+    """Which twin a command builds."""
+
+    machine: MachineName = MACHINE
+    controller: ControllerName = TwinSpec.controller
+    plant: PlantName = TwinSpec.plant
+    seed: Seed = TwinSpec.seed
+    flash: FlashPath = None
+    scenario: ScenarioFile = None
+    set: Overrides = ()
+
+    def spec(self, *, line_speed: bool = False) -> TwinSpec:
+        """The twin that is asked for. Raises CallError for a wrong --set."""
+        return TwinSpec(
+            self.machine,
+            self.controller,
+            self.plant,
+            self.seed,
+            self.scenario,
+            self.flash,
+            line_speed,
+            parse_overrides(self.set),
+        )
+
+    @property
+    def files(self) -> tuple[Path | None, ...]:
+        """What the twin reads or keeps: nothing else may be written there."""
+        return self.flash, self.scenario
+
+
+DEFAULT_TWIN = TwinOptions()
 
 STANDARD_INPUT = "/dev/stdin"
 """What `-` stands for."""
@@ -71,6 +137,36 @@ def check_writable(*paths: Path | None, kept: Sequence[Path | None] = ()) -> Non
         if path.resolve() in taken and not path.is_char_device():
             raise CallError(f"{path}: is named twice in this call; choose another name for what is written")
         taken.add(path.resolve())
+
+
+def check_workers(workers: int) -> None:
+    """Raise CallError unless it is a number of processes."""
+    if workers < 1:
+        raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
+
+
+def check_kind(option: str, path: Path | None, *kinds: str) -> str:
+    """The kind of file, such as ".csv", that an option is to write: as its name says, without an ending the first.
+
+    Raises CallError for a name that says otherwise, or a kind that needs an extra which is not installed.
+    """
+    from isel_twin.recordings.write import check_kind as check_extra
+
+    if path is None:
+        return kinds[0]
+    kind = path.suffix if path.suffix and not path.is_char_device() else kinds[0]
+    if kind not in kinds:
+        raise CallError(f"{option} {path}: the name must end in {' or '.join(kinds)}", option=True)
+    try:
+        check_extra(kind, option)
+    except ValueError as error:
+        raise CallError(str(error), option=True) from None
+    return kind
+
+
+def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:
+    """Machine parameters as `--set` has them. Raises CallError."""
+    return dict(parse_override(text) for text in texts)
 
 
 def parse_override(text: str) -> tuple[str, Any]:

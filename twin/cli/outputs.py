@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from isel_twin.core.twin import Twin
-    from isel_twin.jobs.job import Line, Result
-    from isel_twin.jobs.robust import Trial
+    from isel_twin.jobs.job import Line
+    from isel_twin.jobs.result import Result
+    from isel_twin.jobs.robust import Repetition
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.recordings.recorder import Recorder
 
@@ -51,6 +52,17 @@ def console() -> Console:
 
     here = Console()
     return here if here.is_terminal else Console(width=WIDE)
+
+
+def names(of: Iterable[str], json: bool) -> int:
+    """Print names, one a line, or as a list of JSON; return the exit code."""
+    if json:
+        from json import dumps
+
+        print(dumps(list(of)))
+    else:
+        print("\n".join(of))
+    return 0
 
 
 def many(number: int, what: str) -> str:
@@ -108,7 +120,7 @@ class JobOutput(Protocol):
     def verdict(self, verdict: Verdict, call: Mapping[str, Any]) -> None:
         """So is the job; `call`: what else belongs to its summary."""
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
+    def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """And so are its repetitions, fewer than wanted if somebody stopped them; return whether all ended alike."""
 
 
@@ -141,7 +153,7 @@ class JsonOutput:
 
         print(json.dumps({"summary": True, **verdict.summary(), **call}), flush=True)
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
+    def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """A line a repetition and one for all."""
         import json
 
@@ -262,7 +274,7 @@ class TableOutput:
             expected += f" ({len(verdict.unmet)} not met: line {lines})"
         return f"{many(verdict.commands, 'command')}, {verdict.refused} refused{expected}"
 
-    def robust(self, verdict: Verdict, trials: Sequence[Trial], wanted: int) -> bool:
+    def robust(self, verdict: Verdict, trials: Sequence[Repetition], wanted: int) -> bool:
         """One line, and a line for the first few that ended otherwise."""
         from isel_twin.jobs.robust import agree
 

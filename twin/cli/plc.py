@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import STANDARD_INPUT, ControllerName, check_writable, is_standard_input
+from isel_twin.cli.options import STANDARD_INPUT, ControllerName, Json, check_writable, is_standard_input
 
 if TYPE_CHECKING:
     from isel_twin.firmware.plc import Program
@@ -23,22 +24,26 @@ Source = Annotated[Path, Parameter(help='STEP 5 text, or an image that was assem
 def assemble(
     source: Source,
     *,
-    output: Annotated[Path | None, Parameter(help="File for the image; without it the bytes are printed.")] = None,
+    out: Annotated[
+        Path | None, Parameter(name=("--out", "-o"), help="File for the image; without it the bytes are printed.")
+    ] = None,
+    json: Json = False,
 ) -> int:
     """Assemble a program: text, one instruction a line, to the image that a controller is loaded with.
 
-    Without --output the bytes are printed in hexadecimal.
+    Without --out the bytes are printed in hexadecimal.
     """
-    check_writable(output, kept=(source,))
+    check_writable(out, kept=(source,))
     image = _program(source).image
-    if output is None:
-        print(image.hex(" ").upper())
-        return 0
-    from isel_twin.base.files import atomic_write
+    if out is not None:
+        from isel_twin.base.files import atomic_write
 
-    with call_errors(output):
-        atomic_write(output, image)
-    print(f"{output}: {len(image)} bytes")
+        with call_errors(out):
+            atomic_write(out, image)
+    if json:
+        print(dumps({"out": None if out is None else str(out), "bytes": len(image), "image": image.hex()}))
+    else:
+        print(image.hex(" ").upper() if out is None else f"{out}: {len(image)} bytes")
     return 0
 
 
@@ -53,12 +58,15 @@ def disassemble(source: Source) -> int:
 
 
 @plc.command
-def explain(source: Source) -> int:
+def explain(source: Source, *, json: Json = False) -> int:
     """Print a program, each instruction with what it does in a few words."""
     from isel_twin.firmware.plc.assembler import explain as explained
 
     with call_errors(source):
         rows = explained(_program(source))
+    if json:
+        print(dumps([{"line": line, "words": words} for line, words in rows]))
+        return 0
     width = max(len(line) for line, _ in rows)
     for line, words in rows:
         print(f"{line:{width}}  {words}")
@@ -68,12 +76,13 @@ def explain(source: Source) -> int:
 @plc.command
 def load(source: Source, *, controller: ControllerName) -> int:
     """Print the lines of a job that loads a program into a controller, for `isel-twin run` or a host."""
+    from isel_twin.controller import offers
     from isel_twin.language import LoadsPlc, create_language, language_names
 
     with call_errors():
         language = create_language(controller)
-    if not isinstance(language, LoadsPlc):
-        able = [name for name in language_names() if isinstance(create_language(name), LoadsPlc)]
+    if not offers(language, LoadsPlc):
+        able = [name for name in language_names() if offers(create_language(name), LoadsPlc)]
         raise CallError(f"controller {controller!r} takes no PLC program over its line; {', '.join(able)} does")
     for line in language.plc_lines(_program(source).image):
         print(line)

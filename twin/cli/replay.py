@@ -9,7 +9,15 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli.options import MachineName, PlantName, Seed, check_seconds, check_writable
+from isel_twin.cli.options import (
+    MachineName,
+    Overrides,
+    PlantName,
+    Seed,
+    check_seconds,
+    check_writable,
+    parse_overrides,
+)
 from isel_twin.cli.recording import RecordPath, begin, check_record, keep
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -30,6 +38,7 @@ def replay(
     machine: Annotated[MachineName, Parameter(help="Of a real controller: the twin's machine.")] = MACHINE,
     plant: Annotated[PlantName, Parameter(help="Of a real controller: the twin's plant.")] = TwinSpec.plant,
     seed: Annotated[Seed, Parameter(help="Of a real controller: the twin's seed.")] = TwinSpec.seed,
+    set: Annotated[Overrides, Parameter(help="Of a real controller: KEY=VALUE, a parameter of the machine.")] = (),
     json: Annotated[bool, Parameter(help="One JSON object.")] = False,
 ) -> int:
     """Give what the host sent and what people did, at the same virtual times, to a twin built from the recording.
@@ -59,7 +68,9 @@ def replay(
         recorded = read(recording)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="isel-twin-")))
-        twin = _twin(recorded, folder, controller, TwinSpec(machine, plant=plant, seed=seed))
+        twin = _twin(
+            recorded, folder, controller, TwinSpec(machine, plant=plant, seed=seed, overrides=parse_overrides(set))
+        )
         if recorded.of_twin:  # its samples are compared, so they are taken when they were
             interval = recorded.interval_ns / SECOND_NS
         recorder = None if record is None else begin(record, twin, interval, {"replay_of": recording.name}, stack)

@@ -11,21 +11,16 @@ from cyclopts import Parameter
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
 from isel_twin.cli.options import (
-    ControllerName,
-    FlashPath,
+    DEFAULT_TWIN,
     Interval,
-    MachineName,
-    PlantName,
     Ptys,
     Rfc2217s,
-    ScenarioFile,
-    Seed,
     Tcps,
+    TwinOptions,
     check_seconds,
     check_writable,
 )
 from isel_twin.cli.recording import MCAP, RecordPath, check_record
-from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
     from isel_twin.bridge.operate.control_port import ControlPort
@@ -43,10 +38,7 @@ PANEL = "127.0.0.1:8217"
 
 def serve(
     *,
-    machine: MachineName = MACHINE,
-    controller: ControllerName = TwinSpec.controller,
-    plant: PlantName = TwinSpec.plant,
-    seed: Seed = TwinSpec.seed,
+    twin: TwinOptions = DEFAULT_TWIN,
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
@@ -66,8 +58,6 @@ def serve(
     strict_baud: Annotated[
         bool, Parameter(help="A host that sets another speed, parity or data bits is garbled, as on a real line.")
     ] = False,
-    flash: FlashPath = None,
-    scenario: ScenarioFile = None,
     record: RecordPath = None,
     interval: Interval = 0.01,
     log: Annotated[
@@ -100,8 +90,8 @@ def serve(
     with call_errors():
         factor = parse_speed(speed)
     check_record(record)
-    check_writable(record, kept=(flash, scenario))
-    call = TwinSpec(machine, controller, plant, seed, scenario, flash, line_speed=factor is not None)
+    check_writable(record, kept=twin.files)
+    call = twin.spec(line_speed=factor is not None)
     with ExitStack() as stack:
         if (stderr := file_number(sys.stderr)) is not None:
             stack.enter_context(log_to(stderr, count=log != "wire"))
@@ -109,18 +99,20 @@ def serve(
         endpoints = open_endpoints(pty, tcp, rfc2217, stack)
         port = _control_port(control, control_token, stack)
         page = _panel(panel, panel_token, stack)
-        twin = call.build(keep_motions=KEPT_MOTIONS)
-        recording = None if record is None else begin(record, twin, interval, {"speed": speed}, stack)
+        served = call.build(keep_motions=KEPT_MOTIONS)
+        recording = None if record is None else begin(record, served, interval, {"speed": speed}, stack)
         if page is not None and recording is not None:
             page.recording = recording.path
-        warm_up(plant)
-        taps: list[WireTap] = [WireLog(create_language(controller))] if log == "wire" else []
+        warm_up(twin.plant)
+        taps: list[WireTap] = [WireLog(create_language(twin.controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page) if guest is not None]
         if recording is not None:
             taps.append(TimeTap(recording))
             guests.append(Freshness(recording))
-        server = Server(twin, Pacer(factor, twin.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud)
+        server = Server(
+            served, Pacer(factor, served.time_ns), endpoints, Taps(taps) if taps else None, guests, strict_baud
+        )
         stack.enter_context(on_signals(server.stop))
         where = addresses(endpoints)
         if port is not None:
@@ -129,7 +121,7 @@ def serve(
                 where["control_token"] = port.token
         if page is not None:
             where["panel"] = page.url
-        who = {"machine": twin.machine.name, "controller": controller}
+        who = {"machine": served.machine.name, "controller": twin.controller}
         stack.enter_context(registered({"command": "serve", **who, "ports": ports(endpoints)}))
         print(json.dumps({**where, **who}), flush=True)
         if record is None or recording is None:

@@ -14,20 +14,26 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli import outputs
-from isel_twin.cli.options import check_writable, is_standard_input
+from isel_twin.cli.crews import crew_of
+from isel_twin.cli.interruption import interruption
+from isel_twin.cli.options import Whole, check_workers, check_writable, is_standard_input
 
 if TYPE_CHECKING:
+    from isel_twin.base.crew import Crew
     from isel_twin.many.studies.plan import Plan
     from isel_twin.many.studies.row import Point
-    from isel_twin.many.studies.run import Crew
     from isel_twin.many.studies.sensitivity import Index
     from isel_twin.many.studies.table import Table
 
 
 def sweep(
     plan: Annotated[Path, Parameter(help="What stays the same and what varies (TOML), see docs/sweeps.md.")],
-    out: Annotated[Path | None, Parameter(help="The table (Parquet); without it PLAN.parquet beside the plan.")] = None,
-    workers: Annotated[int | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(name=("--out", "-o"), help="The table (Parquet). PLAN.parquet beside the plan.")
+    ] = None,
+    workers: Annotated[Whole | None, Parameter(help="Processes; without it as many as there are processors.")] = None,
     cluster: Annotated[str | None, Parameter(help="A dask scheduler, tcp://HOST:PORT, in place of processes.")] = None,
     sensitivity: Annotated[
         Path | None, Parameter(help="Write a picture of what the outcome depends on (.png, .svg).")
@@ -44,8 +50,8 @@ def sweep(
     """
     if is_standard_input(plan):
         raise CallError("-: a job stands beside its plan; name a file")
-    if workers is not None and workers < 1:
-        raise CallError(f"workers {workers}: must be a number of processes from 1", option=True)
+    if workers is not None:
+        check_workers(workers)
     if workers is not None and cluster is not None:
         raise CallError("workers and cluster: a cluster has its own workers; name one of the two", option=True)
     from isel_twin.many.studies.plan import load_plan
@@ -80,11 +86,11 @@ def sweep(
 
 
 def _crew(workers: int | None, address: str | None, missing: int) -> Crew:
-    from isel_twin.many.studies import run
+    from isel_twin.base.crew import cluster
 
     if address is not None:
-        return run.cluster(address)
-    return run.local(max(1, min(workers if workers is not None else _processors(), missing)))
+        return cluster(address)
+    return crew_of(max(1, min(workers if workers is not None else _processors(), missing)))
 
 
 def _processors() -> int:
@@ -105,9 +111,8 @@ def _try_out(plan: Plan) -> None:
 
 def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
     """Make the missing rows; an exit code if somebody stops it, else 0."""
-    from isel_twin.cli.run import interruption
+    from isel_twin.base.crew import Lost, finished
     from isel_twin.many.studies.row import MismatchError, compute
-    from isel_twin.many.studies.run import Lost, finished
 
     missing = table.missing()
     had = len(table.rows)
@@ -122,7 +127,7 @@ def _fill(table: Table, plan: Plan, crew: Crew, json: bool) -> int:
             for index, outcome in finished(work, missing, crew, lambda: bool(stopped)):
                 if isinstance(outcome, Lost):
                     why = why or outcome.why
-                elif outcome is not None:
+                else:
                     row = table.add(missing[index], outcome)
                     shown.row(row)
         except BrokenPipeError:  # nobody reads the rows any more

@@ -12,11 +12,11 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.bridge.serve.endpoints import addresses, open_endpoints, ports
-from isel_twin.cli.options import ControllerName, Ptys, Rfc2217s, Tcps, check_writable
+from isel_twin.cli.options import ControllerName, Ptys, Replace, Rfc2217s, Tcps, Whole, check_writable
 from isel_twin.core.spec import TwinSpec
 
 if TYPE_CHECKING:
-    from isel_twin.bridge.tap.tap import Scribe
+    from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.controller import SerialFormat
 
 SWITCH_S = 0.0005
@@ -32,10 +32,10 @@ def tap(
     pty: Ptys = None,
     tcp: Tcps = None,
     rfc2217: Rfc2217s = None,
-    baud: Annotated[int, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
+    baud: Annotated[Whole, Parameter(help="Speed of the controller's line until the host sets another.")] = 19_200,
     frame: Annotated[str, Parameter(help="Its data bits, parity and stop bits.")] = "8N1",
     record: Annotated[Path | None, Parameter(help="FILE.mcap for both directions with their times.")] = None,
-    replace: Annotated[bool, Parameter(help="The recording may replace a file that exists.")] = False,
+    replace: Replace = False,
     log: Annotated[
         Literal["events", "wire"], Parameter(help="events: who comes and goes. wire: every message, in words, too.")
     ] = "events",
@@ -70,8 +70,8 @@ def tap(
             raise CallError(_refusal(device, error)) from None
         stack.callback(between.close)
         stack.enter_context(on_signals(between.stop))
-        scribe = _scribe(record, device, controller, form) if record is not None else None
-        between.scribe = scribe
+        writer = _book_writer(record, device, controller, form) if record is not None else None
+        between.writer = writer
         who = {"tap": device, "controller": controller}
         stack.enter_context(registered({"command": "tap", **who, "ports": ports(endpoints)}))
         print(json.dumps({**addresses(endpoints), **who}), flush=True)
@@ -80,8 +80,8 @@ def tap(
         try:
             between.run()
         finally:
-            if scribe is not None:
-                whole = scribe.close()
+            if writer is not None:
+                whole = writer.close()
         return 0 if whole else 1
 
 
@@ -107,17 +107,17 @@ def _check(record: Path | None, replace: bool) -> None:
     check_writable(record)
 
 
-def _scribe(record: Path, device: str, controller: str, form: SerialFormat) -> Scribe:
+def _book_writer(record: Path, device: str, controller: str, form: SerialFormat) -> BookWriter:
     from datetime import UTC, datetime
 
-    from isel_twin.bridge.tap.tap import Scribe
+    from isel_twin.bridge.tap.tap import BookWriter
     from isel_twin.language import create_language
     from isel_twin.recordings.mcap import RecordingWriter
 
     began = datetime.now(UTC).isoformat(timespec="milliseconds")
     metadata = {"kind": "tap", "controller": controller, "device": device, "line": str(form), "began": began}
     with call_errors(record):
-        return Scribe(RecordingWriter(record, metadata, language=create_language(controller)))
+        return BookWriter(RecordingWriter(record, metadata, language=create_language(controller)))
 
 
 def _refusal(device: str, error: OSError | ValueError) -> str:

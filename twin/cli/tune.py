@@ -13,29 +13,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors, one_line
+from isel_twin.cli.crews import crew_of
+from isel_twin.cli.interruption import interruption
 from isel_twin.cli.jobs import job_name, read_job
 from isel_twin.cli.options import (
     ControllerName,
     MachineName,
+    Overrides,
     ScenarioFile,
+    Timeout,
+    Whole,
+    Workers,
     check_seconds,
     check_writable,
     is_standard_input,
-    parse_override,
+    parse_overrides,
 )
 from isel_twin.cli.outputs import many
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
+    from isel_twin.base.crew import Crew
     from isel_twin.many.tuning import Problem, Tuned
     from isel_twin.many.tuning.judge import Judgement, Repetition
     from isel_twin.many.tuning.result import Tried
     from isel_twin.many.tuning.study import Study
 
 TRIALS = 60
-REPETITIONS = 5
+ROBUST = 5
 CONFIRM = 50
 LEAST = 0.2
 BATCH = 8
@@ -46,32 +51,30 @@ def tune(
     /,
     *,
     each_move: Annotated[bool, Parameter(help="Settings of its own for each move; equal lines share them.")] = False,
-    trials: Annotated[int, Parameter(help="Settings that are tried, those of earlier calls among them.")] = TRIALS,
+    trials: Annotated[Whole, Parameter(help="Settings that are tried, those of earlier calls among them.")] = TRIALS,
     margin: Annotated[float, Parameter(help="Least pull-out margin that the tuned job has to keep, 0 .. 1.")] = LEAST,
-    repetitions: Annotated[
-        int, Parameter(help="Slightly different machines on which each setting is judged.")
-    ] = REPETITIONS,
-    confirm: Annotated[int, Parameter(help="Further machines on which the tuned job has to hold.")] = CONFIRM,
+    robust: Annotated[Whole, Parameter(help="Slightly different machines on which each setting is judged.")] = ROBUST,
+    confirm: Annotated[Whole, Parameter(help="Further machines on which the tuned job has to hold.")] = CONFIRM,
     speed: Annotated[str | None, Parameter(help="LOW:HIGH in Hz, of rapid ways; one number: fixed.")] = None,
     acceleration: Annotated[str | None, Parameter(help="LOW:HIGH in Hz/ms.")] = None,
     start_stop: Annotated[str | None, Parameter(help="LOW:HIGH in Hz.")] = None,
     rapid: Annotated[
-        int | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
+        Whole | None, Parameter(help="Speeds in the job from here (Hz) are rapid; slower ones are feeds and stay.")
     ] = None,
     machine: MachineName = MACHINE,
     controller: ControllerName = TwinSpec.controller,
-    seed: Annotated[int, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
-    set: Annotated[tuple[str, ...], Parameter(help="Machine parameters, such as payload.mass=8.")] = (),
+    seed: Annotated[Whole, Parameter(help="Seed of the machines and of the choice of settings.")] = TwinSpec.seed,
+    set: Overrides = (),
     scenario: ScenarioFile = None,
     flash: Annotated[Path | None, Parameter(help="The controller's flash memory; is only read.")] = None,
-    timeout: Annotated[float, Parameter(help="Virtual seconds after which a missing reply is given up.")] = 3600.0,
+    timeout: Timeout = 3600.0,
     storage: Annotated[
         str | None, Parameter(help="Database of what has been tried: file, or URL as Optuna has it. JOB.tune.db")
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study in it.")] = "tune",
-    workers: Annotated[int, Parameter(help="Processes that share the work; results do not depend on it.")] = 1,
-    batch: Annotated[int, Parameter(help="Settings that are chosen together, so workers that help.")] = BATCH,
-    out: Annotated[Path | None, Parameter(help="The tuned job. JOB.tuned.txt")] = None,
+    workers: Workers = 1,
+    batch: Annotated[Whole, Parameter(help="Settings that are chosen together, so workers that help.")] = BATCH,
+    out: Annotated[Path | None, Parameter(name=("--out", "-o"), help="The tuned job. JOB.tuned.txt")] = None,
     permanent: Annotated[
         Path | None, Parameter(help="Commands that make its ramps the controller's own. JOB.permanent.txt")
     ] = None,
@@ -81,7 +84,7 @@ def tune(
     """Find the fastest settings of a job that lose no step and keep a margin, also on slightly different machines.
 
     Tried are the speed of its rapid ways, the acceleration and the start-stop frequency, for the whole job or, with
-    --each-move, for each of its moves. Each setting is judged on the machine as it is and on --repetitions others
+    --each-move, for each of its moves. Each setting is judged on the machine as it is and on --robust others
     (power-on position, supply 5 %, friction 20 %, masses and payload 10 %), the same ones for all; the first lost step
     ends it. The fastest that keeps --margin there has to keep it on --confirm others, too.
 
@@ -93,7 +96,7 @@ def tune(
     """
     if is_standard_input(job):
         raise CallError("-: the tuned job stands beside the job; name a file")
-    _check_numbers(trials, repetitions, confirm, workers, batch, margin, seed, rapid)
+    _check_numbers(trials, robust, confirm, workers, batch, margin, seed, rapid)
     check_seconds("timeout", timeout, 0.0)
     bounds = {"speed_hz": speed, "acceleration_hz_per_ms": acceleration, "start_stop_hz": start_stop}
     ranges = {name: _range(name, text) for name, text in bounds.items() if text is not None}
@@ -103,10 +106,10 @@ def tune(
     out = out or job.with_name(f"{job.stem}.tuned{job.suffix}")
     permanent = permanent or job.with_name(f"{job.stem}.permanent{job.suffix}")
     check_writable(out, permanent, picture, file, kept=(job, scenario, flash))
-    overrides = dict(parse_override(text) for text in set)
-    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=overrides)
+    call = TwinSpec(machine, controller, "mujoco", seed, scenario, None, overrides=parse_overrides(set))
 
     from isel_twin.base.files import Claim, atomic_write
+    from isel_twin.base.pictures import check_picture
     from isel_twin.core.warm import told_of_compiling
     from isel_twin.jobs.job import decode_job
     from isel_twin.jobs.robust import check
@@ -116,19 +119,19 @@ def tune(
     try:
         need_optuna()
         if picture is not None:
-            front.check_picture(picture)
-    except (StudyError, ValueError) as error:
-        raise CallError(str(error), option=not isinstance(error, StudyError)) from None
+            check_picture(picture, "tune")
+    except StudyError as error:
+        raise CallError(str(error)) from None
     with call_errors(job):
         image = flash.read_bytes() if flash is not None else None
-        check(call, repetitions + confirm)
+        check(call, robust + confirm)
         problem = Problem(
             decode_job(job.read_bytes()),
             call,
             each_move=each_move,
             rapid_hz=rapid,
             ranges=ranges,
-            repetitions=repetitions,
+            repetitions=robust,
             timeout_s=timeout,
             flash=image,
         )
@@ -139,19 +142,17 @@ def tune(
         with call_errors(database):
             begun = Study(problem, f"sqlite:///{file}" if file is not None else database, study, seed, batch, margin)
         stack.enter_context(told_of_compiling())
-        from isel_twin.cli.run import interruption
-
         stopped = stack.enter_context(interruption())
         show = _Json() if json else stack.enter_context(_Table(trials, confirm))
-        executor = stack.enter_context(_workers(workers))
-        stack.enter_context(_failures(job))
+        crew = stack.enter_context(crew_of(workers))
+        stack.enter_context(_failures())
         begun.judge_references(lambda: bool(stopped))
         before = begun.reference("as it stands")
         if before is not None and not before.good and not before.slipped:
             raise CallError(f"{job}: {before.why}; a job has to run before it can be tuned: isel-twin run {job}")
         show.begun(begun, problem)
-        begun.run(trials, executor, lambda: bool(stopped), show.tried)
-        found = None if stopped else _chosen(problem, begun, confirm, margin, executor, stopped, show)
+        begun.run(trials, crew, lambda: bool(stopped), show.tried)
+        found = None if stopped else _chosen(problem, begun, confirm, margin, crew, stopped, show)
         if picture is not None:
             marks = {"job as it stands": before, "controller's defaults": begun.reference("defaults")}
             if found is not None:
@@ -172,11 +173,11 @@ def tune(
 
 
 def _check_numbers(
-    trials: int, repetitions: int, confirm: int, workers: int, batch: int, margin: float, seed: int, rapid: int | None
+    trials: int, robust: int, confirm: int, workers: int, batch: int, margin: float, seed: int, rapid: int | None
 ) -> None:
     """Refuse numbers that are none. Raises CallError."""
     for name, value, low in (
-        ("trials", trials, 1), ("repetitions", repetitions, 0), ("confirm", confirm, 1), ("workers", workers, 1),
+        ("trials", trials, 1), ("robust", robust, 0), ("confirm", confirm, 1), ("workers", workers, 1),
         ("batch", batch, 1), ("seed", seed, 0), ("rapid", 1 if rapid is None else rapid, 1),
     ):  # fmt: skip
         if value < low:
@@ -195,34 +196,14 @@ def _range(name: str, text: str) -> tuple[int, int]:
 
 
 @contextmanager
-def _workers(number: int) -> Iterator[Executor | None]:
-    """Processes that are there before Ctrl-C can come, and never heed it; None: everything is done here."""
-    if number == 1:
-        yield None
-        return
-    from isel_twin.cli.run import without_ctrl_c
-    from isel_twin.jobs.robust import processes
-
-    with processes(number) as executor:
-        with without_ctrl_c():
-            for future in [executor.submit(int) for _ in range(number)]:
-                future.result()
-        yield executor
-
-
-@contextmanager
-def _failures(job: Path) -> Iterator[None]:
+def _failures() -> Iterator[None]:
     """What ends a study from outside is told in a line."""
-    from concurrent.futures import BrokenExecutor
-
     from isel_twin.many.tuning.study import StudyError
 
     try:
         yield
     except StudyError as error:
         raise CallError(str(error)) from None
-    except BrokenExecutor:
-        raise CallError(f"{job}: a worker has died; the same command goes on") from None
 
 
 def _chosen(
@@ -230,7 +211,7 @@ def _chosen(
     study: Study,
     confirm: int,
     least: float,
-    executor: Executor | None,
+    crew: Crew,
     stopped: Sequence[int],
     show: _Json | _Table,
 ) -> Tuned | None:
@@ -241,7 +222,7 @@ def _chosen(
     hard: list[int] = []
     if problem.each_move and any(tried.judgement.good for tried in study.tried):
         show.puts_together()
-        mended = study.repaired(confirm, hard, executor, lambda: bool(stopped), show.mended)
+        mended = study.repaired(confirm, hard, crew, lambda: bool(stopped), show.mended)
         if mended is not None:
             return tuned(problem, *mended)
         if stopped:
@@ -251,7 +232,7 @@ def _chosen(
             continue
         candidate = problem.candidate(tried.values)
         show.confirms(tried)
-        held = confirmed(problem, candidate, confirm, least, executor, lambda: bool(stopped), show.confirmed, hard)
+        held = confirmed(problem, candidate, confirm, least, crew, lambda: bool(stopped), show.confirmed, hard)
         if held is None:
             return None
         if held.good:

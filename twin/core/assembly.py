@@ -13,7 +13,15 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import Controller, HasKeys, NamesOutputs, PluginError, UnknownNameError, controller_factory
+from isel_twin.controller import (
+    Controller,
+    HasKeys,
+    NamesOutputs,
+    PluginError,
+    UnknownNameError,
+    controller_factory,
+    offers,
+)
 from isel_twin.core.spec import TwinSpec
 from isel_twin.language import Language, language_factory
 from isel_twin.machine import Machine, MachineError, with_overrides
@@ -71,8 +79,8 @@ def _events(spec: TwinSpec, machine: Machine, controller: Controller) -> tuple[S
         return spec.events
     if spec.events:
         raise ValueError(f"{spec.scenario}: there are events, too; allowed: one of the two")
-    own = controller.output_names if isinstance(controller, NamesOutputs) else ()
-    keys = controller.keys if isinstance(controller, HasKeys) else {}
+    own = controller.output_names if offers(controller, NamesOutputs) else ()
+    keys = controller.keys if offers(controller, HasKeys) else {}
     switches = [switch.name for switch in machine.switches]
     return load_scenario(spec.scenario, settable(machine), switches, (*outputs(machine), *own), keys)
 

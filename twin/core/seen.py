@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue
+from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue, offers
 from isel_twin.core.position import Position
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
@@ -38,13 +38,13 @@ class Seen:
     def key_values(self) -> Mapping[str, KeyValue]:
         """What the keys of the controller's own panel are put to; empty without any, and without supply."""
         self._tell()
-        return self._controller.key_values if isinstance(self._controller, HasKeys) else {}
+        return self._controller.key_values if offers(self._controller, HasKeys) else {}
 
     @property
     def unfinished(self) -> str:
         """Where and why a program of the controller's own stands before its end; "" if none does."""
         self._tell()
-        return self._controller.unfinished if isinstance(self._controller, EndsPrograms) else ""
+        return self._controller.unfinished if offers(self._controller, EndsPrograms) else ""
 
     @property
     def counts(self) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDrives
+from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDrives, offers
 
 OFTEN = 1024
 """Calls after which it is tried to begin with a pickle, as soon as the controller is idle; that takes 50 us."""
@@ -66,7 +66,7 @@ class Told:
     def use_drives(self, drives: Drives) -> None:
         """See UsesDrives.use_drives, if the controller does."""
         self._drives.asked = drives
-        if isinstance(self.controller, UsesDrives):
+        if offers(self.controller, UsesDrives):
             self.controller.use_drives(cast(Drives, self._drives))
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -87,7 +87,7 @@ class Told:
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> bool:
         """See HasKeys.press; return whether the controller has keys."""
-        if not isinstance(self.controller, HasKeys):
+        if not offers(self.controller, HasKeys):
             return False
         self._note(("press", t_ns, (name, value)))
         self.controller.press(t_ns, name, value)
@@ -124,7 +124,7 @@ class Told:
             raise StateError("a controller that was handed in cannot be built again")
         else:
             controller = build(life.flash)
-            if isinstance(controller, UsesDrives):
+            if offers(controller, UsesDrives):
                 controller.use_drives(cast(Drives, asked))
         for name, t_ns, value in replies:
             if name == "advance":

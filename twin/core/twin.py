@@ -48,6 +48,7 @@ from isel_twin.controller import (
     SerialFormat,
     Step,
     UsesDrives,
+    offers,
 )
 from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
 from isel_twin.core.journal import Note, Received, cut_content, push_content
@@ -193,7 +194,7 @@ class Twin(Seen):
         self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
-        self.keys: Mapping[str, Key] = dict(controller.keys) if isinstance(controller, HasKeys) else {}
+        self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}
         """Keys of the controller's own panel, by name: see `press`."""
         self.flash = flash
         self.on_flash: Callable[[bytes], None] | None = None
@@ -202,7 +203,7 @@ class Twin(Seen):
         """Time in ns and text of the controller's last remarks: why something has failed. The log has them, too."""
         self.steps_made: deque[Step] = deque(maxlen=_STEPS)
         """Steps that a program of the controller's has come to, the last ones; whoever shows them clears them."""
-        asking = controller if isinstance(controller, UsesDrives) else None
+        asking = controller if offers(controller, UsesDrives) else None
         drive_inputs = () if asking is None else tuple(asking.drive_inputs())
         axes = len(controller.counts)
         schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
@@ -241,7 +242,7 @@ class Twin(Seen):
     def _adopt(self, controller: Controller) -> None:
         """This is the controller from now on."""
         self._controller = controller
-        self._handshake = controller if isinstance(controller, HoldsHost) else None
+        self._handshake = controller if offers(controller, HoldsHost) else None
         self._sources: tuple[Source, ...] = (controller, self._line, self._wiring)
         if self._handshake is None:
             self._line.clear_to_send(self.time_ns, True)

@@ -240,7 +240,7 @@ _FILES = (__file__, shaft.__file__, trigonometry.__file__)
 
 
 def drop_stale_code(function: Any, *files: str) -> None:
-    """Throw away what numba has kept of a function that contains code of other files, if those have changed since.
+    """Delete the compiled code that numba has cached of a function if other files compiled into it have changed.
 
     numba asks only whether the function's own file has changed. So the digest of the others is kept beside the code.
     files: the others, those of `step_axis` if none is named. Call it once, right after the function is defined.

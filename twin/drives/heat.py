@@ -6,8 +6,8 @@ The two phase currents of a stage are sine and cosine, so their losses add up to
 that reaches its limit opens the over-temperature contact, and closes it again when it has cooled by HYSTERESIS_K.
 
 The currents are looked at once a second of virtual time, on a grid counted from power-on, which is often enough for a
-time constant of minutes and does not depend on how time is cut into calls. Stages that could not reach their limit at
-full current for ever are not looked at at all.
+time constant of minutes and does not depend on how time is cut into calls. Stages that cannot reach their limit at
+continuous full current are not looked at.
 """
 
 from __future__ import annotations

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from json import dumps
 from pathlib import Path
 
+from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.curves import (
     pull_in_rate,
     pull_out_envelope,
@@ -76,16 +78,27 @@ def default_stage(motor: Motor) -> Stage:
 
 
 def show_motor(
-    name: str, stage: Stage | None = None, picture: Path | None = None, motors: Mapping[str, Motor] = MOTORS
+    name: str,
+    stage: Stage | None = None,
+    picture: Path | None = None,
+    motors: Mapping[str, Motor] = MOTORS,
+    *,
+    json: bool = False,
 ) -> None:
-    """Print what motor `name` does on a stage (None: `default_stage`); with `picture`, draw the curve into that file.
+    """Print what motor `name` does on a stage (None: `default_stage`), as a table or as one JSON object; with
+    `picture`, draw the curve into that file.
 
     Raises ValueError for an unknown motor, or if a picture is asked for and matplotlib is missing.
     """
     motor = find_motor(name, motors)
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
-    print("\n".join(_text(name, motor, stage, table)))
+    if json:
+        print(
+            dumps({"motor": name, "data": asdict(motor), "stage": asdict(stage), "curve": [asdict(p) for p in table]})
+        )
+    else:
+        print("\n".join(_text(name, motor, stage, table)))
     if picture is not None:
         draw_torque(table, _title(name, stage), picture)
 
@@ -95,20 +108,13 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
 
     Raises ValueError if matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
     speeds = [point.speed_rpm for point in table]
-    axes.plot(speeds, [point.envelope_nm for point in table], "--", label="closed form: bound")
-    axes.plot(speeds, [point.predicted_nm for point in table], ":", label="closed form: prediction")
-    axes.plot(speeds, [point.pull_out_nm for point in table], "o-", markersize=3, label="pull-out torque")
-    axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(file)
+    curves = [
+        Curve("closed form: bound", speeds, [point.envelope_nm for point in table], "--"),
+        Curve("closed form: prediction", speeds, [point.predicted_nm for point in table], ":"),
+        Curve("pull-out torque", speeds, [point.pull_out_nm for point in table], "o-"),
+    ]
+    draw_curves(file, title, "speed, rev/min", "torque, Nm", curves)
 
 
 def _title(name: str, stage: Stage) -> str:

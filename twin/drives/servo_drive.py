@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from isel_twin.base.parameters import check, number
 
 I2T_BACK = 0.9
-"""Where an overload is over."""
+"""I2t below which an overload is over."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ServoMotor:
     """K: torque over current, and back-EMF over speed."""
     rotor_inertia_kgm2: float = number("kg m2", 1e-9, 10.0, key="rotor_inertia")
     rated_current_a: float = number("A", 1e-3, 1e3, key="rated_current")
-    """What it stands for ever."""
+    """Current that it can carry continuously."""
 
     def __post_init__(self) -> None:
         check(self)

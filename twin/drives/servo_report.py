@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from json import dumps
 from pathlib import Path
 
+from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 
 BAR = 40
@@ -47,32 +49,31 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
     ]
 
 
-def show_servo(name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None) -> None:
-    """Print what the motor of an axis does on its drive; with `picture`, draw the curve into that file.
+def show_servo(
+    name: str, motor: ServoMotor, drive: ServoDrive, lead_mm: float, picture: Path | None = None, *, json: bool = False
+) -> None:
+    """Print what the motor of an axis does on its drive, as a table or as one JSON object; with `picture`, draw the
+    curve into that file.
 
     lead_mm: of its screw. Raises ValueError if a picture is asked for and matplotlib is missing.
     """
     table = servo_table(motor, drive)
-    print("\n".join(_text(name, motor, drive, lead_mm, table)))
+    if json:
+        print(dumps({"axis": name, "data": asdict(motor), "drive": asdict(drive), "curve": [asdict(p) for p in table]}))
+    else:
+        print("\n".join(_text(name, motor, drive, lead_mm, table)))
     if picture is not None:
         draw_servo(table, _title(name, drive), picture)
 
 
 def draw_servo(table: Sequence[ServoPoint], title: str, file: Path) -> None:
     """Draw the curve into a file (type by suffix: png, svg, pdf). Raises ValueError if matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
     speeds = [point.speed_rpm for point in table]
-    axes.plot(speeds, [point.peak_nm for point in table], "--", label="peak current, for moments")
-    axes.plot(speeds, [point.rated_nm for point in table], label="rated current, for ever")
-    axes.set(title=title, xlabel="speed, rev/min", ylabel="torque, Nm", xlim=(0, None), ylim=(0, None))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(file)
+    curves = [
+        Curve("peak current, for moments", speeds, [point.peak_nm for point in table], "--"),
+        Curve("rated current, for ever", speeds, [point.rated_nm for point in table]),
+    ]
+    draw_curves(file, title, "speed, rev/min", "torque, Nm", curves)
 
 
 def _title(name: str, drive: ServoDrive) -> str:

@@ -1,4 +1,4 @@
-"""What turns, whatever turns it: the records of an axis drive, and its rotor, screw and nut in one sub-step.
+"""Rotor, screw and nut of an axis in one sub-step, whatever motor turns them; and the records of an axis drive.
 
 Goal: stepper and servo drives differ in how a command becomes a torque, and in nothing else. What the torque does with
 rotor, friction, screw, backlash and nut stands here once, compiled into both (dynamics.py, servo.py):

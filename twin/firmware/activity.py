@@ -29,7 +29,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
-from isel_twin.motion import Motion, Path, StepRun, TimeLaw
+from isel_twin.motion import Motion, StepPath, StepRun, TimeLaw
 
 
 class Unfinished(Exception):
@@ -48,7 +48,7 @@ class Make:
 class Travel:
     """Make the ticks first + 1 .. first + law.ticks of a path. Result: `Ended`."""
 
-    path: Path
+    path: StepPath
     law: TimeLaw
     first: int = 0
     purpose: object = None

@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 
 from isel_twin.firmware.activity import Activity, Ended, Listen, Make, Pause, Request, Travel, Unfinished
 from isel_twin.motion import Displacement, Motion
+from isel_twin.motion.path import added
 
 EndedBy = Callable[[Unfinished | None], None]
 """Told how an activity has ended: None if it returned, else why it did not."""
@@ -72,7 +73,7 @@ class Executor:
     @property
     def counts(self) -> Displacement:
         """Counters of all axes now."""
-        return self._base if self._motion is None else _sum(self._base, self._motion.displacement(self.now_ns))
+        return self._base if self._motion is None else added(self._base, self._motion.displacement(self.now_ns))
 
     @property
     def motion(self) -> Motion | None:
@@ -290,7 +291,3 @@ class Executor:
         activity = self._activity
         self._activity = self._ended = self._request = self._pause_end_ns = self._stopping = None
         return activity
-
-
-def _sum(a: Displacement, b: Displacement) -> Displacement:
-    return tuple(m + n for m, n in zip(a, b, strict=True))

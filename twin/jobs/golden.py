@@ -36,7 +36,8 @@ from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
-    from isel_twin.jobs.job import Result
+    from isel_twin.core.twin import Twin
+    from isel_twin.jobs.result import Result
     from isel_twin.jobs.verdict import Verdict
     from isel_twin.motion import Steps
 
@@ -55,7 +56,7 @@ TOLERANCE_MM = 0.002
 TOLERANCE_STEPS = 2
 """Of lost steps: less is load angle."""
 
-_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario")
+_HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
 
 
@@ -65,7 +66,7 @@ class GoldenError(FileError):
 
 @dataclass(frozen=True)
 class Move:
-    """A line of a job and what came of it."""
+    """A command of a job and what came of it."""
 
     line: int
     sent: str
@@ -78,6 +79,8 @@ class Move:
     axes: tuple[str, ...] = ()
     """Digest of each axis, "-": it stands."""
     windows: tuple[str, ...] = ()
+    spans_ns: tuple[tuple[int, int], ...] = field(default=(), compare=False)
+    """First and last tick of each window, in ns since the command was sent; not in the file."""
     steps: tuple[tuple[int, str], ...] = field(default=(), compare=False)
     """Of a program: when each began, in ns since the command was sent, and what it is; not in the file."""
 
@@ -92,43 +95,30 @@ class Golden:
     end: Mapping[str, Any] = field(default_factory=dict)
     """ok, cycle_s, counts, position_mm and lost_steps of the verdict."""
 
-    @staticmethod
-    def of(call: Mapping[str, Any], moves: Sequence[Move], verdict: Verdict) -> Golden:
-        """A run that is over."""
-        summary = verdict.summary()
-        end = {
-            "ok": verdict.ok,
-            "cycle_s": (verdict.ended_ns - verdict.began_ns) / SECOND_NS,
-            "counts": summary["counts"],
-            "position_mm": [round(mm, 3) + 0.0 for mm in summary["position_mm"]],
-            "lost_steps": [round(steps) for steps in summary["lost_steps"]],
-        }
-        return Golden(dict(call), tuple(moves), end)
-
 
 class Scribe:
-    """Writes down the lines of a job as they end."""
+    """A watcher that writes down each command of a job; what the twin did before is left out."""
 
-    def __init__(self) -> None:
-        self._ticks = 0
-        self.spans_ns: list[tuple[tuple[int, int], ...]] = []
-        """First and last tick in each window of each command, in ns since it was sent."""
+    def __init__(self, twin: Twin) -> None:
+        self._twin = twin
+        self._ticks = len(twin.steps)
+        self._moves: list[Move] = []
         self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
         """int64 [axes], sum of the ticks of the last line."""
 
-    def move(self, result: Result, steps: Steps) -> Move:
-        """What came of a line; `steps`: the twin's stream, all of it, when the line has just ended."""
-        t_ns, delta = _since(steps, self._ticks)
-        self._ticks = len(steps)
+    def take(self, result: Result) -> None:
+        """A line has just ended. Whether a condition is met is in the verdict."""
+        t_ns, delta = _since(self._twin.steps, self._ticks)
+        self._ticks = len(self._twin.steps)
         self.way = delta.sum(axis=0, dtype=np.int64)
+        if result.condition:
+            return
         moving = np.flatnonzero((delta != 0).any(axis=1))  # a stopped motion may end with ticks that change nothing
         t_ns, delta = t_ns[moving] - result.time_ns, delta[moving].astype("<i4")
         size = max(WINDOW_TICKS, -(-len(t_ns) // WINDOWS))
         cuts = [slice(first, first + size) for first in range(0, len(t_ns), size)]
-        if not result.condition:
-            self.spans_ns.append(tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts))
         axes = range(delta.shape[1]) if len(t_ns) else ()
-        return Move(
+        move = Move(
             line=result.number,
             sent=result.command,
             reply=result.reply,
@@ -137,8 +127,21 @@ class Scribe:
             ticks=tuple(int(np.count_nonzero(delta[:, i])) for i in axes),
             axes=tuple(_axis_digest(t_ns, delta[:, i]) for i in axes),
             windows=tuple(_digest(t_ns[cut], delta[cut]) for cut in cuts),
+            spans_ns=tuple((int(t_ns[cut][0]), int(t_ns[cut][-1])) for cut in cuts),
             steps=tuple((part.time_ns - result.time_ns, part.text) for part in result.parts if part.position_mm),
         )
+        self._moves.append(move)
+
+    def golden(self, verdict: Verdict) -> Golden:
+        """The whole job, now that it is over; without its call."""
+        end = {
+            "ok": verdict.ok,
+            "cycle_s": verdict.cycle_s,
+            "counts": list(verdict.counts),
+            "position_mm": [round(round(mm, 6), 3) + 0.0 for mm in verdict.position_mm],
+            "lost_steps": [round(round(steps, 3)) for steps in verdict.lost_steps],
+        }
+        return Golden({}, tuple(self._moves), end)
 
 
 def _since(steps: Steps, ticks: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
@@ -180,6 +183,8 @@ def called(run: Golden, call: TwinSpec, job: Path, file: Path) -> Golden:
     head |= {"plant": call.plant, "seed": call.seed}
     if Path(call.machine_name).is_dir():
         head["machine"] = _seen_from(file, Path(call.machine_name))
+    if call.overrides:
+        head["set"] = dict(call.overrides)
     if call.scenario is not None:
         head["scenario"] = _seen_from(file, call.scenario)
     return replace(run, call=head)
@@ -224,7 +229,7 @@ def load(path: str | Path) -> Golden:
         if key not in content:
             raise place.at(key).wrong("missing; this is no golden file: make one with isel-twin golden record")
     if content["format"] != FORMAT:
-        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --update")
+        raise place.at("format").wrong(f"{content['format']!r}; allowed: {FORMAT}; make the file anew with --replace")
     call = {key: _checked(content, key, place) for key in _HEAD[1:] if key in content}
     lines = content["lines"]
     if not isinstance(lines, list):
@@ -237,6 +242,7 @@ def load(path: str | Path) -> Golden:
 
 _KINDS: Mapping[str, tuple[type, ...]] = {
     "seed": (int,),
+    "set": (dict,),
     "ok": (bool,),
     "cycle_s": (int, float),
     "counts": (list,),
@@ -292,18 +298,13 @@ class Difference:
         return self.what if self.line is None else f"line {self.line}: {self.what}"
 
 
-def differences(
-    golden: Golden, run: Golden, spans_ns: Sequence[tuple[tuple[int, int], ...]] = ()
-) -> Iterator[Difference]:
-    """What the run does differently, in the order of the job, so that the first is the first divergence.
-
-    spans_ns: `Scribe.spans_ns` of the run, to say when in a move.
-    """
+def differences(golden: Golden, run: Golden) -> Iterator[Difference]:
+    """What the run does differently, in the order of the job, so that the first is the first divergence."""
     for key in _HEAD[1:]:
         if (was := golden.call.get(key)) != (now := run.call.get(key)) and key != "job":
             yield Difference(None, f"{key}: {_or_none(was)} -> {_or_none(now)}")
-    for k, (was, now) in enumerate(zip(golden.moves, run.moves, strict=False)):
-        yield from _of_moves(was, now, spans_ns[k] if k < len(spans_ns) else ())
+    for was, now in zip(golden.moves, run.moves, strict=False):
+        yield from _of_moves(was, now)
     for move in golden.moves[len(run.moves) :]:
         yield Difference(move.line, f"{move.sent}: not sent any more")
     for move in run.moves[len(golden.moves) :]:
@@ -315,7 +316,7 @@ def _or_none(value: Any) -> str:
     return "none" if value in (None, "") else str(value)
 
 
-def _of_moves(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> Iterator[Difference]:
+def _of_moves(was: Move, now: Move) -> Iterator[Difference]:
     def told(what: str) -> Difference:
         return Difference(now.line, f"{now.sent}: {what}")
 
@@ -327,12 +328,12 @@ def _of_moves(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> It
         late_ms = (now.took_ns - was.took_ns) / 1e6
         yield told(f"time {was.took_ns / SECOND_NS:.6f} -> {now.took_ns / SECOND_NS:.6f} s ({late_ms:+.6g} ms)")
     if was.windows != now.windows:
-        yield told(f"stream {_where(was, now, spans_ns)}")
+        yield told(f"stream {_where(was, now)}")
     if was.counts != now.counts:
         yield told(f"counters {_listed(was.counts)} -> {_listed(now.counts)}")
 
 
-def _where(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> str:
+def _where(was: Move, now: Move) -> str:
     """Which axes differ, and from when on."""
     names = [
         f"{name} {a} -> {b} ticks" if a != b else f"{name} at other times"
@@ -345,8 +346,8 @@ def _where(was: Move, now: Move, spans_ns: tuple[tuple[int, int], ...]) -> str:
         (k for k, (a, b) in enumerate(zip(was.windows, now.windows, strict=False)) if a != b),
         min(len(was.windows), len(now.windows)),
     )
-    if first < len(spans_ns):
-        begin_ns, end_ns = spans_ns[first]
+    if first < len(now.spans_ns):
+        begin_ns, end_ns = now.spans_ns[first]
         when = f"first from {begin_ns / SECOND_NS:.6f} to {end_ns / SECOND_NS:.6f} s after it was sent"
         ends = zip(now.steps, _ends(now.steps), strict=True)
         made = [text for (begun_ns, text), over_ns in ends if begun_ns <= end_ns and over_ns > begin_ns]

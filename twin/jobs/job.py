@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
+from isel_twin.controller import offers
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.expect import (
     Condition,
@@ -113,7 +114,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
     Only text that has to be framed needs the language.
     """
-    if isinstance(language, RunsPrograms):
+    if offers(language, RunsPrograms):
         try:
             steps = language.job(text)
         except LanguageError as error:
@@ -144,7 +145,7 @@ def parse_job(text: str, language: Language | None, controller: str) -> list[Lin
 
 def check_controller(text: str, language: Language | None, controller: str) -> None:
     """Raise JobError for a text that can only be a program of another controller than the one that is named."""
-    if isinstance(language, RunsPrograms):
+    if offers(language, RunsPrograms):
         return
     if others := programs_for(text):
         raise JobError(
@@ -270,11 +271,9 @@ def _parts(twin: Twin, line: Line, before: tuple[int, str] | None) -> tuple[Part
     scale = twin.step_mm.tolist()
     language = twin.language
     new = list(reversed(list(takewhile(lambda one: one is not before, reversed(twin.remarks)))))
-    about = [language.place(text) if isinstance(language, RunsPrograms) else ("", 0) for _, text in new]
+    about = [language.place(text) if offers(language, RunsPrograms) else ("", 0) for _, text in new]
     names = {step.name for step in steps} | {name for name, _ in about if name}
-    places: Mapping[str, int] = (
-        language.lines(line.source, names) if isinstance(language, RunsPrograms) and names else {}
-    )
+    places: Mapping[str, int] = language.lines(line.source, names) if offers(language, RunsPrograms) and names else {}
 
     def at(name: str, column: int) -> tuple[int, int] | None:
         return (places[name], column) if name in places else None

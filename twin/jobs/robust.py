@@ -14,20 +14,20 @@ A job is robust if all repetitions end as the job itself does: accepted or not, 
 
 from __future__ import annotations
 
-import dataclasses
-import multiprocessing
+import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.crew import Crew, in_order
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.controller import create_controller
 from isel_twin.core.spec import TwinSpec
-from isel_twin.jobs.verdict import Verdict, judge
+from isel_twin.jobs.playing import played
+from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
 
 if TYPE_CHECKING:
@@ -41,14 +41,11 @@ FRICTION = 0.2
 LOAD = 0.1
 """Largest part by which each mass differs."""
 
-POLL_S = 0.1
-"""How often one that waits for processes asks whether it should."""
-
 _FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
 
-@dataclasses.dataclass(frozen=True)
-class Trial:
+@dataclass(frozen=True)
+class Repetition:
     """A repetition of a job and what became of it."""
 
     number: int
@@ -101,86 +98,23 @@ def check(call: TwinSpec, number: int) -> None:
             with_overrides(machine, perturbation(machine, call.seed, n)[2])
 
 
-def trials(
+def repetitions(
     call: TwinSpec,
     lines: Sequence[Line],
     number: int,
     *,
     timeout_s: float,
     flash: bytes | None = None,
-    executor: Executor | None = None,
+    crew: Crew | None = None,
     stop: Callable[[], bool] | None = None,
-) -> Iterator[Trial]:
-    """Repeat a job so many times with small perturbations; in the order of their numbers, whatever runs them.
+) -> Iterator[Repetition]:
+    """Repeat a job so many times with small perturbations; in the order of their numbers, whatever crew makes them.
 
     flash: image of the controller's flash memory at the beginning of the job; nothing is written to the call's file.
-    executor: None: here, one by one, each when it is asked for. stop: asked now and then; once it returns True the
-    repetitions end, and those that have begun are given up (in other processes if these are of `processes`).
+    crew: None: here, each when it is asked for. stop: asked now and then; once it returns True no more come.
     """
-    numbers = range(1, number + 1)
-    if executor is None:
-        begun = (_trial(call, lines, n, timeout_s, flash, stop) for n in numbers)
-    else:
-        futures = [executor.submit(_trial, call, lines, n, timeout_s, flash) for n in numbers]
-        begun = (_wait(future, stop) for future in futures)
-    return _until_none(begun)
-
-
-@contextmanager
-def processes(count: int) -> Iterator[Executor]:
-    """Processes that repeat jobs, begun when they are needed; at the end they give up what they are at."""
-    context = multiprocessing.get_context("spawn")
-    given_up = context.Event()
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_serve, initargs=(given_up,))
-    try:
-        yield executor
-    finally:
-        given_up.set()
-        executor.shutdown(cancel_futures=True)
-
-
-_given_up: Callable[[], bool] | None = None
-"""In a process of `processes`: whether to go on; no result depends on it."""
-
-
-def _serve(given_up: Any) -> None:
-    """Begin as a process that repeats jobs."""
-    global _given_up
-    _given_up = given_up.is_set
-
-
-def given_up() -> bool:
-    """Whether whoever asked for what is computed in this process waits for it no longer."""
-    return _given_up is not None and _given_up()
-
-
-@contextmanager
-def giving_up(stop: Callable[[], bool] | None) -> Iterator[None]:
-    """What is computed here meanwhile is given up once `stop` returns True."""
-    global _given_up
-    before, _given_up = _given_up, stop
-    try:
-        yield
-    finally:
-        _given_up = before
-
-
-def _wait(future: Future[Trial | None], stop: Callable[[], bool] | None) -> Trial | None:
-    """A repetition in another process, None if it is to be waited for no longer."""
-    while stop is None or not stop():
-        try:
-            return future.result(None if stop is None else POLL_S)
-        except TimeoutError:
-            if future.done():
-                raise
-    return future.result() if future.done() and not future.cancelled() else None
-
-
-def _until_none(begun: Iterator[Trial | None]) -> Iterator[Trial]:
-    for trial in begun:
-        if trial is None:
-            return
-        yield trial
+    repeat = functools.partial(_repetition, call, lines, timeout_s, flash)
+    return in_order(repeat, range(1, number + 1), crew, stop)
 
 
 def agree(verdict: Verdict, other: Verdict) -> bool:
@@ -203,20 +137,9 @@ def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> t
     return spec.build(), seed, factors
 
 
-def _trial(
-    call: TwinSpec,
-    lines: Sequence[Line],
-    number: int,
-    timeout_s: float,
-    flash: bytes | None,
-    stop: Callable[[], bool] | None = None,
-) -> Trial | None:
-    """One repetition, None if it was stopped; a function of its arguments alone, so it can run in another process."""
-    from isel_twin.jobs.job import play
-
-    stop = stop or _given_up
+def _repetition(
+    call: TwinSpec, lines: Sequence[Line], timeout_s: float, flash: bytes | None, number: int
+) -> Repetition:
+    """A function of its arguments alone, so that it can run in another process."""
     twin, seed, factors = perturbed_twin(call, number, flash)
-    results = list(play(twin, lines, timeout_s, stop))
-    if stop is not None and stop() and not (len(results) == len(lines) and results[-1].complete):
-        return None
-    return Trial(number, seed, factors, judge(twin, results, len(lines) - len(results)))
+    return Repetition(number, seed, factors, played(twin, lines, timeout_s=timeout_s).verdict)

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.wiring.contacts import FAULTS
 
@@ -120,6 +121,16 @@ class Verdict:
     """Events of the scenario that were still to come when the last command was over."""
     events_without_effect: int = 0
     """Forces, cuts and lost phases of the scenario on a plant without physics."""
+
+    @property
+    def cycle_s(self) -> float:
+        """From the first command to the end of the last one."""
+        return (self.ended_ns - self.began_ns) / SECOND_NS
+
+    @property
+    def least_margin(self) -> float | None:
+        """The least of all axes; None without physics."""
+        return min((margin for margin in self.margin if margin is not None), default=None)
 
     @property
     def accepted(self) -> int:

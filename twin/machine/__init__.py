@@ -1,3 +1,46 @@
-"""The numbers of a machine."""
+"""The numbers of a machine: what `models/<name>/machine.toml` says, read, checked and frozen.
 
-from isel_twin.machine.machine import *  # noqa: F403
+Every constant of the physics has a name, a unit, a source and a grade, and a wrong one is named before it does harm.
+
+schema.py      what a machine is: names, units, limits
+build.py       its tables to a `Machine`
+reader.py      its file to its tables
+overrides.py   another one with some numbers changed
+"""
+
+from isel_twin.machine.overrides import describe, with_overrides
+from isel_twin.machine.reader import load_machine, machine_from_tree
+from isel_twin.machine.schema import (
+    CABINETS,
+    DEFAULT_CABINET,
+    LEVELS,
+    Axis,
+    Contact,
+    Imperfections,
+    Machine,
+    MachineError,
+    Mode,
+    Squareness,
+    Timing,
+)
+from isel_twin.models import machine_names, models_folder
+
+__all__ = [
+    "CABINETS",
+    "DEFAULT_CABINET",
+    "LEVELS",
+    "Axis",
+    "Contact",
+    "Imperfections",
+    "Machine",
+    "MachineError",
+    "Mode",
+    "Squareness",
+    "Timing",
+    "describe",
+    "load_machine",
+    "machine_from_tree",
+    "machine_names",
+    "models_folder",
+    "with_overrides",
+]

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from isel_twin.motion.circle import circle, helix
 from isel_twin.motion.motion import Motion
-from isel_twin.motion.path import Displacement, Path, line
+from isel_twin.motion.path import Displacement, StepPath, line
 from isel_twin.motion.record import Steps
 from isel_twin.motion.set_points import SetPointRun, SetPoints
 from isel_twin.motion.step_run import StepRun
@@ -34,9 +34,9 @@ from isel_twin.motion.time_law import TimeLaw, constant, trapezoid
 __all__ = [
     "Displacement",
     "Motion",
-    "Path",
     "SetPointRun",
     "SetPoints",
+    "StepPath",
     "StepRun",
     "Steps",
     "Stream",

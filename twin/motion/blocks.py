@@ -8,17 +8,24 @@ A block is a value: what changes makes another one. A piece whose phases lie in 
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion.look_ahead import SPEED, T
+from isel_twin.motion.look_ahead import LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
+
+BLOCK = 512
+"""Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Block:
+class PlanBlock:
     """A stretch of the plan: phases in the order of time, and the pieces that they, or later ones, lead along."""
 
     first: int
@@ -41,10 +48,10 @@ class Block:
         """The phase at this time; -1 before the first."""
         return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
 
-    def split(self, row: int) -> tuple[Block, Block]:
-        """The phases before this one, the others."""
+    def split(self, row: int) -> tuple[PlanBlock, PlanBlock]:
+        """Two blocks: the phases before `row`, and the others."""
         last, first = int(self.piece[row - 1]) + 1, int(self.piece[row])
-        before = Block(
+        before = PlanBlock(
             self.first,
             self.phases[:row].copy(),
             self.piece[:row].copy(),
@@ -54,7 +61,7 @@ class Block:
             tuple((j, curve) for j, curve in self.curves if j < last),
             0,
         )
-        after = Block(
+        after = PlanBlock(
             self.first + first,
             self.phases[row:],
             self.piece[row:] - np.int32(first),
@@ -66,8 +73,8 @@ class Block:
         )
         return before, after
 
-    def with_pieces(self, pieces: Pieces) -> Block:
-        """With these behind it, without phases."""
+    def with_pieces(self, pieces: Pieces) -> PlanBlock:
+        """With more pieces at the end, which have no phases yet."""
         if not len(pieces):
             return self
         n = len(self.table)
@@ -78,14 +85,14 @@ class Block:
             curves=self.curves + tuple((n + j, curve) for j, curve in pieces.curves),
         )
 
-    def with_speed(self, first: int, last: int, speed: float) -> Block:
+    def with_speed(self, first: int, last: int, speed: float) -> PlanBlock:
         """With another wanted speed on the pieces from `first` to before `last`."""
         changed = self.table.copy()
         changed[first : max(last, first), SPEED] = speed
         return replace(self, table=changed)
 
-    def shortened(self, count: int) -> Block:
-        """With its first so many pieces; what led along others was standing."""
+    def shortened(self, count: int) -> PlanBlock:
+        """The first `count` pieces; phases on dropped pieces must be at standstill."""
         if count >= len(self.table):
             return self
         row = int(self.piece.searchsorted(count))
@@ -99,13 +106,13 @@ class Block:
             curves=tuple((j, curve) for j, curve in self.curves if j < count),
         )
 
-    def standing(self, piece: int, s: float, t_s: float) -> Block:
-        """With nothing but a phase that stands, from a time on, at place s of a piece."""
+    def standing(self, piece: int, s: float, t_s: float) -> PlanBlock:
+        """With a single phase: standing from t_s on, at place s of a piece."""
         phases = np.array([[t_s, 0.0, s, s, 0.0, 0.0]])
         return replace(self, phases=phases, piece=np.array([piece], np.int32), back=np.zeros(1, np.int8))
 
-    def with_phases(self, row: int, piece: int, law: Law) -> Block:
-        """With the first `row` phases, then those of a law that begins on this piece."""
+    def with_phases(self, row: int, piece: int, law: Law) -> PlanBlock:
+        """The first `row` phases, then those of a law that begins on this piece."""
         return replace(
             self,
             phases=np.vstack((self.phases[:row], law.phases)),
@@ -117,7 +124,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Law:
-    """What `lay` or `brake` made, piece numbers from the first piece on."""
+    """Phases that `lay` or `brake` made; numbers of pieces count from the first piece they were given."""
 
     phases: NDArray[np.float64]
     piece: NDArray[np.int32]
@@ -136,3 +143,96 @@ class State:
     v: float
     t_s: float
     ended: bool
+
+
+# ---- blocks one after the other --------------------------------------------------------------------------------------
+
+
+def long_enough(rows: int) -> bool:
+    """True if so many phases may be a block of their own."""
+    return rows >= BLOCK
+
+
+def block_at(blocks: Sequence[PlanBlock], t_s: float) -> int:
+    """Number of the block at this time."""
+    return max(bisect_right(blocks, t_s, key=lambda block: block.start_s) - 1, 0)
+
+
+def _own_pieces(blocks: Sequence[PlanBlock]) -> list[tuple[PlanBlock, int]]:
+    """Blocks, and how many of the pieces of each are not in the next one, too."""
+    own = [(block, after.first - block.first) for block, after in pairwise(blocks)]
+    return [*own, (blocks[-1], len(blocks[-1].table))]
+
+
+def merged_corner(blocks: Sequence[PlanBlock]) -> NDArray[np.float64]:
+    """`PlanBlock.corner` of all of them as one."""
+    return np.concatenate([block.corner[:count] for block, count in _own_pieces(blocks)] + [blocks[-1].corner[-1:]])
+
+
+def merged_table(blocks: Sequence[PlanBlock]) -> NDArray[np.float64]:
+    """`PlanBlock.table` of all of them as one."""
+    return np.concatenate([block.table[:count] for block, count in _own_pieces(blocks)])
+
+
+def opened(blocks: tuple[PlanBlock, ...], number: int, state: State) -> tuple[tuple[PlanBlock, ...], PlanBlock, State]:
+    """The blocks that are over, all others merged into one, and the present as a place in that one."""
+    before, tail = blocks[:number], blocks[number]
+    later = blocks[number:]
+    if len(later) > 1:
+        tail = replace(
+            tail,
+            corner=merged_corner(later),
+            table=merged_table(later),
+            curves=tuple(
+                (block.first - tail.first + j, curve)
+                for block, count in _own_pieces(later)
+                for j, curve in block.curves
+                if j < count
+            ),
+        )
+    if long_enough(state.row):
+        row = state.row - int(tail.back[state.row])
+        past, tail = tail.split(row)
+        before = (*before, past)
+        state = replace(state, row=state.row - row, piece=state.piece + before[-1].first - tail.first)
+    return before, tail, state
+
+
+def block_positions(
+    blocks: tuple[PlanBlock, ...], period_s: float, sine: bool, first: int, last: int
+) -> NDArray[np.int64]:
+    """int64 [last - first + 1, axes]: displacements at ticks first .. last."""
+    out = np.empty((last - first + 1, blocks[0].corner.shape[1]), dtype=np.int64)
+    number, k = block_at(blocks, first * period_s), first
+    while k <= last:
+        block, end = blocks[number], last + 1
+        number += 1
+        if number < len(blocks):
+            start_s = blocks[number].start_s
+            end = math.ceil(start_s / period_s)
+            while end * period_s < start_s:
+                end += 1
+            while (end - 1) * period_s >= start_s:
+                end -= 1
+            end = min(max(end, k), last + 1)
+        part = out[k - first : end - first]
+        positions(k, period_s, block.phases, block.piece, sine, block.table[:, LENGTH], block.corner, part)
+        if block.curves:
+            _bend(block, period_s, sine, k, part)
+        k = end
+    return out
+
+
+def _bend(block: PlanBlock, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
+    """Correct the positions on curved pieces, which `positions` takes for straight ones."""
+    place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
+    places(k, period_s, block.phases, block.piece, sine, place, at)
+    for j, curve in block.curves:
+        low, high = int(at.searchsorted(j)), int(at.searchsorted(j, side="right"))
+        if low < high:
+            begin = block.corner[j]
+            whole = np.rint(begin)
+            way = curve.displacement(place[low:high])
+            arrived = (place[low:high] == block.table[j, LENGTH])[:, None]
+            way = np.where(arrived, block.corner[j + 1] - begin, way)
+            out[low:high] = whole.astype(np.int64) + np.rint(begin - whole + way).astype(np.int64)

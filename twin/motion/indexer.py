@@ -1,4 +1,4 @@
-"""Motion that axes make each for itself, as set points of one grid: reference runs, jogging, emergency ramps.
+"""Set points of axes that move independently, on one grid: reference runs, jogging, emergency ramps.
 
     speed     toward(v)              brake           to(target)
       |        ________                \\                ___
@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
-from isel_twin.motion import Displacement, SetPoints
+from isel_twin.motion.path import Displacement, added
+from isel_twin.motion.set_points import SetPoints
 
 
 @dataclass(frozen=True)
@@ -77,11 +78,11 @@ class Indexer:
         return plan
 
     def stands_at(self, axis: int) -> int:
-        """The tick at which nothing of this axis is left to be made."""
+        """The tick from which on this axis stands."""
         return math.ceil(round(self.phases[axis][-1].t * SECOND_NS / self.period_ns, 6))
 
     def stands(self, axis: int, k: int) -> bool:
-        """Nothing of this axis is left to be made at tick k."""
+        """True if this axis stands from tick k on."""
         return k >= self.stands_at(axis)
 
     # ---- other phases from tick k on --------------------------------------------------------------------------------
@@ -182,7 +183,7 @@ class Braked:
 
     def displacement(self, k: int) -> Displacement:
         made = self.plan.displacement(min(k, self.k))
-        return tuple(m + n for m, n in zip(made, self.ramp.displacement(max(0, k - self.k)), strict=True))
+        return added(made, self.ramp.displacement(max(0, k - self.k)))
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         if not 0 <= first <= last <= self.ticks:

@@ -37,13 +37,13 @@ FAULTS = (
     "a piece needs a speed or a limit",
     "accelerations of pieces must be positive",
 )
-"""What `faults` says."""
+"""Messages by the number that `faults` returns."""
 
 NOISE = 1e-11
-"""Part of v^2 that is rounding: a chain may miss a joint by so much and be said to keep it."""
+"""Relative rounding error of v^2: a joint that is missed by less counts as kept."""
 
 PLACE_NOISE = 1e-12
-"""The same of places on a piece."""
+"""Relative rounding error of places on a piece."""
 
 
 @njit(nogil=True, error_model="numpy")
@@ -67,7 +67,7 @@ def faults(displacement, length, speed, limit, acceleration, entry):
 
 @njit(nogil=True, error_model="numpy")
 def _slack(v, mean, length):
-    """What v^2 can be wrong by on a piece."""
+    """Rounding error of v^2 on a piece."""
     return NOISE * v * v + 2.0 * mean * PLACE_NOISE * length
 
 

@@ -24,7 +24,17 @@ Displacement = tuple[int, ...]
 """Whole numbers of steps or increments, one an axis."""
 
 
-class Path(Protocol):
+def added(a: Sequence[int], b: Sequence[int]) -> Displacement:
+    """One after the other."""
+    return tuple(m + n for m, n in zip(a, b, strict=True))
+
+
+def between(before: Sequence[int], now: Sequence[int]) -> Displacement:
+    """From one to the other."""
+    return tuple(n - b for b, n in zip(before, now, strict=True))
+
+
+class StepPath(Protocol):
     """What a `StepRun` asks of a path. Immutable, and equal to another path of the same ticks; a controller may bring
     its own."""
 
@@ -43,18 +53,18 @@ class Path(Protocol):
         """Steps made by each axis after k ticks, 0 <= k <= ticks."""
 
 
-def line(steps: Sequence[int]) -> Line:
+def line(steps: Sequence[int]) -> StepLine:
     """A straight line of the given signed steps, one number an axis; as many ticks as the leading axis has steps.
 
     Raises ValueError unless there are one to eight numbers below 2^40.
     """
     if not 1 <= len(steps) <= len(AXIS_NAMES) or any(abs(n) >= 1 << 40 for n in steps):
         raise ValueError(f"a line needs 1 to {len(AXIS_NAMES)} step numbers below 2^40, got {tuple(steps)}")
-    return Line(tuple(int(n) for n in steps), int(max(abs(n) for n in steps)))
+    return StepLine(tuple(int(n) for n in steps), int(max(abs(n) for n in steps)))
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class StepLine:
     """Made by `line`."""
 
     steps: Displacement

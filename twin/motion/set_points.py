@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
-from isel_twin.motion.path import Displacement
+from isel_twin.motion.path import Displacement, between
 
 
 class SetPoints(Protocol):
@@ -89,29 +89,33 @@ class SetPointRun:
         return self.period_ns
 
     def count(self, t_ns: int) -> int:
-        """See `Motion.count`."""
         made = (t_ns - self.start_ns) // self.period_ns
         return self.first + min(max(made, 0), self.last - self.first)
 
     def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """See `Motion.window`; changes are int32."""
+        """Changes are int32."""
         if not self.first <= k0 <= k1 <= self.last:
             raise IndexError(f"set points {k0}..{k1} of a run from {self.first} to {self.last}")
         times = self.start_ns + np.arange(k0 + 1 - self.first, k1 + 1 - self.first, dtype=np.int64) * self.period_ns
         return times, self.plan.deltas(k0, k1)
 
     def displacement(self, t_ns: int) -> Displacement:
-        """See `Motion.displacement`."""
-        before, now = self.plan.displacement(self.first), self.plan.displacement(self.count(t_ns))
-        return tuple(n - b for n, b in zip(now, before, strict=True))
+        return between(self.plan.displacement(self.first), self.plan.displacement(self.count(t_ns)))
+
+    def next_tick(self, t_ns: int) -> int:
+        """Number of the tick at or after t_ns, from which on the plan can still be another one."""
+        return self.first + max(0, -((self.start_ns - t_ns) // self.period_ns))
+
+    def with_plan(self, plan: SetPoints) -> SetPointRun:
+        """The same run of a plan that replaces its own; see `SetPoints`."""
+        return replace(self, plan=plan)
 
     def stopped(self, t_ns: int) -> SetPointRun:
-        """The same up to t_ns, then as the plan comes to a stop; unchanged if all its ticks have been made."""
+        """As the plan comes to a stop; unchanged if all its ticks have been made."""
         made = self.count(t_ns)
         return self if made == self.last else replace(self, plan=self.plan.stopped(made), end=None)
 
     def cut(self, t_ns: int) -> SetPointRun:
-        """The same, ended at t_ns: only the ticks at or before it."""
         return replace(self, end=self.count(t_ns))
 
     def continues(self, other: Motion) -> bool:

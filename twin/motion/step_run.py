@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.motion import Motion
-from isel_twin.motion.path import Displacement, Path
+from isel_twin.motion.path import Displacement, StepPath, between
 from isel_twin.motion.time_law import TimeLaw
 
 
@@ -22,7 +22,7 @@ class StepRun:
     Follows `isel_twin.motion.Motion`. Raises ValueError if the path has not as many ticks as the law times.
     """
 
-    path: Path
+    path: StepPath
     law: TimeLaw
     start_ns: int
     first: int = 0
@@ -53,22 +53,19 @@ class StepRun:
         return self.first + self.law.count(t_ns - self.start_ns)
 
     def window(self, k0: int, k1: int) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-        """See `Motion.window`; changes are int8."""
+        """Changes are int8."""
         times = self.law.times(k0 - self.first, k1 - self.first)
         times += self.start_ns
         return times, self.path.deltas(k0, k1)
 
     def displacement(self, t_ns: int) -> Displacement:
-        """See `Motion.displacement`."""
-        before, now = self.path.displacement(self.first), self.path.displacement(self.count(t_ns))
-        return tuple(n - b for n, b in zip(now, before, strict=True))
+        return between(self.path.displacement(self.first), self.path.displacement(self.count(t_ns)))
 
     def stopped(self, t_ns: int) -> StepRun:
-        """The same up to t_ns, then the stop ramp; see `TimeLaw.stopped`."""
+        """The stop ramp is that of `TimeLaw.stopped`."""
         return replace(self, law=self.law.stopped(t_ns - self.start_ns))
 
     def cut(self, t_ns: int) -> StepRun:
-        """The same, ended at t_ns: only the ticks at or before it."""
         law = self.law.cut(t_ns - self.start_ns)
         return self if law is self.law else replace(self, law=law)
 

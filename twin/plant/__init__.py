@@ -8,7 +8,6 @@ built.py       a machine put together for it: model and arrays
 altered.py     what events change in the model while it works
 mujoco.py      the MuJoCo plant (default)
 samples.py     samples that the loop takes by itself
-energy.py      mechanical energy, for tests
 model.py       the MuJoCo model of a machine
 cutting.py     forces of a milling cutter: what it is, equations
 teeth.py       and tooth by tooth, compiled
@@ -41,14 +40,14 @@ Quantity = Literal["position", "lag", "fault"]
 
 @dataclass(frozen=True)
 class Threshold:
-    """A quantity of one axis that somebody waits for; the plant stops where it is passed.
+    """A limit of one quantity of one axis; `Plant.advance` returns early where it is passed.
 
         position   a switch: passed while sense * (carriage - limit) > 0, in mm of machine coordinates
         lag        following error: passed while |command as led by now - rotor| > limit, in microsteps of the command
         fault      passed while the drive of the axis is faulty; limit, sense and hysteresis mean nothing
 
-    Once passed, it is so until the quantity is back by more than, or exactly, the hysteresis. Raises ValueError for a
-    quantity that does not exist, an axis that cannot have it, a sense that is no sign, and numbers that are none.
+    It stays passed until the quantity is back by at least the hysteresis. Raises ValueError for an unknown quantity, an
+    axis that cannot have it, a sense that is neither 1 nor -1, and numbers that are not finite.
     """
 
     axis: int
@@ -139,26 +138,26 @@ class Plant(Protocol):
         """
 
     def reset_drives(self) -> None:
-        """Let drives that have switched themselves off forget why: with their stages on they have current again. Stages
-        that come on do so, too."""
+        """Clear the faults of drives that have switched themselves off, so that they have current again while their
+        stages are on. Switching the stages on clears them, too."""
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Interrupt motor phases of one axis: "a", "b", "ab", or "" to restore them. A servo motor has no current with
         any of them broken, and its drive does not know."""
 
     def set_friction(self, axis: int, extra_n: float) -> None:
-        """Let the guides of one axis rub so much more than they do by themselves: dry friction in N, 0 or more."""
+        """Add dry friction to the guides of one axis, in N, 0 or more."""
 
     def set_obstacle(self, axis: int, position_mm: float | None) -> None:
         """Put something in the way of a carriage, as firm as its hard stops: it cannot go beyond this position in
         machine coordinates, seen from where it is now, whatever the other axes do. None takes it away."""
 
     def set_payload(self, place: str, mass_kg: float) -> None:
-        """Put a load on one of PLACES beside what is there by itself: a mass at its site, 0 or more."""
+        """Add a load at one of PLACES to what the machine carries there: a mass at its site, 0 or more."""
 
     def set_undervoltage(self, missing: float) -> None:
-        """Let this part of the supply voltage of all drives be missing, 0 to 0.95: of the source, if they have a common
-        supply, so that they drop where it goes too low."""
+        """Take away this part of the supply voltage of all drives, 0 to 0.95; of the source, if they have a common
+        supply, so that they switch off where it goes too low."""
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
@@ -248,7 +247,7 @@ class Plant(Protocol):
         """float64 [axes], `margin`, which begins anew without a look of its own: 1 until the next window is over."""
 
     def watch_margin(self) -> None:
-        """Begin anew with the least margins."""
+        """Begin anew with the least margins, from a look at the present."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -260,11 +259,11 @@ class Plant(Protocol):
         """True when nothing moves or is led, and nothing will before the next tick or setting: time may be skipped."""
 
     def save(self) -> Mapping[str, Any]:
-        """All that the past has left in the plant, as copies that can be pickled; without samples that wait."""
+        """The whole state as copies that can be pickled, without the samples that wait."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Be as another plant of the same machine, thresholds and axes was when it was saved, to the bit. Samples that
-        wait are dropped; how often they are taken stays as it is."""
+        """Take over the state saved by a plant of the same machine, thresholds and axes, to the bit. Samples that wait
+        are dropped; how often they are taken stays as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +296,7 @@ class Sampled(Protocol):
     """
 
     def fits(self, interval_ns: int) -> bool:
-        """Whether the plant can take samples so often: its own grid has these times."""
+        """True if the plant can take samples at this interval: its own grid has these times."""
 
     def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         """Take samples from now on, at from_ns and so often before and after it; 0: no more, and those that wait are
@@ -305,15 +304,15 @@ class Sampled(Protocol):
         one. ValueError if the interval does not fit."""
 
     def sample_again(self) -> None:
-        """Take one at the next time of the grid, though nothing moves: what it is taken for has changed."""
+        """Take a sample at the next time of the grid even if nothing moves: something beside the plant has changed."""
 
     @property
     def samples_waiting(self) -> int:
         """Samples not read yet; beyond MOST_SAMPLES they are lost."""
 
     def take_samples(self) -> Samples:
-        """Those that wait."""
+        """Read the samples that wait."""
 
 
 MOST_SAMPLES = 2048
-"""Samples that a plant keeps."""
+"""Samples that a plant keeps until they are read."""

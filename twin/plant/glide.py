@@ -53,7 +53,7 @@ _SHAPELESS = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
 def glide(joints, mobility, h_s, qpos, qvel, qacc, qacc_smooth, qfrc):
     """One step of h_s with the forces qfrc on the joints: joints [nv] JOINT, mobility [nv, nv], q... as MuJoCo's.
 
-    Returns False, and has done nothing, if a joint is out of its bounds.
+    Returns False and changes nothing if a joint is out of its bounds.
     """
     n = qpos.shape[0]
     for j in range(n):
@@ -129,7 +129,7 @@ def _agrees(
     mobility: NDArray[np.float64],
     bounds: NDArray[np.float64],
 ) -> bool:
-    """Whether steps are MuJoCo's: at both ends of the bounds and amid them, at rest, creeping and moving, pushed on."""
+    """True if steps are MuJoCo's at both ends of the bounds and between, at rest, creeping, moving, and pushed."""
     one = np.where(np.arange(model.nv) % 2, 1.0, -1.0)
     for share in (0.01, 0.5, 0.99):
         for speed_m_s in (0.0, 1e-6, -0.1, 0.3):
@@ -146,7 +146,7 @@ def _agrees(
 
 
 def _can_meet(model: mujoco.MjModel, data: mujoco.MjData, bounds: NDArray[np.float64]) -> bool:
-    """Whether the boxes around two geoms that may collide can meet with all joints within their bounds [2, nv]."""
+    """True if the boxes around two geoms that may collide can meet with all joints within bounds [2, nv]."""
     way = bounds - data.qpos
     for a in range(model.ngeom):
         for b in range(a):
@@ -180,7 +180,7 @@ def _box(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[NDArray
 
 
 def _carries(model: mujoco.MjModel, carrier: int, body: int) -> bool:
-    """Whether `body` is `carrier` or hangs on it."""
+    """True if `body` is `carrier` or hangs on it."""
     while body > carrier:  # a parent's number is less than its children's
         body = int(model.body_parentid[body])
     return bool(body == carrier)

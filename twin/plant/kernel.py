@@ -64,7 +64,7 @@ REST_M_S = 5e-6
 HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
 FAR_M = 1e3
-"""A joint this far away is lost, finite or not."""
+"""A joint further away than this has run away, finite or not."""
 NEVER = np.iinfo(np.int64).max
 
 
@@ -83,7 +83,7 @@ def _call_mj_step(typingctx, address, model, data):
 
 @njit(nogil=True, error_model="numpy")
 def _lower_at(axis):
-    """Sub-step in which the current of an axis is lowered, NEVER if it is not or is already."""
+    """Sub-step in which the current of an axis is lowered; NEVER if that is not asked for or has been done."""
     if axis.lowering == 0 or axis.phases == OPEN or axis.fraction == axis.idle_fraction:
         return NEVER
     return axis.still_since + axis.idle_delay
@@ -111,7 +111,7 @@ def _wake(plant, axes, drives, states, supply):
 
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
-    """Something from outside is about to change: nothing may be skipped any more."""
+    """Leave the frozen state, before something is changed from outside."""
     parts = parts_of(memory)
     _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
 
@@ -144,7 +144,7 @@ def _enter_window(memory):
 
 @njit(nogil=True, error_model="numpy")
 def _leave_window(memory):
-    """One MuJoCo step with the mean forces of the window; is everything at rest?"""
+    """One MuJoCo step with the mean forces of the window; freezes the plant if all has stood for long enough."""
     parts = parts_of(memory)
     plant, axes, cut = parts.plant[0], parts.axes, parts.cut[0]
     qpos, qvel, qfrc, before, rates = parts.qpos, parts.qvel, parts.qfrc, parts.before, parts.rates
@@ -202,7 +202,7 @@ def _leave_window(memory):
 
 @njit(nogil=True, error_model="numpy")
 def look(memory):
-    """Begin anew with the least pull-out margins: as they are now."""
+    """Begin anew with the least pull-out margins, from those of now."""
     parts = parts_of(memory)
     for i in range(AXES):
         parts.axes[i].margin = 1.0
@@ -211,7 +211,7 @@ def look(memory):
 
 @njit(nogil=True, error_model="numpy")
 def _look(memory):
-    """Take down the least pull-out margins; of motors whose stages are on."""
+    """Lower the least pull-out margins to those of now, for motors whose stages are on."""
     parts = parts_of(memory)
     now_ns = parts.plant[0].now * parts.plant[0].substep_ns
     supply = parts.supply[0]

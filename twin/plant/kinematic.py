@@ -29,12 +29,12 @@ from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 
 FAR = 1 << 62
-"""Microsteps that no axis makes."""
+"""A count that no axis reaches."""
 
 
 @njit()
 def _bounds(axes, axis, sense, strike, release, struck):
-    """Counts between which, both left out, no switch of an axis changes while nothing is led: int64 [axes], twice."""
+    """Open interval of counts in which no switch of an axis changes while nothing is led: int64 [axes], twice."""
     low, high = np.full(axes, -FAR), np.full(axes, FAR)
     for s in range(axis.shape[0]):
         a = axis[s]
@@ -51,14 +51,14 @@ def _bounds(axes, axis, sense, strike, release, struck):
 
 @njit()
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """Whether switch s is in another state at t_ns."""
+    """True if switch s is in another state at t_ns."""
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
 
 @njit()
 def _switch(t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """Let the carriages work the switches; say whether one has changed."""
+    """Let the carriages work the switches; True if one has changed."""
     changed = False
     for s in range(axis.shape[0]):
         if _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
@@ -204,7 +204,6 @@ class KinematicPlant:
         """What the compiled functions work on."""
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
-        """See Plant.advance."""
         if lead_ns == 0 and self._led_until_ns <= self.time_ns:
             made, changed = _make_steps(t_ns, delta, *self._state)
             self.edge = changed
@@ -218,7 +217,6 @@ class KinematicPlant:
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:
-        """See Plant.trips."""
         if len(self._places) == len(self._passed):
             return self._struck.copy()
         passed = self._passed.copy()
@@ -226,7 +224,7 @@ class KinematicPlant:
         return passed
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
-        """See Plant.set_power; it only shows in `powered`."""
+        """It only shows in `powered`."""
         self._stages_on = stages
 
     def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
@@ -254,7 +252,7 @@ class KinematicPlant:
         """Without physics there is no voltage."""
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
-        """See Plant.set_trip_point. Kept in steps from the start position, in the sense of the switch."""
+        """Kept in steps from the start position, in the sense of the switch."""
         switch = self._thresholds[threshold]
         if switch.quantity != "position":
             raise ValueError(f"threshold {threshold} is a {switch.quantity}, not a position")
@@ -265,29 +263,25 @@ class KinematicPlant:
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """See Plant.position_mm."""
         return self._start_mm + self._command()[:3] * self._step_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:
-        """See Plant.velocity_mm_s; zero for a carriage that jumps from step to step."""
+        """Zero for a carriage that jumps from step to step."""
         leads = self._leads[:3]
         led = leads["end_ns"] > self.time_ns
         return np.where(led, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0) * self._step_mm
 
     @property
     def commanded(self) -> NDArray[np.int64]:
-        """See Plant.commanded."""
         return self._commanded[: self._count].copy()
 
     @property
     def told(self) -> NDArray[np.int64]:
-        """See Plant.told."""
         return self.commanded
 
     @property
     def command(self) -> NDArray[np.float64]:
-        """See Plant.command."""
         return self._command()[: self._count]
 
     @property
@@ -312,7 +306,7 @@ class KinematicPlant:
 
     @property
     def closed_loop(self) -> NDArray[np.bool_]:
-        """See Plant.closed_loop: an ideal drive."""
+        """An ideal drive."""
         return self._closed.copy()
 
     @property
@@ -332,13 +326,12 @@ class KinematicPlant:
 
     @property
     def rotor_speed(self) -> NDArray[np.float64]:
-        """See Plant.rotor_speed; zero for an axis that jumps from step to step."""
+        """Zero for an axis that jumps from step to step."""
         leads = self._leads[: self._count]
         return np.where(leads["end_ns"] > self.time_ns, leads["pending"] * SECOND_NS / leads["lead_ns"], 0.0)
 
     @property
     def turn_steps(self) -> NDArray[np.float64]:
-        """See Plant.turn_steps."""
         return self._turn_steps.copy()
 
     @property
@@ -353,20 +346,19 @@ class KinematicPlant:
 
     @property
     def supply_v(self) -> float:
-        """See Plant.supply_v; there is none here."""
+        """There is none here."""
         return math.nan
 
     @property
     def margin(self) -> NDArray[np.float64]:
-        """See Plant.margin; there are no motors here."""
+        """There are no motors here."""
         return np.full(len(self.slip_steps), np.nan)
 
     def take_margin(self) -> NDArray[np.float64]:
-        """See Plant.take_margin."""
         return self.margin
 
     def watch_margin(self) -> None:
-        """See Plant.watch_margin."""
+        """There is no margin here."""
 
     @property
     def slip_steps(self) -> NDArray[np.float64]:
@@ -379,14 +371,12 @@ class KinematicPlant:
         return self._led_until_ns <= self.time_ns
 
     def save(self) -> Mapping[str, Any]:
-        """See Plant.save."""
         return {
             "arrays": [array.copy() for array in self._kept],
             "values": (self.time_ns, self.edge, self._led_until_ns, self._stages_on),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """See Plant.restore."""
         for array, saved in zip(self._kept, state["arrays"], strict=True):
             array[...] = saved
         self.time_ns, self.edge, self._led_until_ns, self._stages_on = state["values"]

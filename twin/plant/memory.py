@@ -172,7 +172,7 @@ MEMORY = np.dtype(
     align=True,
 )
 """Where the parts are, and how many of each: one small argument, where twenty-five arrays took longer to hand over than
-a millisecond of motion takes to compute. Whoever holds it holds the arrays, too."""
+a millisecond of motion takes to compute. Who keeps it must keep the arrays, too."""
 
 
 @intrinsic
@@ -186,7 +186,7 @@ def _pointer(typingctx: Any, address: Any) -> Any:
 
 
 at_address: Any = _pointer
-"""As compiled code calls it: with the address alone."""
+"""`_pointer` as compiled code calls it: with the address alone."""
 
 
 @njit(nogil=True, error_model="numpy")

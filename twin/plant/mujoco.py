@@ -23,7 +23,6 @@ from isel_twin.plant import PLACES, Samples, Threshold, kernel, memory
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_available, find_free
 from isel_twin.plant.cutting import Cut, set_cut
-from isel_twin.plant.energy import mechanical_energy_j
 from isel_twin.plant.lead import all_behind
 from isel_twin.plant.model import load_model
 from isel_twin.plant.samples import GRID, LoopSamples
@@ -323,11 +322,6 @@ class MujocoPlant:
         lag = self.command - self.rotor
         lag[: memory.AXES] -= self.parts.states["shift"][: self._count]
         return lag
-
-    @property
-    def energy_j(self) -> float:
-        """See `isel_twin.plant.energy`."""
-        return mechanical_energy_j(self.built)
 
     # Drives
 

@@ -1,4 +1,4 @@
-"""What happened, for people and for other tools.
+"""What happened to a twin, written down for other tools, and read back.
 
     recorder.py   samples of the machine on a grid of virtual time, and every change of a level, input or output
     npz.py        the stream, exactly: t_ns, delta
@@ -8,9 +8,8 @@
     reading.py    recordings read back; export.py, replay.py, compare.py: what is made of them
     vcd.py        step and direction signals or commands, levels and positions for a waveform viewer
     parquet.py    the samples as a table
-    write.py      one of these three, as the name of the file says
-    report.py     one HTML page: path, error, lost steps, commands
-    sketch.py     one picture of the same, for a test that has failed
+    csv.py        the same as text
+    write.py      one of these, as the name of the file says
 
 Everything is written in pieces: an hour of machining needs no more memory than a second. Files appear complete or not
 at all (files.py).

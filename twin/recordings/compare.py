@@ -6,8 +6,8 @@
         |  5 ms |      | 18.30 s |     | 0.48 s       |         duration: from the command's last byte to the reply's
 
 A language (`isel_twin.language`) frames commands and replies. Replies come in the order of the commands that demand
-one; what comes beyond them belongs to the last command. Commands are matched as lines of two texts are: what only one
-side has is told, the rest is compared. Where both sides are of twins, so are the counters at each reply, exactly: what
+one; further bytes belong to the last command. Commands are matched as a diff matches lines: what only one side has is
+listed, the rest is compared. Where both sides are of twins, so are the counters at each reply, exactly: what
 the stream has made by then since the counter was set.
 """
 
@@ -29,7 +29,7 @@ with the one at its place."""
 
 @dataclass(frozen=True)
 class Exchange:
-    """A command and what came for it."""
+    """A command and its reply."""
 
     sent_ns: int
     """When its last byte was sent."""
@@ -40,7 +40,7 @@ class Exchange:
     replied_ns: int | None
     """When the last byte of the reply came; None: nothing came."""
     counts: tuple[int, ...] | None
-    """The controller's counters then; None where nobody knows."""
+    """The controller's counters then; None if unknown."""
 
     @property
     def duration_ns(self) -> int | None:
@@ -64,7 +64,7 @@ class Pair:
         return None if a is None or b is None else b - a
 
     def differs(self, tolerance_ns: int) -> tuple[str, ...]:
-        """What is not the same: `reply`, `duration`, `counters`."""
+        """Which of `reply`, `duration` and `counters` differ."""
         later, counts = self.later_ns, (self.a.counts, self.b.counts)
         found = {
             "reply": self.a.reply != self.b.reply,
@@ -205,7 +205,7 @@ class Counters:
     """The controller's counters at any time of a twin's recording: what was set, and the ticks made since."""
 
     def __init__(self, recorded: Recorded) -> None:
-        """Raises RecordingError for runs that are none."""
+        """Raises RecordingError if /runs is damaged."""
         self._motions = recorded.steps().motions
         self._starts = np.array([motion.start_ns for motion in self._motions], dtype=np.int64)
         made = [motion.displacement(motion.end_ns) for motion in self._motions]

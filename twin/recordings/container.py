@@ -41,7 +41,7 @@ class Output(Protocol):
 
 @dataclass
 class _Chunk:
-    """Messages on their way: records, and where those of each channel are."""
+    """The chunk in progress: its records, and where those of each channel are."""
 
     data: bytearray = field(default_factory=bytearray)
     entries: dict[int, list[NDArray[np.void]]] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
     time_ns,count_x,count_y,...,position_x_mm,...,lost_x_steps,...,level_p1.0,...,input_hood,...,output_stages,...
 
-Numbers are written so that they read back to the bit; what has no value yet is empty. Lines end with a line feed.
+Numbers are written so that they read back to the bit; a cell without a value yet is empty. Lines end with a line feed.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from isel_twin.recordings.write import trace_kind, write_steps_and_samples
 def export(recording: str | os.PathLike[str], out: str | os.PathLike[str], kind: str | None = None) -> bool:
     """Write a recording as a file of a kind of `write.KINDS`; without `kind`, the one that its name ends in.
 
-    Returns whether the recording has its end. Raises RecordingError for one of a real controller, of which there is
-    nothing but bytes, and as `read` does; ValueError for a kind that there is not; OSError.
+    Returns False if the recording was cut off. Raises RecordingError for one of a real controller, which has nothing
+    but bytes, and as `read` does; ValueError for an unknown kind; OSError.
     """
     out = Path(out)
     kind = kind or trace_kind(out)

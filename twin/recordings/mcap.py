@@ -8,9 +8,9 @@ began). The channels are in CHANNELS; each but `/samples` carries JSON with its 
                                                  ^ killed here: everything up to the last whole chunk can be read
 
 Written as it goes: messages gather in a chunk, and `flush` hands the chunk to the operating system. A file of that name
-is replaced only when the head of the new one is on the disk, so that a call that fails before leaves the old recording
-as it was; from then on the file is the new one. One recording at a time has the file. When there is no room any more,
-the recording ends with one line in the log, keeps what it has, and whoever is recorded goes on.
+is replaced only when the head of the new one is on the disk: a call that fails earlier leaves the old recording as it
+was. The file is claimed by one recording at a time. When the disk is full, the recording ends with one line in the log
+and keeps what it has; the twin goes on.
 """
 
 from __future__ import annotations
@@ -89,13 +89,13 @@ class RecordingWriter:
 
         metadata: plain text by key, such as `kind` and `controller`; the version is added.
         attachments: files by name.
-        language: explains the bytes, an instance of its own (`isel_twin.language.create_language`); None: nobody does.
+        language: explains the bytes, an instance of its own (`isel_twin.language.create_language`), or None.
         """
         self.path = Path(path)
         self.ended = False
-        """Nothing more is recorded: closed, or no room."""
+        """True once nothing more is recorded: closed, or the disk is full."""
         self.broken = False
-        """There was no room for some of it."""
+        """True if the disk was full and something is missing."""
         self.unwritten = False
         """Something has been recorded since the last `flush`."""
         self._language = language
@@ -189,7 +189,7 @@ class RecordingWriter:
         return number
 
     def _end(self, error: OSError) -> None:
-        """There is no room: keep what there is."""
+        """The disk is full: end the recording, keep what there is."""
         self.ended = self.broken = True
         self._file.give_up()
         log.error("%s: the recording ends here, the machine goes on: %s", self.path, error.strerror or error)
@@ -250,7 +250,7 @@ class _File:
         self._let_go()
 
     def give_up(self) -> None:
-        """Something has gone wrong: what is on the disk stays there."""
+        """Close after an error; what is on the disk stays there."""
         with suppress(OSError):
             self._file.close()
         self._let_go()

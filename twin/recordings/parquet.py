@@ -48,7 +48,7 @@ def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
 
 
 def _told(schema: pa.Schema) -> pa.Schema:
-    """With unit and description of each column."""
+    """The schema: unit and description of each column."""
     fields = []
     for field in schema:
         kind, _, rest = field.name.partition("_")

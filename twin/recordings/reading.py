@@ -2,8 +2,8 @@
 
     read("real.mcap")  ->  Recorded: metadata, attachments, messages in the order in which they were written
 
-A file that ends in the middle is read as far as its chunks are whole: that is what a process that was killed, or a full
-disk, leaves. Anything that does not begin as a recording of ours does is refused in one line.
+A file that ends in the middle, after a kill or on a full disk, is read up to its last whole chunk. Anything that does
+not begin as such a recording is refused in one line.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class Recorded:
     sample_bytes: bytes
     """The samples one after the other, without the header of each."""
     whole: bool
-    """It has its end; else the process was killed, or there was no room any more."""
+    """False if it was cut off: the process was killed, or the disk was full."""
 
     @property
     def controller(self) -> str:
-        """Name of the controller; "" if nobody has said."""
+        """Name of the controller; "" if unknown."""
         return self.metadata.get("controller", "")
 
     @property
     def of_twin(self) -> bool:
-        """Of a twin; else of a real controller, and then there is nothing but bytes."""
+        """True for a twin; a real controller's recording has nothing but bytes."""
         return self.metadata.get("kind") == "twin"
 
     @cached_property
@@ -82,7 +82,7 @@ class Recorded:
 
     @property
     def interval_ns(self) -> int:
-        """From sample to sample."""
+        """Time between samples of the grid."""
         return self._number("interval_ns", 1, 1 << 62)
 
     @cached_property

@@ -1,8 +1,8 @@
-"""Look at the twin now and then, and remember.
+"""Samples of a twin on a grid of virtual time, and every change of an input or output.
 
 A sample is taken on a grid of virtual time and whenever an input or output changes. Samples go to a temporary file, so
-that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When there is no
-room for the file any more, the recording ends and the machine goes on.
+that a long job needs little memory; changes of levels, inputs and outputs are few and stay in memory. When the disk is
+full, the recording ends and the machine goes on.
 
     time    0      1 ms    2 ms         3 ms
     sample  |       |       |    |       |
@@ -75,7 +75,7 @@ class Recorder:
         self.axes = len(twin.counts)
         self.dtype = sample_dtype(self.axes)
         self.ended = False
-        """Nothing more is recorded: what there is was all there was room for."""
+        """True once the disk was full; nothing more is recorded."""
         self.counters_set_ns: list[int] = []
         """When counters were set anew, so that positions before and after are no motion."""
         self.events: list[tuple[int, str, str]] = []

@@ -2,9 +2,9 @@
 
     Twin --- listen, observe ---> Recording --- message(channel, time, content) ---> a Sink: the file, or a replay's eye
 
-Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however its
-time is cut. What each channel carries is said in `CHANNELS` (mcap.py). `/samples` come on a grid of virtual
-time and at every change of a level, input or output, like those of a `Recorder` (recorder.py), which sees the same.
+Messages are in the order in which things happen; the same session gives the same messages, byte for byte, however many
+calls of `run` its time is divided into. `CHANNELS` (mcap.py) says what each channel carries. `/samples` come on a grid
+of virtual time and at every change of a level, input or output; a `Recorder` (recorder.py) sees the same.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ GROUPS: Final[Mapping[str, str]] = {"level": "/levels", "input": "/inputs", "out
 """Channel of each group of a `recorder.Change`."""
 
 MOST_LOOKS = 100
-"""Samples of changes that wait."""
+"""Most samples of changes that wait for those of the plant."""
 
 PACKAGES: Final = ("mujoco", "numpy", "numba")
 
@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def waiting(self) -> bool:
-        """Something has been recorded that the sink has not been told of."""
+        """True if the sink has not been told of everything."""
         return bool(self._looks) or (self._sampler is not None and self._sampler.waiting > 0)
 
     def hand_on(self) -> None:
@@ -97,7 +97,7 @@ class Recording:
             self._tell_samples(np.empty(0, dtype=np.int64), np.empty(0, dtype=self._dtype))
 
     def end(self) -> None:
-        """That was all: the last message, with the time it is."""
+        """Write the last message, with the present time."""
         self.hand_on()
         self._ended = True
         self._sink.message("/time", self._twin.time_ns, {"what": "end"})
@@ -196,7 +196,7 @@ class FileRecording:
     def __init__(
         self, path: str | os.PathLike[str], twin: Twin, interval_ns: int, said: Mapping[str, str] | None = None
     ) -> None:
-        """said: what else its metadata say. See `Recording`."""
+        """said: further metadata. interval_ns: from sample to sample."""
         self.path = Path(path)
         self._twin = twin
         self.writer = RecordingWriter(
@@ -222,7 +222,7 @@ class FileRecording:
         self.writer.message("/time", self._twin.time_ns, {"what": what})
 
     def close(self) -> bool:
-        """That was all; False if there was no room for some of it, which has been logged. May be called again."""
+        """Close the file; False if the disk was full, which has been logged. May be called again."""
         if not self.writer.ended:
             self._recording.end()
             self.writer.close()

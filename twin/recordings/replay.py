@@ -48,7 +48,7 @@ PATIENCE_S = 3600.0
 CAUSES = ("/host/sent", "/operator")
 _TRAFFIC = ("/host/sent", "/host/received")
 _NOT_COMPARED = ("/time",)
-"""How time passed is no matter."""
+"""Channels that are not compared: at what speed time passed."""
 
 Pace = Callable[[int], None]
 """pace(time_ns): wait until virtual time time_ns is due."""
@@ -56,7 +56,7 @@ Pace = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Difference:
-    """The first thing that is not as it was."""
+    """The first difference."""
 
     time_ns: int
     channel: str
@@ -188,7 +188,7 @@ class _Eye:
         return self.difference is not None
 
     def missing(self) -> Difference | None:
-        """The first thing that was recorded and has not come."""
+        """The first message that was recorded and has not come."""
         left = [(queue[0], channel) for channel, queue in self._expected.items() if queue]
         if self._sample < len(self._sample_times):
             left.append(((self._sample_times[self._sample], "a sample"), SAMPLES))

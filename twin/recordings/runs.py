@@ -1,6 +1,6 @@
 """Motions as tables that JSON can hold, and back, so that a recording has the exact stream and needs little room.
 
-    StepRun(Line, Trapezoid)  <-->  {"steps": {"line": [800, -2000, 0, 0]}, "law": [...], "start_ns": t, "first": 0}
+    StepRun(StepLine, Trapezoid)  <-->  {"steps": {"line": [800, -2000, 0, 0]}, "law": [...], "start_ns": t, "first": 0}
 
 What the package makes is described: lines, circles and helices under the trapezoidal law; joined set points by phases
 and pieces, and of a motion that continues another only what comes from the phase under way on:
@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 
 from isel_twin.motion import Displacement, Motion, SetPointRun, StepRun, Steps, line
 from isel_twin.motion.circle import Circle
-from isel_twin.motion.joined import Joined, Stretch, written
-from isel_twin.motion.path import Line, Path
+from isel_twin.motion.joined import Joined
+from isel_twin.motion.path import StepLine, StepPath
+from isel_twin.motion.stretch import Stretch, since, written
 from isel_twin.motion.time_law import Trapezoid, law_from_numbers, law_numbers
 
 MOST_TICKS = 1 << 31
@@ -37,7 +38,7 @@ MOST_TICKS = 1 << 31
 def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) -> dict[str, Any]:
     """The motion as a table. before: the motion that it continues at time_ns, whose table is known, None if there is
     none."""
-    if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, Line | Circle):
+    if isinstance(motion, StepRun) and isinstance(motion.law, Trapezoid) and isinstance(motion.path, StepLine | Circle):
         return {
             "steps": _path_table(motion.path),
             "law": law_numbers(motion.law),
@@ -46,7 +47,7 @@ def described(motion: Motion, before: Motion | None = None, time_ns: int = 0) ->
         }
     if isinstance(motion, SetPointRun) and isinstance(motion.plan, Joined):
         known = isinstance(before, SetPointRun) and isinstance(before.plan, Joined)
-        stretch = motion.plan.since(motion.count(time_ns) if known else motion.first)
+        stretch = since(motion.plan, motion.count(time_ns) if known else motion.first)
         if stretch is not None:
             return {
                 "joined": {
@@ -152,7 +153,7 @@ class Listed:
         return tuple(int(n) for n in self.delta[:made].sum(axis=0, dtype=np.int64))
 
     def stopped(self, t_ns: int) -> Listed:
-        """Nobody stops a motion of a recording; how it ends is in the recording."""
+        """Never asked for: how a motion ends is in the recording."""
         return self.cut(t_ns)
 
     def cut(self, t_ns: int) -> Listed:
@@ -163,13 +164,13 @@ class Listed:
         return self.start_ns == other.start_ns and self.first == other.first
 
 
-def _path_table(path: Line | Circle) -> dict[str, Any]:
-    if isinstance(path, Line):
+def _path_table(path: StepLine | Circle) -> dict[str, Any]:
+    if isinstance(path, StepLine):
         return {"line": list(path.steps), "ticks": path.ticks}
     return {"circle": {item.name: getattr(path, item.name) for item in fields(path)}}
 
 
-def _path_from(table: dict[str, Any]) -> Path:
+def _path_from(table: dict[str, Any]) -> StepPath:
     if "line" in table:
         return replace(line([int(n) for n in table["line"]]), ticks=int(table["ticks"]))
     numbers = dict(table["circle"])

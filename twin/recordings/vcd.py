@@ -104,7 +104,7 @@ def _ticks(steps: Steps, every: bool) -> Iterator[tuple[int, list[int]]]:
 
 
 def _doubled(steps: Steps) -> bool:
-    """Whether any pulse is two steps of the counter."""
+    """True if any pulse is two steps of the counter."""
     pieces = (Steps(steps.axes, [motion]).chunks(CHUNK) for motion in steps.motions if not motion.lead_ns)
     return any(bool((abs(delta) > 1).any()) for chunks in pieces for _, delta in chunks)
 

@@ -5,7 +5,7 @@
     .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
     .csv        the same as text                            csv.py
 
-Each kind is imported when it is written: who wants none pays for none.
+Each kind is imported only when it is written.
 """
 
 from __future__ import annotations

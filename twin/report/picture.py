@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,9 +11,11 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.pictures import picture_bytes, plain_text
 from isel_twin.base.units import SECOND_NS
-from isel_twin.report.chart import COLOURS, LEAST_UM, Mark
 from isel_twin.report.columns import Columns
+from isel_twin.report.path import COLOURS, LEAST_UM
+from isel_twin.report.svg import Mark
 
 if TYPE_CHECKING:
     from isel_twin.jobs.job import Result
@@ -26,7 +27,7 @@ def draw(
     """The picture. limits: `deviation_mm` and `margin`."""
     with_margin = any(margin is not None for result in results for margin in result.margin)
     figure = Figure(figsize=(13, 13 if with_margin else 11.5), layout="constrained", dpi=100)
-    figure.suptitle(title.replace("$", r"\$"))
+    figure.suptitle(plain_text(title))
     grid = figure.add_gridspec(5 if with_margin else 4, 2, height_ratios=[2.6, 1, 1, 1, 1][: 5 if with_margin else 4])
     deviation_um = seen.way.deviation_mm * 1e3
     for column, (u, v) in enumerate(((0, 1), (0, 2))):
@@ -82,6 +83,4 @@ def draw(
         for mark in marks:
             plot.axvline(mark.time_ns / SECOND_NS, color="#b3261e", linestyle=":", linewidth=1)
     plots[-1].set_xlabel("virtual time / s")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    return picture_bytes(figure)

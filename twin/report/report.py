@@ -13,11 +13,8 @@ controller has. A name that ends in .png makes a picture instead (picture.py, wi
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -25,18 +22,11 @@ from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.files import atomic_write
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.job import RULES
-from isel_twin.report.chart import (
-    COLOURS,
-    MM_FROM_UM,
-    Mark,
-    deviation_classes,
-    escape,
-    path_view,
-    picture,
-    swaths,
-    time_plots,
-)
 from isel_twin.report.columns import Columns, columns
+from isel_twin.report.page import whole_page
+from isel_twin.report.path import COLOURS, deviation_classes, finding_picture, path_view, swaths
+from isel_twin.report.svg import Mark, escape
+from isel_twin.report.times import MM_FROM_UM, TimePlots, time_plots
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -98,11 +88,6 @@ def write_report(
         atomic_write(path, draw(title, seen, results, marks, limits))
         return
     plots = time_plots(seen, results, recorder, marks, limits)
-    style, script = part_of("report.css"), part_of("report.js")
-    policy = (
-        f"default-src 'none'; style-src '{policy_hash(style)}'; script-src '{policy_hash(script)}'; base-uri 'none'; "
-        f"form-action 'none'"
-    )
     ok = bool(summary.get("ok")) if checked is None else checked.ok and bool(summary.get("ok"))
     body = [
         f"<header><h1>{escape(title)}</h1>",
@@ -121,31 +106,12 @@ def write_report(
         _path(seen, marks, results),
         "<section aria-labelledby='plots'><h2 id='plots'>Time plots</h2>",
         _controls(),
-        f"<figure>{plots}<figcaption>Drag to look closer, double-click for all; Ctrl and wheel, or the keys + - 0 and "
-        "the arrows work too. Numbered lines are findings.</figcaption></figure></section>",
+        f"<figure>{plots.svg}<figcaption>Drag to look closer, double-click for all; Ctrl and wheel, or the keys + - 0 "
+        "and the arrows work too. Numbered lines are findings.</figcaption></figure></section>",
         _commands(results, len(twin.counts), findings),
         "</main>",
     ]
-    page = [
-        "<!DOCTYPE html>",
-        "<html lang='en'><head><meta charset='utf-8'>",
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
-        *body,
-        f"<script>{script}</script></body></html>\n",
-    ]
-    atomic_write(path, "\n".join(part for part in page if part).encode())
-
-
-def part_of(name: str) -> str:
-    """A file beside this one, such as report.css."""
-    return files("isel_twin.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def policy_hash(text: str) -> str:
-    """As a Content-Security-Policy names what stands in a page itself."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    atomic_write(path, whole_page(title, body, "report.js").encode())
 
 
 def _time(finding: Finding, results: Sequence[Result]) -> int | None:
@@ -188,8 +154,8 @@ def _facts(summary: Mapping[str, Any]) -> str:
 
 
 def _limits(checked: Report, bounds: Bounds | None) -> str:
-    margin = "none" if checked.margin is None else f"{100.0 * checked.margin:.0f} %"
-    measured = {"margin": margin, "cycle": f"{checked.cycle_s:.3f} s"}
+    margin = "none" if checked.verdict.least_margin is None else f"{100.0 * checked.verdict.least_margin:.0f} %"
+    measured = {"margin": margin, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
     limits: dict[str, str] = {}
     if bounds is not None:
         if bounds.margin is not None:
@@ -208,7 +174,7 @@ def _limits(checked: Report, bounds: Bounds | None) -> str:
         number = sum(finding.rule == rule for finding in checked.findings)
         unbound = rule in ("margin", "deviation", "cycle", "luck") and rule not in limits
         told = f"{number} finding{'' if number == 1 else 's'}" if number else ("no limit" if unbound else "ok")
-        if rule == "golden" and not checked.run.call:
+        if rule == "golden" and not checked.golden.call:
             told = "not compared"
         wrong = " class='wrong'" if number else ""
         cells = "".join(
@@ -228,7 +194,7 @@ def _head(names: Iterable[tuple[str, bool]]) -> str:
 # Findings
 
 
-def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns, plots: str) -> str:
+def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns, plots: TimePlots) -> str:
     by_number = {mark.number: mark for mark in marks}
     items = []
     for number, finding in enumerate(findings, 1):
@@ -243,7 +209,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
                 f"aria-label='Show finding {number} in the time plots'>show</button>"
             )
             if number <= PICTURES:
-                look += f"<figure>{picture(seen, mark, plots)}</figure>"
+                look += f"<figure>{finding_picture(seen, mark, plots.error_at)}</figure>"
         kind = "warning" if finding.warning else "error"
         items.append(
             f"<li class='finding {kind}' id='finding-{number}'><h3><span class='number'>{number}</span> "
@@ -259,7 +225,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
 
 def _golden(findings: Sequence[Finding], checked: Report | None) -> str:
     """What is otherwise than in the golden run; nothing if there is none."""
-    if checked is None or not checked.run.call:  # a run is told what it was called with to be compared
+    if checked is None or not checked.golden.call:  # a run is told what it was called with to be compared
         return ""
     rows = "".join(
         f"<tr><td>{'' if finding.line is None else finding.line}</td>"

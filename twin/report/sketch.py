@@ -11,11 +11,11 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.files import replacing
+from isel_twin.base.files import atomic_write
+from isel_twin.base.pictures import picture_bytes
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.position import position_error_mm
 
@@ -33,8 +33,7 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, z
     samples = np.concatenate([samples[:: max(1, len(samples) // POINTS)], samples[-1:]])
     time_s = samples["time_ns"] / SECOND_NS
     x, y, z = samples["position_mm"][samples["time_ns"] >= zero_ns].T
-    figure = Figure(figsize=(11, 8))  # with room between the curves; to have it found out would draw all twice
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(11, 8), dpi=100)  # with room between the curves; to have it found out would draw all twice
     figure.subplots_adjust(0.09, 0.07, 0.98, 0.95, wspace=0.2, hspace=0.3)
     (plan, front), (error, lost) = figure.subplots(2, 2)
     plan.plot(x, y, linewidth=1)
@@ -58,5 +57,4 @@ def write_sketch(path: str | os.PathLike[str], twin: Twin, recorder: Recorder, z
         low, high = curve.get_ylim()
         curve.set_ylim(min(low, -1.0), max(high, 1.0))
         curve.legend(loc="upper left")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=100)
+    atomic_write(path, picture_bytes(figure))

@@ -20,7 +20,7 @@ from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError, load_scenario
 from isel_twin.wiring.schedule import Schedule
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
 __all__ = [
@@ -30,13 +30,13 @@ __all__ = [
     "FAULTS",
     "Act",
     "Cabinet",
-    "Condition",
     "Contacts",
     "SafetyCabinet",
     "ScenarioError",
     "ScenarioEvent",
     "Schedule",
     "SerialLine",
+    "Trigger",
     "Wiring",
     "check_input",
     "cut_table",

@@ -66,7 +66,7 @@ class Cabinet(Protocol):
 
     @property
     def relays(self) -> Mapping[str, int]:
-        """What is to be seen of its relays, beside the controller's outputs."""
+        """State of its relays that people can see, shown beside the controller's outputs."""
 
     def operate(self, element: str, state: str) -> str:
         """Operate an element; return the state it has now. Raises UnknownNameError for one that does not exist."""
@@ -87,7 +87,7 @@ class Cabinet(Protocol):
         """Tell whether a power stage has reached its thermal limit."""
 
     def mains(self, on: bool) -> None:
-        """The mains is gone, or back: then everything is as at power-on, but for what people have set."""
+        """The mains is gone or back; when it is back, all but what people have set is as at power-on."""
 
     def contacts(self) -> Mapping[str, bool]:
         """Closed (True) or open, for every one of `signals`."""
@@ -122,7 +122,6 @@ class SafetyCabinet:
         return self.state[element]
 
     def operate_all(self, changes: Mapping[str, str]) -> None:
-        """See Cabinet.operate_all."""
         for element, state in changes.items():
             if element not in ELEMENTS:
                 raise UnknownNameError(f"unknown input {element!r}; there are: {', '.join(ELEMENTS)}")
@@ -158,7 +157,6 @@ class SafetyCabinet:
         self._settle()
 
     def motion(self, moving: bool) -> None:
-        """See Cabinet.motion."""
         self._axes_move = moving
         self._settle()
 
@@ -168,7 +166,7 @@ class SafetyCabinet:
         self._settle()
 
     def mains(self, on: bool) -> None:
-        """See Cabinet.mains; the relay closes as at power-on, if nothing speaks against it."""
+        """The relay closes as at power-on, if nothing speaks against it."""
         self._mains = on
         if on:
             self._close_relay()

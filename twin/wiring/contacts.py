@@ -63,7 +63,7 @@ class Contacts:
         self._sequence = 0
         self._levels: dict[str, bool] | None = None
         self._swapped: dict[str, str] = {}
-        """Both ways round."""
+        """The partner of each swapped contact; a pair is in it both ways round."""
         self._worn: list[str] = []
         """Worn contacts that have changed at this instant and are still to chatter."""
 

@@ -16,7 +16,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import Key
 from isel_twin.plant import PLACES
 from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, Known, Settable, ended
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 
 EVENT_KEYS = (*ACTS, *BESIDE)
 """What an event says beside its time."""
@@ -36,7 +36,7 @@ class ScenarioEvent:
     end: ScenarioEvent | None = None
     """What ends all of it, `for_ns` later; None: it lasts."""
     for_ns: int = 0
-    when: Condition | None = None
+    when: Trigger | None = None
     """What it waits for, in place of `at_ns`."""
     delay_ns: int = 0
     """From the condition on."""

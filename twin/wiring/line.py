@@ -1,7 +1,7 @@
 """The serial line between host and controller, in virtual time.
 
-With `timed` a byte takes its time (`SerialFormat.byte_ns`), one after the other in each direction; without, bytes
-arrive at the instant they are sent (right for tests of logic, where the line is not what is looked at).
+With `timed` each byte takes `SerialFormat.byte_ns`, one after the other in each direction; without, bytes arrive at the
+instant they are sent (for tests of logic, where the line does not matter).
 
     host sends  |b0|b1|b2|            at 19200 baud, 8N1: 520.833 us a byte
     arrives        b0 b1 b2           each at the end of its stop bit
@@ -28,23 +28,23 @@ class _Direction:
     def __init__(self) -> None:
         self.queue: deque[tuple[int, bytes]] = deque()
         self.landed: deque[tuple[int, bytes]] = deque()
-        """The same of what has arrived before the line was cut, and not been taken yet."""
+        """What arrived before the line was cut and has not been taken yet."""
         self.due = 0
         self._free_ns = 0
         self._held_ns: int | None = None
 
     @property
     def held(self) -> bool:
-        """Whoever sends waits."""
+        """True while the sender has to wait."""
         return self._held_ns is not None
 
     def hold(self, t_ns: int) -> None:
-        """Let whoever sends wait."""
+        """Let the sender wait."""
         if self._held_ns is None:
             self._held_ns = t_ns
 
     def release(self, t_ns: int) -> None:
-        """Let him go on: what was on its way comes as much later."""
+        """Let the sender go on; bytes that were on their way arrive later by the time of the wait."""
         if self._held_ns is None:
             return
         later, self._held_ns = t_ns - self._held_ns, None
@@ -77,12 +77,12 @@ class _Direction:
         return b"".join(pieces)
 
     def land(self, t_ns: int) -> None:
-        """What has arrived by t_ns is safe, whatever happens to the line."""
+        """Keep what has arrived by t_ns, whatever happens to the line."""
         while self.queue and self.queue[0][0] <= t_ns:
             self.landed.append(self.queue.popleft())
 
     def lose(self, t_ns: int) -> list[tuple[int, bytes]]:
-        """What would arrive by t_ns does not; return it."""
+        """Remove and return what would arrive by t_ns."""
         lost = []
         while self.queue and self.queue[0][0] <= t_ns:
             lost.append(self.queue.popleft())
@@ -99,7 +99,7 @@ class SerialLine:
 
     def __init__(self, timed: bool, random: np.random.Generator) -> None:
         self.timed = timed
-        """Bytes sent from now on take their time."""
+        """Bytes sent from now on take the time of their bits."""
         self._random = random
         self.noise = 0.0
         """Chance of one flipped bit in each byte."""
@@ -112,7 +112,7 @@ class SerialLine:
         self.doubled = 0.0
         """Chance that a byte comes twice."""
         self._chances = random.spawn(1)[0]
-        """Of those two: the flipped bits of a seed do not depend on them."""
+        """Generator of those two alone, so that they do not change which bits a seed flips."""
         self.is_cut = False
         """Nothing passes."""
         self._to_controller = _Direction()

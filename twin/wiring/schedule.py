@@ -5,15 +5,15 @@ state or a position passed tells it here; nothing is looked for on a grid.
 
     at                      t, and again after `every`, `repeat` times in all
     when, of a message      each message that begins so
-    when, of a state        each time it becomes so; what is so at power-on has to be otherwise first
+    when, of a state        each time it becomes so; a state that holds at power-on has to end first
     when, after an event    each time that event happens, so much later
 
                  so   ___|~~~~~~~~~~|____|~~|_|~~~~~~~~~~
            happens       ^ (delay)        ^    too soon                  REARM_NS after the last time, counted from here
 
 An event with a condition happens once, `times` times, or `always`: on edges, so a condition that stays true is met
-once. What is met within REARM_NS after it was met before does not count, so that a switch that bounces is one event and
-two events that bring each other about are no endless loop.
+once. A condition met again within REARM_NS does not count, so that a switch that bounces is one event and two events
+that trigger each other are no endless loop.
 
 At one instant events happen in the order of the file, ends of what lasted (`for`) before them.
 """
@@ -28,13 +28,13 @@ from typing import Protocol
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.event import ScenarioEvent
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 
 REARM_NS = 1 * MILLISECOND_NS
-"""An event that has just been brought about is not again before this time is over."""
+"""Time after which the condition of an event counts again."""
 
 _END = -1
-"""Stands before all numbers of events."""
+"""In place of the number of an event: sorts before all of them."""
 
 
 class Said(Protocol):
@@ -53,7 +53,7 @@ class Decoder(Protocol):
 
 
 class _Raw:
-    """Without a language every run of bytes that is looked for is a message, wherever it stands."""
+    """Finds texts in the raw bytes of a controller without a language, wherever they stand."""
 
     def __init__(self, texts: Sequence[tuple[str, bool]]) -> None:
         self._wanted = [(text, _bytes(text), sent) for text, sent in texts]
@@ -84,7 +84,7 @@ class Schedule:
         self._begun = [0] * len(self.events)
         self._armed_ns = [0] * len(self.events)
         self._so: list[bool | None] = [None] * len(self.events)
-        """Whether the condition of a state holds; None: nobody has said yet."""
+        """Whether the condition of a state holds; None: not told yet."""
         self._by_kind: dict[str, list[int]] = defaultdict(list)
         for place, event in enumerate(self.events):
             if event.when is None:
@@ -103,11 +103,11 @@ class Schedule:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next one is due; None if only something else can bring one about."""
+        """When the next one is due; None if all that are left wait for a condition."""
         return self._due[0][0] if self._due else None
 
     @property
-    def positions(self) -> tuple[Condition, ...]:
+    def positions(self) -> tuple[Trigger, ...]:
         """Conditions of positions, in the order in which `passed` numbers them."""
         return tuple(self._condition(place) for place in self._of("position"))
 
@@ -156,7 +156,7 @@ class Schedule:
         """The position of condition `number` has been passed or left."""
         self._becomes(self._of("position")[number], beyond)
 
-    def look(self, so: Callable[[Condition], bool]) -> None:
+    def look(self, so: Callable[[Trigger], bool]) -> None:
         """Outputs or inputs may have changed; `so` tells whether a condition of one holds now."""
         for place in self._of("output") + self._of("input"):
             self._becomes(place, so(self._condition(place)))
@@ -166,7 +166,7 @@ class Schedule:
     def _of(self, kind: str) -> list[int]:
         return self._by_kind.get(kind, [])
 
-    def _condition(self, place: int) -> Condition:
+    def _condition(self, place: int) -> Trigger:
         condition = self.events[place].when
         assert condition is not None
         return condition

@@ -39,7 +39,7 @@ _SECONDS = {"s": 1.0, "ms": 1e-3}
 
 
 @dataclass(frozen=True)
-class Condition:
+class Trigger:
     """What an event waits for.
 
     sent, replied     a message of the host, of the controller: begins with `name`
@@ -61,7 +61,7 @@ def condition(
     switches: Sequence[str],
     outputs: Sequence[str],
     names: Sequence[str],
-) -> Condition:
+) -> Trigger:
     """The condition in some words. Raises the error of `place`.
 
     settable: see `Wiring.settable`; switches: contacts that are position switches; outputs, names: of outputs and
@@ -74,7 +74,7 @@ def condition(
     if kind in ("sent", "replied"):
         if not rest:
             raise place.wrong(f"{words!r}: {kind} what? allowed: how the message begins, such as '{kind} TEXT'")
-        return Condition("sent" if kind == "sent" else "replied", rest)
+        return Trigger("sent" if kind == "sent" else "replied", rest)
     if re.match(rf"[{''.join(CARRIAGES)}]\s*([^\w\s]|$)", words.strip()):
         return _position(words.strip(), place)
     if kind in ("output", "input"):
@@ -96,7 +96,7 @@ def _examples() -> str:
     return f"allowed: {', '.join(repr(example) for example in EXAMPLES)}"
 
 
-def _position(words: str, place: Place) -> Condition:
+def _position(words: str, place: Place) -> Trigger:
     axis = words[0]
     found = re.fullmatch(r".\s*([<>])\s*(\S+?)\s*([a-z]*)", words)
     number = _number(found[2]) if found else None
@@ -104,29 +104,29 @@ def _position(words: str, place: Place) -> Condition:
         raise place.wrong(f"{words!r}; allowed: {axis} > NUMBER mm or {axis} < NUMBER mm")
     if found[3] != "mm":
         raise place.wrong(f"{words!r}: unit {found[3]!r}; allowed: 'mm'")
-    return Condition("position", axis, plain(number, _MM, place), 1 if found[1] == ">" else -1)
+    return Trigger("position", axis, plain(number, _MM, place), 1 if found[1] == ">" else -1)
 
 
-def _output(name: str, value: str, place: Place, outputs: Sequence[str]) -> Condition:
+def _output(name: str, value: str, place: Place, outputs: Sequence[str]) -> Trigger:
     if name not in outputs:
         raise place.wrong(f"unknown output {name!r}; {hint(name, outputs, 'there are')}")
     if not value.isdigit():
         raise place.wrong(f"output {name!r} cannot be {value!r}; allowed: a whole number")
-    return Condition("output", name, plain(int(value), _OUTPUT, place))
+    return Trigger("output", name, plain(int(value), _OUTPUT, place))
 
 
 def _input(
     name: str, value: str, place: Place, settable: Mapping[str, tuple[str, ...]], switches: Sequence[str]
-) -> Condition:
+) -> Trigger:
     if name not in settable:
         raise place.wrong(f"unknown input {name!r}; {hint(name, tuple(settable), 'there are')}")
     states = (*(SWITCH_STATES if name in switches else ()), *settable[name])
     if value not in states:
         raise place.wrong(f"input {name!r} cannot be {value!r}; it can be: {', '.join(states)}")
-    return Condition("input", name, value)
+    return Trigger("input", name, value)
 
 
-def _after(number: str, unit: str, name: str, place: Place, names: Sequence[str]) -> Condition:
+def _after(number: str, unit: str, name: str, place: Place, names: Sequence[str]) -> Trigger:
     value = _number(number)
     if value is None:
         raise place.wrong(f"{number!r} is no number; {_examples()}")
@@ -135,7 +135,7 @@ def _after(number: str, unit: str, name: str, place: Place, names: Sequence[str]
     if name not in names:
         there = hint(name, names, "there are") if names else "no event has a name"
         raise place.wrong(f"unknown event {name!r}; {there}")
-    return Condition("after", name, plain(value * _SECONDS[unit], _LATER_S, place))
+    return Trigger("after", name, plain(value * _SECONDS[unit], _LATER_S, place))
 
 
 def _number(text: str) -> float | None:

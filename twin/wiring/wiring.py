@@ -32,7 +32,7 @@ from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
-from isel_twin.wiring.when import Condition
+from isel_twin.wiring.when import Trigger
 
 PASSED_MM = 0.05
 """A carriage has left a position that an event waits for when it is back by this much."""
@@ -52,7 +52,7 @@ def outputs(machine: Machine) -> tuple[str, ...]:
 
 
 KEPT = 0.9
-"""Part of its hysteresis by which the trip point of a switch moves inwards at most from one time to the next."""
+"""The trip point of a switch moves inwards by at most this part of its hysteresis from one time to the next."""
 
 
 def thresholds(
@@ -113,9 +113,9 @@ class Wiring:
         """Everything `operate` takes, and the states each can be given: elements of the cabinet, faults of contacts."""
         self._schedule = Schedule() if schedule is None else schedule
         self.events_without_effect = 0
-        """Events, of the scenario or a call, that have happened and could not do anything: the plant has no physics."""
+        """Events of the scenario, or of calls, that had no effect because the plant has no physics."""
         self._faults: dict[str, str | float] = {}
-        """What acts have set that can be ended, by key or `key.member`, but for contacts and the line."""
+        """Faults that acts have set and not ended, by key or `key.member`; contacts keep their own."""
         self.changes = 0
         """Goes up whenever an input may have changed."""
         self.restarts = 0
@@ -123,11 +123,11 @@ class Wiring:
         self._pressed: list[tuple[str, KeyValue]] = []
         """Keys of the controller's that events have pressed since `take_pressed`, and what they were put to."""
         self.mains = True
-        """There is a supply for the controller."""
+        """The controller has supply."""
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
-        """What the cabinet's contacts are since they were last told."""
+        """State of the cabinet's contacts when the terminals were last told of them."""
         self._active = plant.trips()
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -139,12 +139,12 @@ class Wiring:
 
     @property
     def next_ns(self) -> int | None:
-        """When there is something to do by itself."""
+        """When `settle` next has something to do that nobody brings about from outside."""
         return min((t for t in (self.next_event_ns, self._heat.next_ns) if t is not None), default=None)
 
     @property
     def next_event_ns(self) -> int | None:
-        """The same without the regular look at the temperatures, which hardly ever changes anything."""
+        """`next_ns` without the regular look at the temperatures, which hardly ever changes anything."""
         return min((t for t in (self.contacts.next_ns, self._schedule.next_ns) if t is not None), default=None)
 
     def settle(self, t_ns: int) -> bool:
@@ -247,7 +247,7 @@ class Wiring:
         self._look()
 
     def outputs_lost(self) -> None:
-        """The controller starts anew or has no supply: its outputs are what they are until it says otherwise."""
+        """The controller starts anew or has no supply: outputs return to their state at power-on."""
         for name in self._outputs:
             self.output(name, OUTPUTS.get(name, 0))
         self._settle_cabinet()
@@ -324,7 +324,7 @@ class Wiring:
         return len(self._switches) + len(self._drive_terminals)
 
     def _note(self, fault: str, value: str | float) -> None:
-        """A fault has this value now; take it down, or strike it out if it is over."""
+        """Keep that a fault has this value now, or that it is over."""
         self._faults.pop(fault, None)
         if value != ACTS[fault.partition(".")[0]].off:
             self._faults[fault] = value
@@ -334,8 +334,8 @@ class Wiring:
         if self._schedule.of_states:
             self._schedule.look(self._holds)
 
-    def _holds(self, condition: Condition) -> bool:
-        """Whether an output or an input is now as an event waits for it."""
+    def _holds(self, condition: Trigger) -> bool:
+        """True if the output or input has the state that an event waits for."""
         name, value = condition.name, condition.value
         if condition.kind == "output":
             return bool(self.outputs.get(name, OUTPUTS.get(name, 0)) == value)
@@ -344,9 +344,9 @@ class Wiring:
         return self.inputs.get(name) == value
 
     def _draw_trip_point(self, number: int) -> None:
-        """A switch trips a little elsewhere each time: draw where it will the next time.
+        """Draw where a switch, which trips a little elsewhere each time, will trip next.
 
-        It has just been released, so not where the carriage stands now: within its hysteresis of the last time.
+        It has just been released: a point where the carriage stands now would strike it at once.
         """
         switch = self._switches[number]
         inwards = 1.0 if switch.end == "motor" else -1.0
@@ -358,7 +358,7 @@ class Wiring:
         self.plant.set_trip_point(number, trip_mm)
 
     def _settle_cabinet(self) -> None:
-        """Carry the cabinet's signals to the contacts, their real states back, and its power to the stages."""
+        """Set contacts from the cabinet, let it sense them as they are wired, and switch the power of the stages."""
         self._follow_cabinet()
         self._cabinet.sense(self.contacts.closed)
         self._follow_cabinet()

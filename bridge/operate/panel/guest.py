@@ -7,7 +7,7 @@ Requests are those of the control port (bridge/operate/control.py) with a number
 
     {"id": 7, "ask": {"set": {"estop": "pressed"}}}    -->  {"id": 7, "ok": {...}} or {"id": 7, "error": "one line"}
     {"id": 8, "ask": {...}, "gone": {"set": {...}}}    `gone` is asked if the browser goes before it asks again
-    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file; see `_Line`
+    {"id": 9, "say": "@0P"}                            as a host: commands as in a job file; see `_Typist`
 
 A frame is the state the control port tells, with what the panel draws besides. While nobody looks there are none, and
 the server does nothing for the panel that it would not do without. Sampling changes nothing: a twin looked at has the
@@ -34,8 +34,8 @@ from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.menu import key_menu, menu
 from isel_twin.bridge.operate.panel.monitor import Monitor
 from isel_twin.bridge.operate.token import token_for
-from isel_twin.bridge.serve.borders import Line
-from isel_twin.bridge.serve.loop import Watch
+from isel_twin.bridge.serve.borders import SerialLine
+from isel_twin.bridge.serve.loop import FileWatch
 from isel_twin.bridge.serve.server import Server
 from isel_twin.bridge.serve.tcp import listen, parse_address
 from isel_twin.core.twin import Twin
@@ -66,7 +66,7 @@ class Site(Protocol):
 
     @property
     def watched(self) -> bool:
-        """Whether a browser looks."""
+        """True while a browser has the page open."""
 
     def start(self, about: Mapping[str, Any], machine: Machine, recording: Path | None) -> None:
         """Let browsers in. about: what does not change while the server runs; recording: a file that they may have."""
@@ -81,8 +81,8 @@ class Site(Protocol):
         """Let everybody go."""
 
 
-class _Line:
-    """Implements Endpoint: a person who types. Replies go to whoever spoke last, and everybody sees them."""
+class _Typist:
+    """The endpoint of a person who types. Replies go to whoever spoke last, and everybody sees them."""
 
     kind = "panel"
     address = ""
@@ -92,25 +92,24 @@ class _Line:
     settings: Mapping[str, Any] = MappingProxyType({})
     """As those of the line, whatever it is."""
 
-    def attach(self, line: Line) -> None:
-        """See Endpoint."""
+    def attach(self, line: SerialLine) -> None:
+        """Nothing to do: what is typed goes to the server."""
 
-    def watches(self, listening: bool) -> Iterable[Watch]:
-        """See Endpoint."""
+    def watches(self, listening: bool) -> Iterable[FileWatch]:
         return ()
 
     def send(self, data: bytes) -> None:
         """The monitor has them already."""
 
     def give_way(self) -> None:
-        """See Endpoint."""
+        """Nothing to do: it never holds the line."""
 
     def close(self) -> None:
-        """See Endpoint."""
+        """Nothing to do: the panel is closed as a guest."""
 
 
 class Panel:
-    """A guest of a server that shows its twin on a page. Raises ValueError, OSError as `TcpEndpoint`."""
+    """A guest of a server that shows its twin on a page. Raises ValueError, or OSError for a taken address."""
 
     kind = "panel"
 
@@ -124,7 +123,7 @@ class Panel:
         """File of the recording that the server makes, to be set before it begins; browsers may save what is in it."""
         self._asked: SimpleQueue[Asked] = SimpleQueue()
         self._server: Server | None = None
-        self._line = _Line()
+        self._line = _Typist()
         self._pending: list[tuple[int, Any, Pending]] = []
         self._gone: dict[int, Mapping[str, Any]] = {}
         self._next_s = 0.0
@@ -159,7 +158,7 @@ class Panel:
     # As a guest
 
     def attach(self, server: Server) -> None:
-        """The server whose twin is shown. Raises TypeError for one that serves something else."""
+        """The server whose twin is shown. Raises TypeError if that is no Twin, CallError if the page is not safe."""
         if not isinstance(server.twin, Twin):
             raise TypeError("a panel shows a Twin")
         self._server, self._twin = server, server.twin
@@ -167,12 +166,11 @@ class Panel:
         self.monitor.begin(server.twin.controller_name)
         self._site.start(self._about(), self._twin.machine, self.recording)
 
-    def watches(self) -> Iterable[Watch]:
-        """See Guest: browsers are not waited for here, they wake the server."""
+    def watches(self) -> Iterable[FileWatch]:
+        """None: browsers wake the server."""
         return ()
 
     def wait_s(self) -> float | None:
-        """See Guest."""
         waits = [self._operator.wait_s]
         if not self._asked.empty():
             return 0.0
@@ -181,7 +179,7 @@ class Panel:
         return min((wait for wait in waits if wait is not None), default=None)
 
     def look(self) -> None:
-        """See Guest: answer, act, sample."""
+        """Answer, act, sample."""
         self._operator.look()
         for _ in range(ROUND):
             try:
@@ -196,7 +194,7 @@ class Panel:
             self._sample()
 
     def close(self) -> None:
-        """See Guest. May be called again, and before there is a server."""
+        """End all waits and let browsers go. May be called again, and before there is a server."""
         if self._server is not None:
             self._operator.end()
             self._answer_pending()

@@ -22,7 +22,7 @@ LINES = 300
 
 
 class Monitor:
-    """Follows the traffic (`isel_twin.bridge.serve.borders.WireTap`)."""
+    """A wire tap that keeps the last of the traffic."""
 
     def __init__(self) -> None:
         self._pieces: deque[tuple[int, bytes | str, bool]] = deque()
@@ -40,19 +40,16 @@ class Monitor:
     # As a tap
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """See WireTap."""
         self._keep((time_ns, data, sent))
 
     def look(self, time_ns: int) -> None:
-        """See WireTap."""
         self._now_ns = time_ns
 
     def act(self, time_ns: int, text: str) -> None:
-        """See WireTap."""
         self._keep((time_ns, text, False))
 
     def close(self) -> None:
-        """See WireTap."""
+        """Nothing to do."""
 
     def _keep(self, piece: tuple[int, bytes | str, bool]) -> None:
         if len(self._pieces) >= PIECES:

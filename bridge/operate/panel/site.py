@@ -34,7 +34,7 @@ from isel_twin.bridge.operate.panel import guarded
 from isel_twin.bridge.operate.panel.frame import COME, Asked, Frame
 from isel_twin.bridge.operate.panel.gate import Gate
 from isel_twin.bridge.operate.panel.pages import POLICY, SCENE_POLICY, file_response, pages, response
-from isel_twin.bridge.operate.panel.stage import Stage
+from isel_twin.bridge.operate.panel.view import MachineView
 from isel_twin.machine import Machine
 
 BROWSERS = 16
@@ -86,7 +86,7 @@ class WebSite:
         self._about: dict[str, Any] = {}
         self._plots: deque[list[Any]] = deque(maxlen=HISTORY)
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=LINES)
-        self._stage: Stage | None = None
+        self._view: MachineView | None = None
         self._files = pages()
         self._recording: Path | None = None
 
@@ -100,7 +100,7 @@ class WebSite:
         self._recording = recording
         self._about = dict(about)
         self._viser, self._loop = guarded.start(self._listener, self.respond, self.serve)
-        self._stage = Stage(self._viser, machine)
+        self._view = MachineView(self._viser, machine)
 
     def show(self, frame: Frame) -> None:
         self._call(self._show, frame)
@@ -132,8 +132,8 @@ class WebSite:
             browser.lines += lines
             browser.plots.append(plots)
             browser.news.set()
-        if self._stage is not None:
-            self._stage.show(frame)
+        if self._view is not None:
+            self._view.show(frame)
 
     def _answer(self, client: int, answer: Mapping[str, Any]) -> None:
         if (browser := self._browsers.get(client)) is not None:

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from firmware.gmi99.rules import Rules
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.firmware.gmi99.circle import chords, circle, fastest_hz
-from isel_twin.firmware.gmi99.planner import Move, Rules, line, start
+from isel_twin.firmware.gmi99.planner import Move, line, start
 from isel_twin.motion.joined import Joined
 
 RULES = replace(Rules().with_speed(1_000_000), free_circles=True)

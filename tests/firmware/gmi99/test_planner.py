@@ -13,6 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from firmware.gmi99.rules import Rules
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion.joined_forms import Part, displacement, law
@@ -21,7 +22,6 @@ from mpmath import mpf
 from isel_twin.firmware.gmi99.planner import (
     PERIOD_NS,
     Move,
-    Rules,
     corner_hz,
     factor,
     line,
@@ -110,12 +110,6 @@ def test_axes_without_influence_share_the_time() -> None:
     assert seconds(moved([line(way(3000, 4000, 0, 8000), 5000, rules)], rules)) == pytest.approx(1.1, abs=1e-12)
     assert seconds(moved([line(way(0, 0, 0, 8000), 5000, rules)], rules)) == pytest.approx(1.7, abs=1e-12)
     assert rules.with_ratio(65_535, 3).influence == (True,) * 6
-
-
-@pytest.mark.parametrize("p2", [0, 65_536, 131_072, -1])
-def test_no_resolution_ratio(p2: int) -> None:
-    with pytest.raises(ValueError, match="ratio"):
-        RULES.with_ratio(p2, 0)
 
 
 # ---- M, B, f, G0, 5: limits ----------------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ from hypothesis import given
 from isel_twin.controller import create_controller
 from isel_twin.firmware.imc import commands, replies
 from isel_twin.firmware.imc.controller import Imc
-from isel_twin.firmware.imc.language import CODES, CONTROL, LONGEST
+from isel_twin.firmware.imc.language import CONTROL, LONGEST
+from isel_twin.firmware.imc.replies import WORDS as CODES
 from isel_twin.language import Language, LanguageError, Message, MoveSettings, create_language
 from isel_twin.testing import Desk
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from from_start import from_start
 
 from isel_twin.testing import Desk
 
@@ -49,7 +50,7 @@ def test_a_program_makes_the_stream_of_the_same_commands_sent_one_by_one() -> No
     for command in commands:
         assert hand.query(command) == "0", command
 
-    first, second = program.steps.from_start(), hand.steps.from_start()
+    first, second = from_start(program.steps), from_start(hand.steps)
     assert np.array_equal(first.delta, second.delta)
     assert np.array_equal(first.t_ns, second.t_ns)
     assert program.outputs["user"] == 1

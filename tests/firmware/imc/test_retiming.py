@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from isel_twin import Twin
+from isel_twin.controller import offers
 from isel_twin.language import JobMove, MoveSettings, RetimesJobs, create_language
 
 FAST = MoveSettings(22_000, 900, 800)
@@ -16,7 +17,7 @@ BRISK = MoveSettings(15_000, 400, 800)
 
 def language(name: str = "imc-s8") -> RetimesJobs:
     found = create_language(name)
-    assert isinstance(found, RetimesJobs)
+    assert offers(found, RetimesJobs)
     return found
 
 

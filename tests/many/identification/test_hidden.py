@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from isel_twin.base.crew import here
 from isel_twin.machine import load_machine
 from isel_twin.many.identification.fit import Fit, Model, Prospect, fit, prospect
 from isel_twin.many.identification.page import page
@@ -102,7 +103,7 @@ def test_any_executor_gives_the_same_bits(found: Found) -> None:
     points = [np.zeros(len(found.unknowns)), np.full(len(found.unknowns), 0.3)]
     assert pickle.loads(pickle.dumps((session, found.believed, found.unknowns)))[0] == session  # for processes
     with ThreadPoolExecutor(2) as pool:
-        one = Model(found.believed, found.unknowns, [session], pool).predictions(points)
+        one = Model(found.believed, found.unknowns, [session], here(pool)).predictions(points)
     other = Model(found.believed, found.unknowns, [session]).predictions(points)
     assert [each.tobytes() for each in one] == [each.tobytes() for each in other]
 

@@ -11,7 +11,7 @@ import pytest
 from isel_twin import Twin
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import parse_job
-from isel_twin.jobs.robust import trials
+from isel_twin.jobs.robust import repetitions
 from isel_twin.many.studies import wilson
 from isel_twin.many.studies.plan import load_plan
 from isel_twin.many.studies.points import points
@@ -132,7 +132,7 @@ def test_perturbed_machines_are_those_of_run_robust(plans: Path) -> None:
     head = HEAD.replace("kinematic", "mujoco").replace("start_mm = [2, 2, 2]", "perturbed = true\nseeds = [1, 2]")
     found = rows(plan(plans, head))
     lines = parse_job(text, Twin(plant="kinematic").language, "imc-s8")
-    repeated = [trial.verdict for trial in trials(TwinSpec(), lines, 2, timeout_s=60.0)]
+    repeated = [trial.verdict for trial in repetitions(TwinSpec(), lines, 2, timeout_s=60.0)]
     least = [min(each for each in verdict.margin if each is not None) for verdict in repeated]
     assert [row["margin"] for row in found] == least
     assert least[0] != least[1]

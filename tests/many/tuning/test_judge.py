@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from isel_twin.base.crew import here
 from isel_twin.many.tuning import Judgement, confirm
 from isel_twin.many.tuning.judge import Weather, judged, make
 from isel_twin.many.tuning.result import Held, Tried, front, tuned
@@ -84,7 +85,7 @@ def test_confirmed_is_what_holds_on_machines_that_no_trial_has_seen() -> None:
     assert seen == [2, 3, 4], "0 and 1 belong to the trials"
     assert (held.good, held.made, held.lost) == (True, 3, 0)
     with ThreadPoolExecutor(2) as executor:
-        assert confirm(asked, asked.candidate(QUICK), 3, executor=executor) == held
+        assert confirm(asked, asked.candidate(QUICK), 3, crew=here(executor)) == held
     assert (
         confirm(asked, asked.candidate(QUICK), 3, told=lambda each: seen.append(each.number), hard=[9, 4]) is not None
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from isel_twin.base.crew import here
 from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Judgement
 from isel_twin.many.tuning import study as study_module
@@ -71,7 +72,7 @@ def test_the_same_whoever_does_the_work() -> None:
     made = []
     for executor in (None, Late(), ThreadPoolExecutor(3)):
         study = Study(problem(), seed=3, batch=4)
-        study.run(16, executor)
+        study.run(16, here(executor))
         made.append(told(study.tried))
     assert made[0] == made[1] == made[2]
     assert len(made[0]) == 16
@@ -125,7 +126,7 @@ def test_each_move_finds_its_own_and_beats_the_same_for_all() -> None:
     whole.run(48)
     assert front(each.tried)[0].judgement.time_s < 0.9 * front(whole.tried)[0].judgement.time_s
     again = Study(problem(each_move=True), least=0.1)
-    again.run(48, ThreadPoolExecutor(3))
+    again.run(48, here(ThreadPoolExecutor(3)))
     assert told(again.tried) == told(each.tried)
 
 

@@ -84,13 +84,9 @@ class Execution:
         self.rest()
         name, block = broken or ("", 0)
         self._broken = f"{name} N{block} is broken off" if broken else ""
-        for number, value in (
-            (P.BROKEN_PROGRAM, name[1:]),
-            (P.BROKEN_BLOCK, block),
-            (P.ABORTED_PROGRAM, name[1:]),
-            (P.ABORTED_BLOCK, block),
-        ):
-            p.write(number, float(value or 0))
+        for program, number in ((P.BROKEN_PROGRAM, P.BROKEN_BLOCK), (P.ABORTED_PROGRAM, P.ABORTED_BLOCK)):
+            p.write(program, float(name[1:] or 0))
+            p.write(number, float(block))
         self.keep()
 
     def _ask(self, number: int, value: float | None) -> None:
@@ -135,13 +131,8 @@ class Execution:
             self._began_at = self._began_at if again else self.axes.position
             self.interpreter.begin(name, self._began_at, block, bool(p.get(P.SKIP)))
             if again:
-                find(
-                    self.interpreter,
-                    f"P{int(p.get(P.BROKEN_PROGRAM))}",
-                    int(p.get(P.BROKEN_BLOCK)),
-                    self.axes.position,
-                    p.write,
-                )
+                broken = f"P{int(p.get(P.BROKEN_PROGRAM))}", int(p.get(P.BROKEN_BLOCK))
+                find(self.interpreter, *broken, self.axes.position, p.write)
         except ProgramError as error:
             self.say(message(error.number, program=name, detail=error.detail))
             return

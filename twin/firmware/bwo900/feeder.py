@@ -1,4 +1,5 @@
-"""When programs are fed, and how the host is told to wait (manual 2.5.1, P8811; P8807; P11176).
+"""Programs that are carried out while they come (dripfeed), and how the host is told to wait (2.5.1, P8811; P8807;
+P11176).
 
     mode AUTO with P8811 = 1 (or Start, if P8807 says so)   the next program that comes is fed
     Start                                                    it is carried out, as soon as its first block is there
@@ -18,7 +19,7 @@ from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.stored import Store
 
 AT_START: Final = 0x10
-"""Of P8807, byte 1: it is loaded from Start on, not from the change of mode."""
+"""Bit of P8807: a program is fed from Start on, not from the change of mode."""
 XON, XOFF = b"\x11", b"\x13"
 
 
@@ -28,11 +29,11 @@ class Feeder:
     def __init__(self, parameters: Parameters, store: Store) -> None:
         self._parameters, self._store = parameters, store
         self._told_to_wait = False
-        """The host, by Xoff."""
+        """The host has got Xoff, and no Xon since."""
 
     @property
     def wanted(self) -> bool:
-        """Programs are fed."""
+        """P8811: programs are fed."""
         return self._parameters.get(P.FED) == 1.0
 
     @property
@@ -47,17 +48,17 @@ class Feeder:
 
     @property
     def failed(self) -> str:
-        """The program that is fed if blocks of it are lost, so that it cannot go on; empty: none."""
+        """The fed program, if blocks of it are lost so that it cannot go on; empty: none."""
         feed = self._store.feed
         return feed.name if feed is not None and feed.given_up else ""
 
     def automatic(self, name: str) -> None:
-        """The mode is one of those in which programs run; name: of the program to be started."""
+        """The mode has become AUTO or SINGLE; name: of the program that Start begins."""
         if self.wanted and not int(self._parameters.get(P.START_FLAGS_2)) & AT_START:
             self._arm(name)
 
     def start(self, name: str, *, from_the_middle: bool) -> None:
-        """A program is started. Raises ProgramError M1269 if it is fed, and not from its first block on."""
+        """A program is started. Raises ProgramError M1269 if it is fed and is to begin in its middle."""
         if not self.wanted:
             self.end()
             return
@@ -72,7 +73,7 @@ class Feeder:
             self._store.feed = None
 
     def say(self) -> bytes:
-        """What the host is to be told now: to wait, to go on, or nothing."""
+        """Xoff or Xon for the host, if what it was told last is no longer true."""
         waits = self._by_characters and self._store.feed is not None and self._store.feed.waits
         if waits == self._told_to_wait:
             return b""

@@ -20,7 +20,7 @@ from isel_twin.firmware.plc.assembler import assemble
 
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
 MOST_WAITING: Final = 32
-"""M functions that wait for their turn; a program with more waits."""
+"""Length of the queue of M functions; a program that has more of them waits."""
 CODE, STROBE, SPEED, TOOL = 30, 32, 34, 36
 
 DEFAULT: Final = """
@@ -97,7 +97,7 @@ BE
 
 
 class MachinePlc:
-    """The PLC with the control's side of the flags. M functions go to it one after the other."""
+    """The PLC, and the flags that the control sets for it: M functions go to it one after the other."""
 
     OUTPUTS: Final = ("spindle", "hood_release", "analog", *(f"a0.{bit}" for bit in range(8)))
 
@@ -116,37 +116,37 @@ class MachinePlc:
 
     @property
     def idle(self) -> bool:
-        """Every M function has been acknowledged."""
+        """All M functions have been acknowledged."""
         return not self._waiting and not self._memory.m[STROBE] & 1
 
     @property
     def room(self) -> bool:
-        """It takes more M functions."""
+        """The queue takes more M functions."""
         return len(self._waiting) < MOST_WAITING
 
     def power_on(self, t_ns: int) -> None:
-        """Passes begin."""
+        """Its passes begin."""
         self._plc.start(t_ns, self._memory, power_on=True)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """A terminal e0.n; others are none of the PLC's business."""
+        """Terminals e0.n are inputs of the PLC, others are ignored."""
         if terminal[:3] == "e0.":
             bit = 1 << int(terminal[3:])
             self._memory.e[0] = self._memory.e[0] | bit if level else self._memory.e[0] & ~bit
             self._plc.touch(t_ns)
 
     def function(self, t_ns: int, code: int) -> None:
-        """An M function for the PLC."""
+        """Queue an M function, by its number."""
         self._waiting.append(code)
         self._hand_over(t_ns)
 
     def withdraw(self) -> None:
-        """M functions that have not been acknowledged are taken back."""
+        """Take back the M functions that are not acknowledged, also the one handed over."""
         self._waiting.clear()
         self._memory.m[STROBE] &= 0xFE
 
     def forget(self) -> None:
-        """M functions that have not been handed over are not wanted any more."""
+        """Clear the queue; the function that was handed over goes on."""
         self._waiting.clear()
 
     def speed(self, spindle: int, value: float) -> None:
@@ -160,23 +160,22 @@ class MachinePlc:
         self._memory.m[TOOL] = number & 0xFF
 
     def advance(self, t_ns: int) -> None:
-        """Passes that are over."""
+        """Do the passes that end by t_ns."""
         while (due := self._plc.next_ns) is not None and due <= t_ns:
             self._plc.end_pass(due, self._memory)
             self._hand_over(due)
             self._plc.begin_pass(due, self._memory)
 
     def take(self) -> dict[str, int]:
-        """Outputs that have changed, by name."""
+        """Outputs that have changed since the last call, by name."""
         a = self._memory.a
-        now = {f"a0.{bit}": a[0] >> bit & 1 for bit in range(8)}
-        now |= {"spindle": a[0] & 1}
+        now = {**{f"a0.{bit}": a[0] >> bit & 1 for bit in range(8)}, "spindle": a[0] & 1}
         changed = {name: value for name, value in now.items() if self._shown.get(name, 0) != value}
         self._shown |= changed
         return changed
 
     def _hand_over(self, t_ns: int) -> None:
-        """The next M function, if the one before it has been acknowledged."""
+        """Show the PLC the next M function, if the one before has been acknowledged."""
         if self._waiting and not self._memory.m[STROBE] & 1:
             self._memory.m[CODE] = self._waiting.popleft() & 0xFF
             self._memory.m[STROBE] |= 1

@@ -172,10 +172,7 @@ class Operating:
         """The limit switch at an end (1, 2) of an axis is struck: outside of a reference run everything ends."""
         if self._hand.homing is not None or self._axes.run is None:
             return
-        self._hardware.say(
-            self._execution.executed.message(
-                Code.HARDWARE_LIMIT_LOW if end == 1 else Code.HARDWARE_LIMIT_HIGH, NAMES[axis]
-            )
-        )
+        number = Code.HARDWARE_LIMIT_LOW if end == 1 else Code.HARDWARE_LIMIT_HIGH
+        self._hardware.say(self._execution.executed.message(number, NAMES[axis]))
         self._hand.release(everything=True)
         self._channel.abort()

@@ -22,7 +22,6 @@ TERMINALS: Final[Mapping[str, tuple[str, ...]]] = {
     "e0.7": ("spindle",),
     **{f"limit_{'xyz'[axis]}{end + 1}": (f"limit_{'xyz'[axis]}{end + 1}",) for axis in range(AXES) for end in (0, 1)},
 }
-"""Where the contacts of machine and cabinet lead to."""
 
 
 def serial_format(p: Parameters) -> SerialFormat:

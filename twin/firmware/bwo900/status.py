@@ -6,8 +6,8 @@
     P12150 ..         positions of an axis, mm       P12170            its speed, mm/min
     P12135, 180 ..    its switches, limits, whether it moves       P8559   an M function is waited for
 
-They are worked out when they are asked for, and are there at any time: without a program nothing is programmed (0, or
-deleted where the manual says so: cycles), and the G functions are those that a program begins with.
+They are worked out when they are asked for. Without a program they are 0 (cycles: deleted, as the manual says), and
+the G functions those that a program begins with.
 """
 
 from __future__ import annotations
@@ -63,40 +63,31 @@ NUMBERS: Final = (
     *(first + axis for first in (P.SHIFT_EXECUTED, P.SHIFT_ANALYSED) for axis in range(MACHINE_AXES)),
     *(of_axis(axis, offset) for axis in range(MACHINE_AXES) for offset in AXIS_CELLS),
 )
-"""Those that there are."""
+"""All of them."""
 _KNOWN: Final = frozenset(NUMBERS)
+
+FORGOTTEN: Final = (
+    P.TRAVEL_RELEASE, P.SAFETY_HALT, P.HAND_PLANE, P.HAND_ZERO, P.HAND_COORDINATES, P.EXCHANGE, P.BLOCK_LOCK,
+    P.NOT_INTERPOLATING, P.WITHOUT_DYNAMICS,
+)  # fmt: skip
+"""Deleted at power-on."""
 
 
 def at_power_on(axes: int) -> Iterator[tuple[int, float | None]]:
-    """What is written as power comes, by P: what the control is made of; references and programs, of which there are
-    none; commands and settings that do not outlive it."""
+    """P and values written at power-on: size of the channel, state without references and programs, and the settings
+    that are not kept."""
     yield from ((P.CHANNEL, 1.0), (P.AXES, float(axes)), (P.LAST_AXIS, float(axes)))
     yield from ((number, 0.0) for number in (P.ALL_REFERENCED, P.PROGRAM_ACTIVE, P.PROGRAM_RUNS, P.REFERENCED))
     yield from ((number, 1.0) for number in (P.MODE_TO_PLC, P.MODE_ACTIVE, P.MODE))  # HAND
-    yield from (
-        (number, None)
-        for number in (
-            P.TRAVEL_RELEASE,
-            P.SAFETY_HALT,
-            P.HAND_PLANE,
-            P.HAND_ZERO,
-            P.HAND_COORDINATES,
-            P.EXCHANGE,
-            P.BLOCK_LOCK,
-            P.NOT_INTERPOLATING,
-            P.WITHOUT_DYNAMICS,
-        )
-    )
+    yield from ((number, None) for number in FORGOTTEN)
     for axis in range(axes):
-        yield from (
-            (of_axis(axis, Axis.SLOPE), None),
-            (of_axis(axis, Axis.CHANNEL), 1.0),
-            (of_axis(axis, Axis.LOGICAL), axis + 1.0),
-        )
+        yield of_axis(axis, Axis.SLOPE), None
+        yield of_axis(axis, Axis.CHANNEL), 1.0
+        yield of_axis(axis, Axis.LOGICAL), axis + 1.0
 
 
 def value(number: int, interpreter: Interpreter, channel: Channel, axes: Axes) -> float | None:
-    """The value of such a parameter P; None: it is deleted, or not one of them."""
+    """The value of a parameter P that is worked out; None: it is deleted, or not one of them."""
     if number not in _KNOWN:
         return None
     if number >= P.AXES_FIRST:
@@ -223,5 +214,5 @@ def _axis(axis: int, offset: int, executed: Executed, axes: Axes) -> float:
 
 
 def _bytes(first: bool, second: bool) -> float:
-    """Two signals, each in a byte."""
+    """Two signals: one in byte 1, one in byte 2."""
     return first + 256.0 * second

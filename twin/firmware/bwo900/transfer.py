@@ -3,8 +3,8 @@
     CR LF  P1 CR LF  N10 ... CR LF  ...  # CR LF  04 CR LF          programs, Z: cycles
     CR LF  D  CR LF  K1:P 10: 1 S:$00000009 CR LF  q 3: 30000 ...   parameters; D+ with their status; a dash deletes
 
-Lines end in CR LF, CR or LF. What is wrong with a line is a message with its number, and the rest of the file is
-skipped to its end. The control answers nothing by itself; what it is asked to put out are files of the same form.
+Lines end in CR LF, CR or LF. A wrong line gives a message with its number, and the rest of the file is skipped.
+The control answers nothing by itself; what it is asked to put out are files of the same form.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LINE_MODE: Final = 0x01
 UNNUMBERED: Final = "P0"
 """A positioning block needs none either: it is typed at the panel on the original, in whole or in part (2.6.2)."""
 BLANK: Final = "".join(chr(code) for code in range(33))
-"""Characters that are nothing at the ends of a line: blanks, and signs of the end of another setting."""
+"""Characters that are ignored at the ends of a line: blanks, and ends of files of another setting."""
 HANDSHAKE: Final = b"\x11\x13"
 """Xon and Xoff of a host: what is put out does not wait."""
 _LINE = re.compile(
@@ -42,10 +42,10 @@ _LINE = re.compile(
 
 
 class Receiver:
-    """Reads files from the line, byte by byte, and says what they come to.
+    """Reads files from the line.
 
     written: called with (number, value, area, channel) for each parameter that a file sets, after it has been set.
-    locked: whether a program must not be replaced now (M1105).
+    locked: true of a program that must not be replaced now (M1105).
     """
 
     def __init__(
@@ -59,21 +59,20 @@ class Receiver:
         self._line = bytearray()
         self._number = 0
         self._sign = end_of_file(parameters)
-        """Of the end, as it was when the file began that may set another one."""
+        """The end of a file as it was when this one began, which may set another one."""
         self._kind = ""
-        """Of the file that is being read: a program's name, "D", "D+", "?" for one that is skipped."""
+        """The file that is read: name of a program, D, D+, "?" for one that is skipped; empty: none."""
         self._builder: Builder | Feed | None = None
-        """Of the program that is being read."""
         self.changed = False
-        """Programs or parameters are not what they were since this was set to False."""
+        """Programs or parameters have changed; the reader of this flag resets it."""
 
     @property
     def busy(self) -> bool:
-        """In the middle of a file, which may be one that nobody wants; a program that is fed is none."""
+        """In the middle of a file, also of one that is skipped; a program that is fed does not count."""
         return bool(self._kind) and not isinstance(self._builder, Feed)
 
     def take(self, data: bytes) -> Iterator[ProgramError]:
-        """Bytes of the line; what was wrong with them."""
+        """Take in bytes of the line; yields what was wrong with them."""
         data = data.translate(None, HANDSHAKE)
         at = 0
         while (found := _ends(self._sign, end_of_file(self._parameters)).search(data, at)) is not None:
@@ -86,7 +85,7 @@ class Receiver:
         self._more(data[at:])
 
     def _more(self, data: bytes) -> None:
-        """More of a line; of one that is too long no more than shows it."""
+        """Keep a part of a line, of a line that is too long just enough to show that."""
         self._line += data[: max(MOST_LINE + 1 - len(self._line), 0)]
 
     def _end_of_line(self) -> Iterator[ProgramError]:
@@ -197,7 +196,7 @@ class Receiver:
 
 @lru_cache
 def _ends(sign: int, other: int) -> re.Pattern[bytes]:
-    """What a line ends with."""
+    """Ends of lines: CR, LF, and both ends of a file."""
     return re.compile(b"[\\x0a\\x0d\\x%02x\\x%02x]" % (sign, other))
 
 

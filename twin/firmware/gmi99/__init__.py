@@ -3,16 +3,18 @@
     controller.py   host, inputs and clock: implements isel_twin.controller.Controller
     link.py         frames both ways, DIL switches
     commands.py     every command, as one table; instruction.py: one with its parameters
-    queue.py        order, barriers, buffer of 100 moves, programs in progress; waiting.py: what takes time
+    sequencer.py    order, barriers, buffer of 100 moves
+    queue.py        what waits, programs in progress, the command in progress; waiting.py: what it waits for
     path.py         moves to set points: planner.py, circle.py; hold, go on, break off
     actions.py      commands that set, wait, make ready    queries.py    T
     corrections.py  G; offsets.py: zero points             directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store
     images.py       process images, flags, data words
-    logic.py        the PLC of the folder beside this one on them, FB 254; plc.py: what the card asks of it
+    logic.py        the PLC of the folder beside this one on them, FB 254
     drives.py       what belongs to the drives
     settings.py     what a host sets, and the flash image
-    board.py        the card's state, which all these share; device.py: the card, in which they meet
+    board.py        the card's state, which all these share and which knows none of them
+    device.py       the card: the parts that work on it, for commands and controller
 
 docs/gmi99.md has the commands and what is not emulated, docs/decisions.md G1... what the manual leaves open.
 """

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from isel_twin.firmware.gmi99 import images
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
+from isel_twin.firmware.gmi99.path import OntoSwitchError
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, NUMBERS, RATIO_ONE, SLOTS, Settings
 from isel_twin.firmware.gmi99.waiting import Wait
 
@@ -32,19 +33,22 @@ def axis_of(name: str, value: int) -> int:
     return within(name, value, 0, SLOTS - 1)
 
 
-def no_action(card: Board, instruction: Instruction) -> None:
+def no_action(card: Card, instruction: Instruction) -> None:
     """Questions are answered by queries.py."""
 
 
-def move(card: Board, instruction: Instruction) -> None:
+def move(card: Card, instruction: Instruction) -> None:
     """`V` and 80h + mask: a straight move, or a part of a circle."""
-    card.path.move(instruction)
+    try:
+        card.path.move(instruction, from_host=not card.in_program)
+    except OntoSwitchError as error:
+        card.drives.lose(str(error), stages=False)
 
 
 # ---- speeds ----------------------------------------------------------------------------------------------------------
 
 
-def _per_axis(card: Board, name: str, value: int, slot: int) -> None:
+def _per_axis(card: Card, name: str, value: int, slot: int) -> None:
     """A value of the leading axis and thereby of all axes (slot 0), or of one axis (slot + 1)."""
     within("P2", slot, 0, SLOTS)
     old = getattr(card.settings, name)
@@ -52,18 +56,18 @@ def _per_axis(card: Board, name: str, value: int, slot: int) -> None:
     card.set(**{name: new})
 
 
-def acceleration(card: Board, instruction: Instruction) -> None:
+def acceleration(card: Card, instruction: Instruction) -> None:
     """`B`: acceleration in Hz/ms."""
     _per_axis(card, "b_hz_per_ms", within("B", instruction.p1, *ACCELERATION_HZ_PER_MS), instruction.p2)
 
 
-def top_speed(card: Board, instruction: Instruction) -> None:
+def top_speed(card: Card, instruction: Instruction) -> None:
     """`M`: top speed and rapid; the reduced speed becomes 0."""
     _per_axis(card, "m_hz", within("M", instruction.p1, *TOP_SPEED_HZ), instruction.p2)
     card.set(r_hz=(0,) * (SLOTS + 1))
 
 
-def reduced_speed(card: Board, instruction: Instruction) -> None:
+def reduced_speed(card: Card, instruction: Instruction) -> None:
     """`R`: reduced speed, at most M."""
     value = within("R", instruction.p1, *TOP_SPEED_HZ)
     within("P2", instruction.p2, 0, SLOTS)
@@ -71,14 +75,14 @@ def reduced_speed(card: Board, instruction: Instruction) -> None:
     card.path.speeds_changed()
 
 
-def feed(card: Board, instruction: Instruction) -> None:
+def feed(card: Card, instruction: Instruction) -> None:
     """`f`: speed of the moves that follow; M if it is above."""
     if instruction.p1 == 0:
         raise OutOfRangeError("f is 0; it must be at least 1")
     card.path.feed_hz = min(instruction.p1, card.settings.m_hz[0])
 
 
-def override(card: Board, instruction: Instruction) -> None:
+def override(card: Card, instruction: Instruction) -> None:
     """`o`: override off, on, or on with a value in place of the potentiometer (immediate)."""
     within("P1", instruction.p1, 0, 2)
     if instruction.p1 == 2:
@@ -91,7 +95,7 @@ def override(card: Board, instruction: Instruction) -> None:
     card.path.speeds_changed()
 
 
-def tool_speed(card: Board, instruction: Instruction) -> None:
+def tool_speed(card: Card, instruction: Instruction) -> None:
     """`W`: tool speed control off or on; resolution and influence of one axis."""
     on, value, slot = instruction.values
     within("P1", on, 0, 1)
@@ -113,7 +117,7 @@ def _with(values: tuple[int, ...], index: int, value: int) -> tuple[int, ...]:
 # ---- parameters ------------------------------------------------------------------------------------------------------
 
 
-def parameter(card: Board, instruction: Instruction) -> None:
+def parameter(card: Card, instruction: Instruction) -> None:
     """`N`: parameter P2 (slot in P2 or P3) becomes P1."""
     value, index, third = instruction.values
     if index & 0xFE == 8 and index >> 8 < SLOTS:
@@ -148,14 +152,14 @@ def parameter_value(settings: Settings, index: int, slot: int) -> int | None:
     return None
 
 
-def save(card: Board, instruction: Instruction) -> None:
+def save(card: Card, instruction: Instruction) -> None:
     """`s`: keep the settings."""
     if (instruction.p1, instruction.p2) != SAVE:
         raise OutOfRangeError("s wants 85 and 170")
     card.keep(settings=card.settings.kept)
 
 
-def reset(card: Board, instruction: Instruction) -> None:
+def reset(card: Card, instruction: Instruction) -> None:
     """`r`: defaults; with P3 = 1 all memories are erased."""
     card.settings = Settings()
     card.parameters_changed()
@@ -163,7 +167,7 @@ def reset(card: Board, instruction: Instruction) -> None:
         card.erase()
 
 
-def duplicate(card: Board, instruction: Instruction) -> None:
+def duplicate(card: Card, instruction: Instruction) -> None:
     """Axis duplication: the target makes all motions of the source; -1: no more."""
     target, source = axis_of("P1", instruction.p1), signed(instruction.p2)
     within("P2", source, -1, target - 1)
@@ -173,20 +177,20 @@ def duplicate(card: Board, instruction: Instruction) -> None:
 # ---- data ------------------------------------------------------------------------------------------------------------
 
 
-def register(card: Board, instruction: Instruction) -> None:
+def register(card: Card, instruction: Instruction) -> None:
     """`c`: register R00..19."""
     card.images.set_register(within("P2", instruction.p2, 0, images.REGISTERS - 1), signed(instruction.p1))
     card.keep_data()
 
 
-def data_word(card: Board, instruction: Instruction) -> None:
+def data_word(card: Card, instruction: Instruction) -> None:
     """`d`: a data word at a byte offset."""
     word, offset = within("P1", instruction.p1, 0, 0xFFFF), within("P2", instruction.p2, 0, 254)
     card.images.set_data_word(offset, word)
     card.keep_data()
 
 
-def report_again(card: Board, instruction: Instruction) -> None:
+def report_again(card: Card, instruction: Instruction) -> None:
     """`q`: the PLC is to report again."""
     card.images.set_flag(images.REPORT_AGAIN, True)
 
@@ -194,7 +198,7 @@ def report_again(card: Board, instruction: Instruction) -> None:
 # ---- waiting for the PLC ---------------------------------------------------------------------------------------------
 
 
-def m_function(card: Board, instruction: Instruction) -> Generator[Wait, None, None]:
+def m_function(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
     """`m`: ask the PLC for an M, S or T function, and wait until it has cleared the request."""
     number, second, third = instruction.values
     flags = card.images.flags
@@ -219,14 +223,14 @@ def m_function(card: Board, instruction: Instruction) -> Generator[Wait, None, N
 # ---- axes ------------------------------------------------------------------------------------------------------------
 
 
-def set_position(card: Board, instruction: Instruction) -> None:
+def set_position(card: Card, instruction: Instruction) -> None:
     """`O`: the position counter becomes P1, active offsets included."""
     axis = axis_of("P2", instruction.p2)
     value = within("P1", signed(instruction.p1), LOWEST, HIGHEST)
     card.set_counter(axis, value + card.offsets.total(axis))
 
 
-def auxiliary(card: Board, instruction: Instruction) -> Generator[Wait, None, None]:
+def auxiliary(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
     """`H`: wait until axes are in position; put rotary axes into a segment of the circle."""
     what, second, mask = instruction.values
     if what == 2:
@@ -251,7 +255,7 @@ def auxiliary(card: Board, instruction: Instruction) -> Generator[Wait, None, No
         raise OutOfRangeError(f"there is no H{what}")
 
 
-def reference(card: Board, instruction: Instruction) -> Generator[Wait, None, None]:
+def reference(card: Card, instruction: Instruction) -> Generator[Wait, None, None]:
     """`Q`: counters to 0 where the axes stand, or a reference run of the drives; then the indexer is ready if all
     drives are."""
     mask = instruction.p1 & 0x3F

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from isel_twin.firmware.gmi99 import actions, corrections, directly, programming
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import MOVE_BIT, Instruction
 from isel_twin.firmware.gmi99.waiting import Wait
 
-Handler = Callable[[Board, Instruction], Generator[Wait, None, None] | None]
+Handler = Callable[[Card, Instruction], Generator[Wait, None, None] | None]
 
 PLC_DATA_BYTES = 128
 

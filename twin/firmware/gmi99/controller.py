@@ -20,6 +20,7 @@ from isel_twin.firmware.gmi99.device import OUTPUT_NAMES, Card
 from isel_twin.firmware.gmi99.drives import TERMINALS, TURN
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.link import ACKNOWLEDGED, LOADER, Dil, Frame, Receiver, long_record, short_record
+from isel_twin.firmware.gmi99.sequencer import Sequencer
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.motion import SetPointRun
 
@@ -52,6 +53,8 @@ class Gmi99:
         self._dil = dil
         self._parity = parity
         self._card = Card(flash, override_pot_percent, turn, plc)
+        self._card.store.restore(parse)
+        self._sequencer = Sequencer(self._card)
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
 
@@ -67,14 +70,13 @@ class Gmi99:
 
     @property
     def run(self) -> SetPointRun | None:
-        card = self._card
-        return card.drives.run or (None if card.path.ghost else card.path.run)
+        return self._card.run
 
     @property
     def next_ns(self) -> int | None:
         card = self._card
         reference = card.queue.next_ns
-        drives = card.drives.run.end_ns if card.drives.run is not None and reference is None else None
+        drives = card.drives_run.end_ns if card.drives_run is not None and reference is None else None
         times = [t for t in (card.path.next_ns, reference, drives, card.plc.next_ns) if t is not None]
         return max(min(times), card.now_ns) if times else None
 
@@ -155,7 +157,7 @@ class Gmi99:
             card.ask_drives()
             card.plc.advance(card.now_ns)
             card.flags_changed(program_ran=ran)
-        card.queue.pump()
+        self._sequencer.pump()
         card.refresh_flags()
         card.plc.look(card.now_ns)
 
@@ -174,13 +176,13 @@ class Gmi99:
         elif kind is Kind.IMMEDIATE and not (instruction.code == ord("p") and self._card.queue.recording):
             self._reply(ACKNOWLEDGED)
             self._at_once(instruction)
-        elif self._card.queue.full(instruction):
+        elif self._sequencer.full(instruction):
             self._reply(self._record(BUFFER_FULL))
         else:
             self._reply(ACKNOWLEDGED)
             if instruction.code == ord("Q"):
                 self._card.fault = False
-            self._card.queue.put(bytes([frame.command]) + frame.content, instruction)
+            self._sequencer.put(bytes([frame.command]) + frame.content, instruction)
 
     def _short(self, frame: Frame) -> None:
         card = self._card
@@ -245,7 +247,7 @@ class Gmi99:
         else:
             self._reply(ACKNOWLEDGED)
             if chr(frame.command) == "Q" and frame.content[:1] in (b"\x01", b"\x03"):
-                self._card.queue.put_drive(slot, run=frame.content[:1] == b"\x01")
+                self._sequencer.put_drive(slot, run=frame.content[:1] == b"\x01")
 
     def _drive_short(self, slot: int, frame: Frame) -> None:
         if frame.command == STATUS:

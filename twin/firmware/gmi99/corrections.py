@@ -5,14 +5,14 @@ Choosing one moves nothing.
 
 from __future__ import annotations
 
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
 from isel_twin.firmware.gmi99.settings import SLOTS, ZERO_POINTS
 
 PRESELECTED = 0xFF
 
 
-def g_function(card: Board, instruction: Instruction) -> None:
+def g_function(card: Card, instruction: Instruction) -> None:
     """`G`."""
     number = instruction.p1 & 0xFF
     if 53 <= number <= 59:
@@ -35,7 +35,7 @@ def g_function(card: Board, instruction: Instruction) -> None:
         raise OutOfRangeError(f"there is no G{number}")
 
 
-def _correction(card: Board, number: int, instruction: Instruction) -> None:
+def _correction(card: Card, number: int, instruction: Instruction) -> None:
     offsets = card.offsets
     middle, high = instruction.p1 >> 8 & 0xFF, instruction.p1 >> 16
     value, slot = signed(instruction.p2), instruction.p3

@@ -1,16 +1,18 @@
-"""The card: its state (board.py) and the parts that work on it."""
+"""The card: its state (board.py), the parts that work on it, what ends them all, and what there is to see of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.board import Board
-from isel_twin.firmware.gmi99.commands import parse
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import DIGITAL, STATIC_BYTES
 from isel_twin.firmware.gmi99.logic import CardPlc
 from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.queue import Queue
+from isel_twin.firmware.gmi99.settings import SLOTS
+from isel_twin.firmware.gmi99.store import DEPTH
 
 OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in range(8))
 """Outputs of the drives, two bytes a slot."""
@@ -19,18 +21,14 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 class Card(Board):
     """See the module."""
 
-    drives: DriveBank
-    path: Path
-    queue: Queue
-
     def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         super().__init__(flash, override_pot_percent, plc)
-        self.drives = DriveBank(self, turn)
-        self.path = Path(self)
         self.queue = Queue(self)
-        self.plc = CardPlc(self)
-        self.store.restore(parse)
+        self.path = Path(self)
+        self.drives = DriveBank(self, self.path, self.queue, turn)
+        self.plc = CardPlc(self, self.path, self.drives, self.queue)
+        self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on."""
@@ -49,3 +47,91 @@ class Card(Board):
         self.fault = False
         self.refresh_flags()
         self.plc.power_on(t_ns, bytes.fromhex(self.stored.plc))
+
+    # ---- what happens ------------------------------------------------------------------------------------------------
+
+    def parameters_changed(self) -> None:
+        """N parameters have changed."""
+        self.arrange_images()
+        self.path.speeds_changed()
+
+    def abort(self) -> None:
+        """#0, M0.1: everything under way brakes and is forgotten."""
+        self.queue.drop()
+        self.path.break_off()
+        self.drives.brake()
+
+    def call(self, number: int) -> None:
+        """p3;1: start a program, or go on with it as a subprogram."""
+        commands, depth = self.store.program(number), self.queue.depth
+        if not depth:
+            self.images.flags[images.PROGRAM_NUMBER] = number
+        if not commands:
+            self.store.error = True
+            self.refuse(f"program {number} is empty")
+        elif depth > DEPTH:
+            self.store.error = True
+            self.refuse(f"program {number} is called {DEPTH + 1} deep")
+            self.abort()
+        else:
+            self.queue.enter(commands)
+
+    def flags_changed(self, *, program_ran: bool) -> None:
+        """Host or PLC have written flags; `program_ran`: M0.2 before."""
+        flags = self.images
+        if flags.flag(images.BREAK_OFF):
+            flags.set_flag(images.BREAK_OFF, False)
+            self.abort()
+        if flags.flag(images.PROGRAM_RUNS) and not program_ran and not self.in_program:
+            flags.set_flag(images.PROGRAM_RUNS, False)
+            self.call(flags.flags[images.PROGRAM_NUMBER])
+        flags.set_flag(images.PROGRAM_RUNS, self.in_program)
+        if self.analog_asked:
+            self.put_analog_outputs()
+        self.path.speeds_changed()
+
+    # ---- what there is to see ----------------------------------------------------------------------------------------
+
+    @property
+    def in_program(self) -> bool:
+        """A program runs."""
+        return self.queue.depth > 0
+
+    @property
+    def busy(self) -> bool:
+        """A command or program is being carried out."""
+        return self.queue.busy or not self.path.at_rest or not self.drives.at_rest
+
+    @property
+    def information(self) -> int:
+        """Information character but for the message (3.2)."""
+        return self.drives.estop << 3 | self.moving << 4 | (not self.drives.ready) << 6 | self.busy << 7
+
+    @property
+    def memory_status(self) -> int:
+        """T3;4."""
+        bad = self.flash_fault
+        return (self.plc.load_error or bad) | (not self.plc.running) << 1 | (self.store.error or bad) << 4 | bad << 5
+
+    @property
+    def safety_status(self) -> int:
+        """T3;8."""
+        stop = self.images.flag(images.STOP)
+        blocked = any(self.drives.blocked(slot) for slot in range(SLOTS) if self.settings.axis_mask >> slot & 1)
+        return self.reduced | blocked << 1 | stop << 2 | self.enable_missing << 3
+
+    def refresh_flags(self) -> None:
+        """Flags of the firmware, and the output that tells of motion, show what is."""
+        if self.moving != self._moving_told:
+            self._moving_told = self.moving
+            self.output("moving", int(self.moving))
+        set_flag = self.images.set_flag
+        set_flag(images.INDEXER_RUNS, self.path_run is not None)
+        set_flag(images.NO_ESTOP, not self.drives.estop)
+        set_flag(images.NOT_READY, not self.drives.ready)
+        set_flag(images.READY, not self.busy)
+        set_flag(images.FROZEN, bool(self.settings.motion_off))
+
+    def ask_drives(self) -> None:
+        """Flags that only the drives know are as they are now: before somebody looks at them."""
+        self.images.set_flag(images.I2T, any(map(self.drives.is_overloaded, range(SLOTS))))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.waiting import Wait
 
@@ -32,7 +32,7 @@ BITS = 96
 TENTH_NS = 100 * MILLISECOND_NS
 
 
-def direct(card: Board, instruction: Instruction) -> Generator[Wait, None, None] | None:
+def direct(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
     """`p10`: P2 opcode, P3 operand."""
     code, operand = instruction.p2, instruction.p3
     if code not in WORDS:
@@ -51,7 +51,7 @@ def direct(card: Board, instruction: Instruction) -> Generator[Wait, None, None]
     return None
 
 
-def _wait(card: Board, code: int, operand: int) -> Generator[Wait, None, None]:
+def _wait(card: Card, code: int, operand: int) -> Generator[Wait, None, None]:
     if code == WAIT:
         yield Wait(at_ns=card.now_ns + operand * TENTH_NS)
         return

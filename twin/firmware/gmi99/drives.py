@@ -20,12 +20,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import replace
 
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.path import Path
+from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
 from isel_twin.motion import SetPointRun
@@ -69,8 +70,10 @@ _FAULT = re.compile(r"slot([0-9])\.fault")
 class DriveBank:
     """All drives; see the module."""
 
-    def __init__(self, card: Board, turn: int) -> None:
-        self._card = card
+    def __init__(self, board: Board, path: Path, queue: Queue, turn: int) -> None:
+        self._board = board
+        self._path = path
+        self._queue = queue
         self._turn = turn
         self.asked: Drives | None = None
         self.ready = False
@@ -79,20 +82,21 @@ class DriveBank:
         """Stages are on."""
         self.searching = 0
         """Axes that search or leave their switch (FB 254.3)."""
-        self.run: SetPointRun | None = None
-        """Motion the drives make by themselves."""
         self._zeroed = [False] * SLOTS
         self._faulty = [False] * SLOTS
         self._estop = True
         self._power = False
-        self._switches: dict[tuple[int, int], bool] = {}
-        """(slot, 0: motor end, 1: far end) -> struck; those that are wired."""
         self._serial = 0
         self._referencing = False
         self._edge = False
         """A switch has changed since the reference run was last gone on with."""
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def run(self) -> SetPointRun | None:
+        """Motion the drives make by themselves."""
+        return self._board.drives_run
 
     @property
     def estop(self) -> bool:
@@ -133,9 +137,9 @@ class DriveBank:
     def in_position(self, mask: int) -> Generator[Wait, None, None]:
         """Wait until the axes are in position."""
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
-        yield Wait(at_ns=self._card.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
+        yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
         while not all(map(self._is_in_position, axes)):
-            yield Wait(at_ns=self._card.path.grid_ns(self._card.now_ns + 1))
+            yield Wait(at_ns=self._path.grid_ns(self._board.now_ns + 1))
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
@@ -157,118 +161,111 @@ class DriveBank:
                 self.lose(f"the drive at slot {slot} has switched itself off", stages=False)
         elif (match := _INPUT.fullmatch(terminal)) is not None:
             byte, bit = int(match[1]), int(match[2])
-            self._card.images.set_drive_input(byte, bit, level)
+            self._board.images.set_drive_input(byte, bit, level)
             if byte % 2 and bit >= 6 and byte // 2 < SLOTS:
                 self._switch(byte // 2, bit - 6, struck=not level)
 
     def _switch(self, slot: int, end: int, *, struck: bool) -> None:
-        known = (slot, end) in self._switches
-        self._switches[slot, end] = struck
+        known = (slot, end) in self._board.struck
+        self._board.struck[slot, end] = struck
         self._edge = True
         if not struck or not known:
             return
-        run = self._card.path.run
-        if run is not None and not self._card.path.ghost and self._speed(run, slot) * (1 if end else -1) > 0:
+        run = self._board.path_run
+        if run is not None and not self._board.ghost and self._speed(run, slot) * (1 if end else -1) > 0:
             self.lose(f"limit switch of slot {slot}", stages=False)
 
     def _speed(self, run: SetPointRun, slot: int) -> int:
         """Increments in the tick that is being led to, or the next one."""
-        k = min(run.count(self._card.now_ns), run.last - 1)
+        k = min(run.count(self._board.now_ns), run.last - 1)
         return int(run.plan.deltas(max(k - 1, run.first), k + 1)[:, slot].sum()) if k >= run.first else 0
-
-    def struck_ahead(self, way: Sequence[int]) -> int | None:
-        """The slot whose limit switch is struck and which would move further onto it."""
-        for (slot, end), struck in self._switches.items():
-            if struck and way[slot] * (1 if end else -1) > 0:
-                return slot
-        return None
 
     # ---- losing readiness -------------------------------------------------------------------------------------------
 
     def lose(self, why: str, *, stages: bool) -> None:
         """Not ready any more: motion ends, queue and program are dropped; `stages`: they are off."""
         was_ready, self.ready = self.ready, False
-        path = self._card.path
+        path = self._path
         if stages:
             self._zeroed = [False] * SLOTS
             path.cut()
             self._end_run()
             self._enable(on=False)
-        elif path.run is not None and not path.ghost:
+        elif self._board.path_run is not None and not self._board.ghost:
             run = path.release()
-            k = self._next_tick(run)
-            sharp = LIMIT_SHARPNESS * 1000.0 * self._card.settings.b_hz_per_ms[0]
-            self.run = replace(run, plan=braked(run.plan, k, run.period_ns, sharp))
+            sharp = LIMIT_SHARPNESS * 1000.0 * self._board.settings.b_hz_per_ms[0]
+            k = run.next_tick(self._board.now_ns)
+            self._board.drives_run = run.with_plan(braked(run.plan, k, run.period_ns, sharp))
         else:
             path.cut()
             self.brake()
         if was_ready:
-            self._card.refuse(why)
-        self._card.drop()
+            self._board.refuse(why)
+        self._queue.drop()
 
     def _enable(self, *, on: bool) -> None:
         self.enabled = on
-        self._card.output("stages", int(on))
-        self._card.output("brake", int(on))
+        self._board.output("stages", int(on))
+        self._board.output("brake", int(on))
 
     def brake(self) -> None:
         """A reference run ends with its ramp."""
         if self.run is not None and isinstance(self.run.plan, Indexer):
-            self.run = replace(self.run, plan=self.run.plan.stopped(self._next_tick(self.run)))
+            self._replan(self.run.plan.stopped(self.run.next_tick(self._board.now_ns)))
 
     def _end_run(self) -> None:
         if self.run is not None:
-            self._card.take_in(self.run.displacement(self._card.now_ns), ghost=False)
-            self.run = None
+            self._board.take_in(self.run.displacement(self._board.now_ns), ghost=False)
+            self._board.drives_run = None
 
     def advance(self) -> None:
         """The end of a motion of the drives is taken in."""
-        if self.run is not None and not self._referencing and self._card.now_ns >= self.run.end_ns:
+        if self.run is not None and not self._referencing and self._board.now_ns >= self.run.end_ns:
             self._end_run()
 
     # ---- becoming ready ---------------------------------------------------------------------------------------------
 
     def make_ready(self, mask: int, *, run: bool, indexer: bool = True) -> Generator[Wait, None, None]:
         """Q: power, stages on, axes zeroed or referenced; then the indexer is ready if all drives are."""
-        card = self._card
+        board = self._board
         if self._estop:
-            card.refuse("Q: E-stop")
+            board.refuse("Q: E-stop")
             return
-        card.output("power_request", 1)
-        card.output("power_request", 0)
+        board.output("power_request", 1)
+        board.output("power_request", 0)
         if not self._power:
-            yield Wait(until=lambda: self._power, at_ns=card.now_ns + POWER_WAIT_NS)
+            yield Wait(until=lambda: self._power, at_ns=board.now_ns + POWER_WAIT_NS)
         if not self._power:
-            card.refuse("Q: the drives have no supply")
+            board.refuse("Q: the drives have no supply")
             return
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         if any(self._faulty):
-            card.output("drive_reset", 1)
-            card.output("drive_reset", 0)
-            yield Wait(until=lambda: not any(self._faulty), at_ns=card.now_ns + FAULT_NS)
+            board.output("drive_reset", 1)
+            board.output("drive_reset", 0)
+            yield Wait(until=lambda: not any(self._faulty), at_ns=board.now_ns + FAULT_NS)
         if not self.enabled:
             self._enable(on=True)
         if run:
             found = yield from self._reference([slot for slot in axes if slot < MECHANICAL])
             axes = [slot for slot in axes if slot >= MECHANICAL or slot in found]
         for slot in axes:
-            card.set_counter(slot, 0)
+            board.set_counter(slot, 0)
             self._zeroed[slot] = True
         if not indexer:
             return
-        wanted = card.settings.axis_mask
+        wanted = board.settings.axis_mask
         self.ready = not any(self._faulty[slot] for slot in range(SLOTS) if wanted >> slot & 1) and all(
             self._zeroed[slot] for slot in range(SLOTS) if wanted >> slot & 1
         )
 
     def _reference(self, axes: list[int]) -> Generator[Wait, None, list[int]]:
         """The reference run of some axes at once; return those that have found their place."""
-        card = self._card
+        board = self._board
         self._serial += 1
         self._referencing = True
         plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
-        self.run = SetPointRun(plan, planner.PERIOD_NS, card.path.grid_ns(card.now_ns))
-        runs = {slot: self._axis(slot, card.counts[slot]) for slot in axes}
+        board.drives_run = SetPointRun(plan, planner.PERIOD_NS, self._path.grid_ns(board.now_ns))
+        runs = {slot: self._axis(slot, board.counts[slot]) for slot in axes}
         found: list[int] = []
         for slot in axes:
             self._zeroed[slot] = False
@@ -285,11 +282,11 @@ class DriveBank:
                         if end.value:
                             found.append(slot)
                         else:
-                            card.refuse(f"the reference run of slot {slot} has failed")
+                            board.refuse(f"the reference run of slot {slot} has failed")
                 if runs:
                     yield Wait(until=lambda: self._edge, at_ns=self._next_stand_ns())
-            if card.now_ns < self.run.end_ns:
-                yield Wait(at_ns=self.run.end_ns)
+            if board.now_ns < board.drives_run.end_ns:
+                yield Wait(at_ns=board.drives_run.end_ns)
             self._end_run()
         finally:
             self.searching = 0
@@ -298,36 +295,35 @@ class DriveBank:
 
     def _next_stand_ns(self) -> int:
         """When the next axis stands that moves now."""
-        plan, _ = self._indexer()
-        assert self.run is not None
-        times = (self.run.start_ns + plan.stands_at(slot) * self.run.period_ns for slot in range(SLOTS))
-        return min((t_ns for t_ns in times if t_ns > self._card.now_ns), default=self._card.now_ns + 1)
+        run, plan, _ = self._indexer()
+        times = (run.start_ns + plan.stands_at(slot) * run.period_ns for slot in range(SLOTS))
+        return min((t_ns for t_ns in times if t_ns > self._board.now_ns), default=self._board.now_ns + 1)
 
     def _axis(self, slot: int, base: int) -> Generator[None, None, bool]:
         """What the drive at a slot does in a reference run: gone on with after everything that happens."""
-        near, far = (slot, 0), (slot, 1)
-        if near not in self._switches:
+        near, far, struck = (slot, 0), (slot, 1), self._board.struck
+        if near not in struck:
             return False
-        if not self._switches[near]:
-            self._plan_to(slot, -SEARCH_LENGTH, SEARCH_HZ)
-            while not self._switches[near]:
-                if self._stands(slot) or self._switches.get(far, False):
-                    self._plan_brake(slot)
+        if not struck[near]:
+            self._go(slot, -SEARCH_LENGTH, SEARCH_HZ)
+            while not struck[near]:
+                if self._stands(slot) or struck.get(far, False):
+                    self._brake(slot)
                     return False
                 yield
-            self._plan_brake(slot)
+            self._brake(slot)
             while not self._stands(slot):
                 yield
-        self._plan_to(slot, FREE_LENGTH, FREE_HZ)
-        while self._switches[near]:
+        self._go(slot, FREE_LENGTH, FREE_HZ)
+        while struck[near]:
             if self._stands(slot):
                 return False
             yield
         zero = self.encoder(slot) - base + self._turn - self._past_zero_pulse(slot)
-        self._plan_brake(slot)
+        self._brake(slot)
         while not self._stands(slot):
             yield
-        self._plan_place(slot, zero)
+        self._go(slot, zero, FREE_HZ, absolute=True)
         while not self._stands(slot):
             yield
         return True
@@ -336,42 +332,37 @@ class DriveBank:
         """Measured position of a drive; the set point where nothing measures."""
         if self.asked is not None and slot < len(self.asked.encoder):
             return self.asked.encoder[slot]
-        return self._card.counts[slot]
+        return self._board.counts[slot]
 
     def _past_zero_pulse(self, slot: int) -> int:
         pulses = () if self.asked is None else self.asked.past_zero_pulse
         return pulses[slot] % self._turn if slot < len(pulses) else 0
 
     def _stands(self, slot: int) -> bool:
-        if self.run is None:
+        run = self.run
+        if run is None:
             return True
-        return isinstance(self.run.plan, Indexer) and self.run.plan.stands(slot, self.run.count(self._card.now_ns))
+        return isinstance(run.plan, Indexer) and run.plan.stands(slot, run.count(self._board.now_ns))
 
-    def _plan_to(self, slot: int, way: float, speed: float) -> None:
-        plan, k = self._indexer()
-        self._replan(plan.to(slot, k, plan.displacement(k)[slot] + way, speed))
+    def _go(self, slot: int, way: float, speed: float, *, absolute: bool = False) -> None:
+        """From standstill so far on; absolute: to that place, from the start of the run."""
+        _, plan, k = self._indexer()
+        self._replan(plan.to(slot, k, way if absolute else plan.displacement(k)[slot] + way, speed))
 
-    def _plan_place(self, slot: int, place: float) -> None:
-        plan, k = self._indexer()
-        self._replan(plan.to(slot, k, place, FREE_HZ))
-
-    def _plan_brake(self, slot: int) -> None:
+    def _brake(self, slot: int) -> None:
         if self.run is not None:
-            plan, k = self._indexer()
+            _, plan, k = self._indexer()
             self._replan(plan.braked(slot, k))
 
-    def _indexer(self) -> tuple[Indexer, int]:
+    def _indexer(self) -> tuple[SetPointRun, Indexer, int]:
+        """The reference run, its plan, and the tick from which on that can be another one."""
         assert self.run is not None
         assert isinstance(self.run.plan, Indexer)
-        return self.run.plan, self._next_tick(self.run)
+        return self.run, self.run.plan, self.run.next_tick(self._board.now_ns)
 
     def _replan(self, plan: Indexer) -> None:
         assert self.run is not None
-        self.run = replace(self.run, plan=plan)
-
-    def _next_tick(self, run: SetPointRun) -> int:
-        """The tick at or after now."""
-        return max(0, -((run.start_ns - self._card.now_ns) // run.period_ns))
+        self._board.drives_run = self.run.with_plan(plan)
 
     # ---- the host, through the card -------------------------------------------------------------------------------
 

@@ -16,9 +16,12 @@ from functools import cache
 from importlib import resources
 
 from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
+from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
+from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
 from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
 from isel_twin.firmware.plc.assembler import assemble
@@ -51,9 +54,12 @@ def _rights() -> Rights:
 class CardPlc:
     """See the module."""
 
-    def __init__(self, card: Board) -> None:
-        self._card = card
-        images = card.images
+    def __init__(self, board: Board, path: Path, drives: DriveBank, queue: Queue) -> None:
+        self.board = board
+        self.path = path
+        self.drives = drives
+        self.queue = queue
+        images = board.images
         self._outputs = bytearray(images.outputs)
         self._memory = Memory(images.inputs, self._outputs, images.flags, images.data)
         self._plc = Plc(_rights(), {EXTENDED: self._extended}, PERIOD_NS)
@@ -94,13 +100,13 @@ class CardPlc:
             self._plc.stop_at_end(t_ns)
 
     def look(self, t_ns: int) -> None:
-        seen = _bytes(self._card.images)
+        seen = _bytes(self.board.images)
         if self._plc.running and seen != self._seen:
             self._plc.touch(t_ns)
         self._seen = seen
 
     def advance(self, t_ns: int) -> None:
-        images = self._card.images
+        images = self.board.images
         self._outputs[:] = images.outputs
         self._plc.end_pass(t_ns, self._memory)
         for byte, value in enumerate(self._outputs):
@@ -111,15 +117,15 @@ class CardPlc:
         else:
             images.clear_outputs()
             if self._plc.stopped_by:
-                self._card.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
-        if self._card.analog_drives or self._card.analog_asked:
-            self._card.put_analog_outputs()
+                self.board.refuse(f"the PLC has stopped: {self._plc.stopped_by}")
+        if self.board.analog_drives or self.board.analog_asked:
+            self.board.put_analog_outputs()
         self._seen = _bytes(images)
-        self._card.keep_data()
+        self.board.keep_data()
 
     def begin_load(self) -> None:
         self._plc.clear()
-        self._card.images.clear_outputs()
+        self.board.images.clear_outputs()
         self._download.clear()
 
     def load(self, offset: int, data: bytes) -> None:
@@ -147,13 +153,13 @@ class CardPlc:
         return part.ljust(count, b"\0") if part else b""
 
     def _begin(self, t_ns: int, *, power_on: bool) -> None:
-        self._outputs[:] = self._card.images.outputs
+        self._outputs[:] = self.board.images.outputs
         self._plc.start(t_ns, self._memory, power_on)
-        self._seen = _bytes(self._card.images)
+        self._seen = _bytes(self.board.images)
 
     def _failed(self, why: str) -> None:
         self.load_error = True
-        self._card.refuse(f"no PLC program: {why}")
+        self.board.refuse(f"no PLC program: {why}")
 
     # ---- FB 254 -----------------------------------------------------------------------------------------------------
 
@@ -165,73 +171,74 @@ class CardPlc:
         function = _FUNCTIONS.get(number)
         if function is None:
             return number, argument
-        result = function(self._card, argument)
-        memory.e[:] = self._card.images.inputs  # which function 2 may have put elsewhere
+        result = function(self, argument)
+        memory.e[:] = self.board.images.inputs  # which function 2 may have put elsewhere
         return result
 
     def _plc_zero(self, axis: int, argument: int) -> int:
-        zeros = self._card.offsets.plc_zero
+        zeros = self.board.offsets.plc_zero
         value = argument - 0x10000 if argument & 0x8000 else argument
         if argument != READ and abs(value) <= PLC_ZERO_LIMIT:
             zeros[axis] = value
         return zeros[axis] & ALL
 
 
-def _images(card: Board, mode: int) -> tuple[int, int]:
+def _images(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1):
-        card.image_mode = mode
-        card.parameters_changed()
+        plc.board.image_mode = mode
+        plc.board.arrange_images()
+        plc.path.speeds_changed()
     return 2, mode
 
 
-def _searching(card: Board, argument: int) -> tuple[int, int]:
-    return card.drives.searching, argument
+def _searching(plc: CardPlc, argument: int) -> tuple[int, int]:
+    return plc.drives.searching, argument
 
 
-def _device(card: Board, argument: int) -> tuple[int, int]:
-    return DEVICE, card.settings.sgx & ALL
+def _device(plc: CardPlc, argument: int) -> tuple[int, int]:
+    return DEVICE, plc.board.settings.sgx & ALL
 
 
-def _fine(card: Board, argument: int) -> tuple[int, int]:
+def _fine(plc: CardPlc, argument: int) -> tuple[int, int]:
     if argument < FINE:
-        card.offsets.preselected = argument
-    return card.offsets.preselected, argument
+        plc.board.offsets.preselected = argument
+    return plc.board.offsets.preselected, argument
 
 
-def _state(card: Board, argument: int) -> tuple[int, int]:
+def _state(plc: CardPlc, argument: int) -> tuple[int, int]:
     what, axis = argument & 0xFF, argument >> 8
     if what == 3 and axis < SLOTS:
-        position = card.position[axis]
+        position = plc.board.position[axis]
         return position & ALL, position >> 16 & ALL
     if what == 5:
         return 0, argument  # no axis is ever uncoupled
     if what == 15:
-        return card.queue.block_number & ALL, argument
+        return plc.queue.block_number & ALL, argument
     return 6, argument
 
 
-def _analog(card: Board, argument: int) -> tuple[int, int]:
-    card.analog_drives = argument >> 4 & 0x0F
+def _analog(plc: CardPlc, argument: int) -> tuple[int, int]:
+    plc.board.analog_drives = argument >> 4 & 0x0F
     return 8, argument
 
 
-def _status(card: Board, axis: int) -> tuple[int, int]:
-    return (card.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
+def _status(plc: CardPlc, axis: int) -> tuple[int, int]:
+    return (plc.drives.status(axis) if axis < SLOTS else INVALID_STATUS), axis
 
 
-def _home(card: Board, axis: int) -> tuple[int, int]:
+def _home(plc: CardPlc, axis: int) -> tuple[int, int]:
     if axis >= SLOTS:
         return 0, axis
-    return int(card.settings.home_from[axis] <= card.position[axis] <= card.settings.home_to[axis]), axis
+    return int(plc.board.settings.home_from[axis] <= plc.board.position[axis] <= plc.board.settings.home_to[axis]), axis
 
 
-def _reduced(card: Board, mode: int) -> tuple[int, int]:
+def _reduced(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1, 2):
-        card.reduced_mode = mode
+        plc.board.reduced_mode = mode
     return 33, mode
 
 
-_FUNCTIONS: Mapping[int, Callable[[Board, int], tuple[int, int]]] = {
+_FUNCTIONS: Mapping[int, Callable[[CardPlc, int], tuple[int, int]]] = {
     2: _images,
     3: _searching,
     4: _device,

@@ -30,6 +30,13 @@ from isel_twin.motion.joined import Joined
 Position = tuple[int, ...]
 
 
+class OntoSwitchError(Exception):
+    """An axis stands on the limit switch that it would move onto."""
+
+    def __init__(self, slot: int) -> None:
+        super().__init__(f"slot {slot} stands on the limit switch it would move onto")
+
+
 @dataclass(frozen=True)
 class _Mark:
     """What happens when so many pieces of the plan have been made: a move has ended, an output is switched."""
@@ -50,8 +57,8 @@ class _Circle:
 class Path:
     """See the module."""
 
-    def __init__(self, card: Board) -> None:
-        self._card = card
+    def __init__(self, board: Board) -> None:
+        self._board = board
         self.feed_hz: int | None = None
         """f; None: rapid (G0)."""
         self.absolute = True
@@ -62,9 +69,6 @@ class Path:
         self.sources = [-1] * SLOTS
         """Axis whose motions an axis makes too, -1: none."""
         self.spindle_rpm = 0
-        self.run: SetPointRun | None = None
-        """The motion in execution, a ghost too."""
-        self.ghost = False
         self._plan: Joined | None = None
         self._end: Position = (0,) * SLOTS
         self._heading: planner.Heading | None = None
@@ -74,6 +78,11 @@ class Path:
         self._serial = 0
 
     # ---- what there is to see ---------------------------------------------------------------------------------------
+
+    @property
+    def run(self) -> SetPointRun | None:
+        """The motion in execution, a ghost too."""
+        return self._board.path_run
 
     @property
     def at_rest(self) -> bool:
@@ -107,7 +116,7 @@ class Path:
 
     def grid_ns(self, t_ns: int) -> int:
         """The first time of the grid that is not before t_ns."""
-        origin = self._card.power_on_ns
+        origin = self._board.power_on_ns
         return origin - (origin - t_ns) // planner.PERIOD_NS * planner.PERIOD_NS
 
     # ---- commands ---------------------------------------------------------------------------------------------------
@@ -116,8 +125,11 @@ class Path:
         """G2, G3: the next move is the centre, the one after the end."""
         self._circle = _Circle(clockwise)
 
-    def move(self, instruction: Instruction) -> None:
-        """`V` or the general motion command, in its turn. Raises OutOfRangeError for what cannot be moved."""
+    def move(self, instruction: Instruction, *, from_host: bool) -> None:
+        """`V` or the general motion command, in its turn; from_host: not from a program.
+
+        Raises OutOfRangeError for what cannot be moved, OntoSwitchError for a way that begins on a limit switch.
+        """
         given = dict(zip(instruction.axes, instruction.values, strict=False))
         if self._circle is not None and self._circle.centre is None:
             sound = len(given) == 2 and any(given.values())
@@ -130,9 +142,9 @@ class Path:
         for value in given.values():
             if not LOWEST <= value <= HIGHEST:
                 raise OutOfRangeError(f"a coordinate is {value}; it must lie in {LOWEST} .. {HIGHEST}")
-        if any(not self._card.settings.axis_mask >> axis & 1 for axis, value in given.items()):
+        if any(not self._board.settings.axis_mask >> axis & 1 for axis, value in given.items()):
             raise OutOfRangeError("an axis that N10 leaves out cannot be moved")
-        start = self._end if self._plan is not None else self._card.position
+        start = self._end if self._plan is not None else self._board.position
         way = self._way(start, given, shortest=shortest)
         rules = self.rules()
         feed = None if self.feed_hz is None else min(self.feed_hz, rules.speed_hz[0])
@@ -146,7 +158,7 @@ class Path:
         except ValueError as error:
             raise OutOfRangeError(str(error)) from error
         if len(made.pieces):
-            self._append(made, start, way)
+            self._append(made, start, way, from_host=from_host)
 
     def _way(self, start: Position, given: dict[int, int], *, shortest: bool) -> Position:
         """How far each slot goes."""
@@ -155,8 +167,8 @@ class Path:
             if not self.absolute:
                 way[axis] = value
                 continue
-            way[axis] = value + self._card.offsets.total(axis) - start[axis]
-            turn = self._card.settings.per_turn[axis]
+            way[axis] = value + self._board.offsets.total(axis) - start[axis]
+            turn = self._board.settings.per_turn[axis]
             if shortest and turn:
                 way[axis] = (way[axis] + turn // 2) % turn - turn // 2
         for axis, source in enumerate(self.sources):
@@ -164,13 +176,12 @@ class Path:
                 way[axis] = way[source]
         return tuple(way)
 
-    def _append(self, made: planner.Move, start: Position, way: Position) -> None:
+    def _append(self, made: planner.Move, start: Position, way: Position, *, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
-            onto = self._card.drives.struck_ahead(way)
+            onto = self._board.struck_ahead(way)
             if onto is not None:
-                self._card.drives.lose(f"slot {onto} stands on the limit switch it would move onto", stages=False)
-                return
+                raise OntoSwitchError(onto)
             self._serial += 1
             self._plan = planner.start(
                 [made], rules, scale=self._scale(), ceiling_hz=self._ceiling_hz(), identity=self._serial
@@ -183,7 +194,7 @@ class Path:
             self._replace(planner.more(self._plan, self._tick(), [made], rules, self._heading))
         self._heading = made.last
         self._end = tuple(s + n for s, n in zip(start, way, strict=True))
-        self._marks.append(_Mark(self._plan.pieces, None, from_host=not self._card.in_program))
+        self._marks.append(_Mark(self._plan.pieces, None, from_host=from_host))
 
     def on_the_way(self, act: Callable[[], None]) -> None:
         """Do this when what is planned so far has been made: at once at rest."""
@@ -194,7 +205,7 @@ class Path:
 
     def rules(self) -> planner.Rules:
         """What moves are planned by."""
-        settings = self._card.settings
+        settings = self._board.settings
         return planner.Rules(
             speed_hz=settings.m_hz,
             acceleration_hz_per_ms=settings.b_hz_per_ms,
@@ -210,17 +221,17 @@ class Path:
     # ---- speeds and stops -------------------------------------------------------------------------------------------
 
     def _scale(self) -> float:
-        percent = self._card.override_percent
+        percent = self._board.override_percent
         scale = planner.scale(percent if percent else None, self.spindle_rpm if self.per_turn else None)
         return scale or 1.0  # what stands is held
 
     def _ceiling_hz(self) -> float:
-        return float(self._card.settings.r_hz[0]) if self._card.reduced else math.inf
+        return float(self._board.settings.r_hz[0]) if self._board.reduced else math.inf
 
     def _holds(self) -> bool:
-        percent = self._card.override_percent
+        percent = self._board.override_percent
         stands = self.per_turn and not self.spindle_rpm
-        return self._card.stopped or percent == 0 or stands
+        return self._board.stopped or percent == 0 or stands
 
     def speeds_changed(self) -> None:
         """Override, reduced speed, spindle speed, stop flag or enable may have changed."""
@@ -256,7 +267,7 @@ class Path:
     def release(self) -> SetPointRun:
         """Hand the motion in execution over to whoever ends it otherwise, and forget the plan."""
         assert self.run is not None
-        run, self.run = self.run, None
+        run, self._board.path_run = self.run, None
         self._circle = None
         self._marks.clear()
         self._forget()
@@ -269,12 +280,12 @@ class Path:
         if self.run is None:
             return
         assert self._plan is not None
-        made = self._plan.finished(self.run.count(self._card.now_ns))
+        made = self._plan.finished(self.run.count(self._board.now_ns))
         while self._marks and self._marks[0].pieces <= made:
             mark = self._marks.popleft()
             if mark.act is not None:
                 mark.act()
-        if self.run is None or self._card.now_ns < self.run.end_ns:
+        if self.run is None or self._board.now_ns < self.run.end_ns:
             return
         self._take_in()
         if self._breaking or self._plan.finished(self._plan.ticks) >= self._plan.pieces:
@@ -282,8 +293,8 @@ class Path:
 
     def _begin(self) -> None:
         assert self._plan is not None
-        self.ghost = bool(self._card.settings.motion_off)
-        self.run = SetPointRun(self._plan, planner.PERIOD_NS, self.grid_ns(self._card.now_ns))
+        self._board.ghost = bool(self._board.settings.motion_off)
+        self._board.path_run = SetPointRun(self._plan, planner.PERIOD_NS, self.grid_ns(self._board.now_ns))
 
     def _go_on(self, scale: float, ceiling: float) -> None:
         """What was held goes on as another motion."""
@@ -298,8 +309,8 @@ class Path:
     def _take_in(self) -> None:
         """The motion has ended, or is ended now."""
         assert self.run is not None
-        self._card.take_in(self.run.displacement(self._card.now_ns), ghost=self.ghost)
-        self.run = None
+        self._board.take_in(self.run.displacement(self._board.now_ns), ghost=self._board.ghost)
+        self._board.path_run = None
 
     def _forget(self) -> None:
         self._plan = self._heading = None
@@ -312,14 +323,14 @@ class Path:
     def _replace(self, plan: Joined) -> None:
         self._plan = plan
         if self.run is not None:
-            self.run = replace(self.run, plan=plan)
+            self._board.path_run = self.run.with_plan(plan)
 
     def _tick(self) -> int:
         """The tick at or after now, from which on a plan can be another one; the last one of a plan that is held."""
         assert self._plan is not None
         if self.run is None:
             return self._plan.ticks
-        return max(0, -((self.run.start_ns - self._card.now_ns) // self.run.period_ns))
+        return self.run.next_tick(self._board.now_ns)
 
     def _time_ns(self, tick: int) -> int:
         assert self.run is not None

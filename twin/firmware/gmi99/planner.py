@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
-from isel_twin.motion.joined import Joined, Pieces, joined
-from isel_twin.motion.pieces import chain
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces, chain
 
 AXES = 6
 """Slots 0 to 5; a displacement has one number for each."""
@@ -48,9 +48,6 @@ PERIOD_NS = 4_000_000
 
 SHORTEST_S = 0.012
 """Least time of a piece of line (1.2)."""
-
-WITHOUT_INFLUENCE = 65536
-"""Added to a resolution ratio by W: the axis does not count for the tool speed."""
 
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
 """Greatest M of each V factor (5)."""
@@ -98,29 +95,6 @@ class Rules:
             np.array(self.speed_hz, dtype=np.float64),
             np.array(self.acceleration_hz_per_ms) * 1000.0,
         )
-
-    def with_speed(self, hz: int, slot: int | None = None) -> Rules:
-        """After M: of the leading axis and with it of all slots, or of one."""
-        return replace(self, speed_hz=_put(self.speed_hz, hz, slot))
-
-    def with_acceleration(self, hz_per_ms: int, slot: int | None = None) -> Rules:
-        """After B; as `with_speed`."""
-        return replace(self, acceleration_hz_per_ms=_put(self.acceleration_hz_per_ms, hz_per_ms, slot))
-
-    def with_ratio(self, p2: int, slot: int) -> Rules:
-        """After W with P3 = slot + 1: p2 = 1..65535, or that + 65536 for an axis without influence."""
-        without, ratio = divmod(p2, WITHOUT_INFLUENCE)
-        if without not in (0, 1) or not ratio:
-            raise ValueError(f"no resolution ratio: {p2}")
-        ratios, influence = list(self.ratio), list(self.influence)
-        ratios[slot], influence[slot] = ratio, not without
-        return replace(self, ratio=tuple(ratios), influence=tuple(influence))
-
-
-def _put(values: tuple[int, ...], value: int, slot: int | None) -> tuple[int, ...]:
-    if slot is None:
-        return (value,) * (AXES + 1)
-    return (*values[: slot + 1], value, *values[slot + 2 :])
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from isel_twin.firmware.gmi99 import directly, images
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 from isel_twin.firmware.gmi99.waiting import Wait
@@ -14,7 +14,7 @@ START, STOP, BEGIN, END, QUIET, LOUD = 1, 2, 100, 101, 110, 111
 PLC, AXIS_PROGRAM, PROGRAM, DIRECT, FLAG = 1, 4, 3, 10, 11
 
 
-def programming(card: Board, instruction: Instruction) -> Generator[Wait, None, None] | None:
+def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
     """`p`: P1 says of what."""
     match instruction.p1:
         case 1:
@@ -30,7 +30,7 @@ def programming(card: Board, instruction: Instruction) -> Generator[Wait, None, 
     return None
 
 
-def set_flag_byte(card: Board, instruction: Instruction) -> None:
+def set_flag_byte(card: Card, instruction: Instruction) -> None:
     """`p11`: MB(P2) becomes P3, but for the bits of the firmware."""
     if instruction.p2 > 255 or instruction.p3 > 255:
         raise OutOfRangeError("p11 wants a flag byte 0 .. 255 and a value 0 .. 255")
@@ -39,7 +39,7 @@ def set_flag_byte(card: Board, instruction: Instruction) -> None:
     card.flags_changed(program_ran=before)
 
 
-def _plc(card: Board, what: int) -> None:
+def _plc(card: Card, what: int) -> None:
     if what == START:
         card.plc.start(card.now_ns)
     elif what == STOP:
@@ -55,16 +55,16 @@ def _plc(card: Board, what: int) -> None:
         raise OutOfRangeError(f"there is no p1;{what}")
 
 
-def plc_data(card: Board, instruction: Instruction) -> None:
+def plc_data(card: Card, instruction: Instruction) -> None:
     """`a`: a part of the image of a PLC program."""
     card.plc.load(instruction.p1, instruction.raw)
 
 
-def _program(card: Board, what: int, number: int) -> None:
+def _program(card: Card, what: int, number: int) -> None:
     if what in (START, BEGIN) and number >= PROGRAMS:
         raise OutOfRangeError(f"there is no program {number}")
     if what == START:
-        card.queue.call(number)
+        card.call(number)
     elif what == STOP:
         card.queue.leave()
     elif what == BEGIN:
@@ -73,6 +73,6 @@ def _program(card: Board, what: int, number: int) -> None:
     elif what == END:
         pass  # ends a recording; without one it has nothing to end
     elif what in (QUIET, LOUD):
-        card.contact_loss_reported = what == LOUD
+        pass  # whether the loss of contact is reported: the card has none
     else:
         raise OutOfRangeError(f"there is no p3;{what}")

@@ -8,7 +8,7 @@ Widths and idents the manual does not print are decisions (G8). A question it do
 from __future__ import annotations
 
 from isel_twin.firmware.gmi99.actions import parameter_value
-from isel_twin.firmware.gmi99.board import Board
+from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, signed
 from isel_twin.firmware.gmi99.settings import SLOTS
 
@@ -19,7 +19,7 @@ STATUS = b""
 WORDS = {0: "set position", 1: "image or version", 3: "status", 5: "parameter", 8: "zero point", 11: "counter input"}
 
 
-def answer(card: Board, instruction: Instruction) -> bytes | None:
+def answer(card: Card, instruction: Instruction) -> bytes | None:
     """Ident and value; STATUS for the status record; None if there is no such question."""
     what, second, third = instruction.values
     match what:
@@ -41,7 +41,7 @@ def answer(card: Board, instruction: Instruction) -> bytes | None:
     return None
 
 
-def _image(card: Board, area: int, byte: int) -> bytes | None:
+def _image(card: Card, area: int, byte: int) -> bytes | None:
     images = card.images
     if area == 0:
         return b"V" + VERSION.to_bytes(2, "little")
@@ -55,7 +55,7 @@ def _image(card: Board, area: int, byte: int) -> bytes | None:
     return b"I" + images.word(areas[area], byte)
 
 
-def _status(card: Board, what: int) -> bytes | None:
+def _status(card: Card, what: int) -> bytes | None:
     match what:
         case 0:
             return STATUS
@@ -68,7 +68,7 @@ def _status(card: Board, what: int) -> bytes | None:
     return None
 
 
-def _zero_point(card: Board, which: int, axis: int) -> bytes | None:
+def _zero_point(card: Card, which: int, axis: int) -> bytes | None:
     number, middle, high = which & 0xFF, which >> 8 & 0xFF, which >> 16
     offsets = card.offsets
     if which == 53:
@@ -84,7 +84,7 @@ def _zero_point(card: Board, which: int, axis: int) -> bytes | None:
     return None
 
 
-def _plc(card: Board, offset: int) -> bytes | None:
+def _plc(card: Card, offset: int) -> bytes | None:
     if offset < 0:
         entry = card.plc.entry(-offset)
         return None if entry is None else b"e" + entry.to_bytes(2, "little")

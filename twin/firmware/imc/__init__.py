@@ -18,6 +18,7 @@
     settings.py    initialisation values and the flash image
     profile.py     members of the family, as data (profiles.toml)
     replies.py     the reply codes
+    language.py    what its bytes mean to people and tools: reading.py (lines and answers), wording.py, retiming.py
 
 docs/imc.md is the overview of commands, docs/safety.md the safety chain, docs/decisions.md F1... what the manual leaves
 open.

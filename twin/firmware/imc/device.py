@@ -32,6 +32,7 @@ from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
 from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
 from isel_twin.motion import Displacement, TimeLaw, trapezoid
+from isel_twin.motion.path import added
 
 POSITION_LIMIT = 1 << 23
 """Counters have 24 bits, two's complement."""
@@ -156,7 +157,7 @@ class Device:
         """
         counts = self.counts
         for leg in legs:
-            counts = _sum(counts, leg)
+            counts = added(counts, leg)
             if any(not -POSITION_LIMIT <= n < POSITION_LIMIT for n in counts):
                 raise Refusal(BAD_NUMBER)
         if not unreferenced:
@@ -259,10 +260,6 @@ class Device:
     def set_modal(self, **values: Any) -> None:
         """Change values that last until the next reset."""
         self.modal = replace(self.modal, **values)
-
-
-def _sum(a: Displacement, b: Displacement) -> Displacement:
-    return tuple(m + n for m, n in zip(a, b, strict=True))
 
 
 @cache

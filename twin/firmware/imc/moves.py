@@ -18,7 +18,7 @@ from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.grammar import Number
 from isel_twin.firmware.imc.purpose import Reference, Until
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, BAD_SPEED, LIMIT_SWITCH, Refusal
-from isel_twin.motion import Displacement, Path, TimeLaw, helix, line
+from isel_twin.motion import Displacement, StepPath, TimeLaw, helix, line
 
 XYZ = 7
 ANY_SPEED = Number(-(1 << 62), 1 << 62)
@@ -29,7 +29,7 @@ ANY_SPEED = Number(-(1 << 62), 1 << 62)
 class Leg:
     """A path, and the time law for as many of its ticks as are left."""
 
-    path: Path
+    path: StepPath
     law: Callable[[int], TimeLaw]
 
 
@@ -80,7 +80,7 @@ SETTING_OFF = 100
 """Ticks that tell which way a curved path sets off."""
 
 
-def _sense(path: Path, first: int, last: int, axis: int) -> int:
+def _sense(path: StepPath, first: int, last: int, axis: int) -> int:
     """Direction (+1, -1, 0) in which an axis sets off: over the first ticks, or over all if it rests in those."""
     begin = path.displacement(first)[axis]
     for k in (min(first + SETTING_OFF, last), last):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from isel_twin.firmware.activity import Unfinished
 
 OK = "0"
@@ -22,6 +24,25 @@ NOT_REFERENCED = "R"
 
 ALL = frozenset("0123456789DFGHR")
 """Every code this family of controllers uses; A, B, C and E belong to other controllers."""
+
+WORDS: Mapping[str, str] = {
+    OK: "done",
+    BAD_NUMBER: "not a number, or out of range",
+    LIMIT_SWITCH: "limit switch struck, or none found",
+    BAD_AXES: "axes that are not set, or may not be named together",
+    NO_AXES: "axes have not been set",
+    SYNTAX: "no such command",
+    MEMORY_FULL: "program memory full",
+    PARAMETER_COUNT: "wrong number of parameters",
+    NOT_STORABLE: "cannot be stored",
+    FAULT: "safety chain open, or not initialised since",
+    BAD_SPEED: "speed out of range",
+    STOPPED: "stopped or broken off",
+    INVALID_FIELD: "nothing to start, or program memory not empty",
+    HOOD_OPEN: "hood open in automatic",
+    NOT_REFERENCED: "not referenced",
+}
+"""The codes in words."""
 
 
 class Refusal(Unfinished):

@@ -21,7 +21,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion import Displacement, Path, TimeLaw, constant, trapezoid
+from isel_twin.motion import Displacement, StepPath, TimeLaw, constant, trapezoid
 
 MILLION = 1_000_000
 
@@ -39,7 +39,7 @@ def ramp(steps: int, speed_hz: int, start_hz: int, ramp_ms: int, error_ppm: int 
 class FullSteps:
     """A path of full steps, in the half steps of the stage."""
 
-    path: Path
+    path: StepPath
 
     @property
     def ticks(self) -> int:

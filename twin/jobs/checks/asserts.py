@@ -336,7 +336,7 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
     was = load(path)
     if (path.parent / str(was.call["machine"])).resolve() == machine.folder.resolve():
         now = called(run.golden, call.with_(machine=str(machine.folder)), run.job, path)
-    found = list(differences(was, now, run.spans_ns))
+    found = list(differences(was, now))
     if found:
         first = found[0]
         result = next((result for result in run.results if result.number == first.line), None)
@@ -421,7 +421,7 @@ def _divergence(was: Golden, now: Golden, run: JobRun) -> tuple[int | None, str 
     for k, (a, b) in enumerate(zip(was.moves, now.moves, strict=False)):
         if a.windows != b.windows:
             window = next((i for i, (x, y) in enumerate(zip(a.windows, b.windows, strict=False)) if x != y), None)
-            after_ns = 0 if window is None else run.spans_ns[k][window][0]
+            after_ns = 0 if window is None else b.spans_ns[window][0]
             axes = itertools.zip_longest(AXIS_NAMES, a.axes, b.axes)
             axis = next((name for name, x, y in axes if x != y), None)
             return commands[k].time_ns + after_ns, axis

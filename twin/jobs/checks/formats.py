@@ -38,16 +38,20 @@ def _in_words(finding: Finding) -> str:
 def junit(reports: Sequence[Report]) -> str:
     """JUnit XML. Times are those of the machine, from the first command to the end of the last one."""
     failures = sum(not report.ok for report in reports)
-    time_s = f"{sum(report.cycle_s for report in reports):.3f}"
+    time_s = f"{sum(report.verdict.cycle_s for report in reports):.3f}"
     counts = {"tests": str(len(reports)), "failures": str(failures), "errors": "0", "time": time_s}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "isel-twin", **counts, "skipped": "0"})
     for report in reports:
-        path = Path(report.job)
+        path, took_s = Path(report.job), f"{report.verdict.cycle_s:.3f}"
         case = ElementTree.SubElement(
             suite,
             "testcase",
-            {"name": _xml(path.name), "classname": _xml(path.parent.as_posix()), "time": f"{report.cycle_s:.3f}"},
+            {
+                "name": _xml(path.name),
+                "classname": _xml(path.parent.as_posix()),
+                "time": took_s,
+            },
         )
         wrong = [finding for finding in report.findings if not finding.warning]
         if wrong:
@@ -115,7 +119,13 @@ def as_json(report: Report) -> str:
         for finding in report.findings
     ]
     verdict = report.verdict.summary()
-    told = {"job": report.job, "ok": report.ok, "cycle_s": report.cycle_s, "findings": findings, "verdict": verdict}
+    told = {
+        "job": report.job,
+        "ok": report.ok,
+        "cycle_s": report.verdict.cycle_s,
+        "findings": findings,
+        "verdict": verdict,
+    }
     return json.dumps(told)
 
 

@@ -38,10 +38,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
-from isel_twin.jobs.golden import Golden, Move, Scribe, differences
-from isel_twin.jobs.job import Line, Result, play
-from isel_twin.jobs.verdict import Verdict, judge, lost
+from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.jobs.golden import Golden, Scribe, differences
+from isel_twin.jobs.job import Line
+from isel_twin.jobs.playing import TIMEOUT_S, played
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.verdict import Verdict, lost
 
 if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
@@ -85,7 +87,7 @@ class Bounds:
     """End switches that may be struck; "all"."""
     robust: int = 0
     """Repetitions."""
-    timeout_s: float = 3600.0
+    timeout_s: float = TIMEOUT_S
 
 
 @dataclass(frozen=True)
@@ -120,30 +122,18 @@ class Report:
     job: str
     findings: tuple[Finding, ...]
     verdict: Verdict
-    run: Golden
-    """For whoever writes it down; without its call."""
-    spans_ns: tuple[tuple[tuple[int, int], ...], ...] = ()
-    """As `Scribe.spans_ns`."""
+    golden: Golden
+    """What it did, without its call."""
 
     @property
     def ok(self) -> bool:
         """Nothing is wrong, warnings aside."""
         return all(finding.warning for finding in self.findings)
 
-    def compared(self, golden: Golden, run: Golden) -> Report:
-        """With what is not as it was, as findings of the rule `golden`; run: this one with its call."""
-        found = [Finding("golden", each.what, each.line) for each in differences(golden, run, self.spans_ns)]
-        return dataclasses.replace(self, run=run, findings=_few([*self.findings, *found]))
-
-    @property
-    def cycle_s(self) -> float:
-        """From the first command to the end of the last one."""
-        return (self.verdict.ended_ns - self.verdict.began_ns) / SECOND_NS
-
-    @property
-    def margin(self) -> float | None:
-        """The least of all motors; None without physics."""
-        return min((margin for margin in self.verdict.margin if margin is not None), default=None)
+    def compared(self, was: Golden, now: Golden) -> Report:
+        """With the differences from a golden run as findings; now: this run with its call."""
+        found = [Finding("golden", each.what, each.line) for each in differences(was, now)]
+        return dataclasses.replace(self, golden=now, findings=_few([*self.findings, *found]))
 
 
 class _Watch:
@@ -208,9 +198,8 @@ class Inspection:
         self.bounds = bounds or Bounds()
         self.results: list[Result] = []
         self._watch = _Watch(twin, self.bounds)
-        self._scribe = Scribe()
+        self._scribe = Scribe(twin)
         self._findings: list[Finding] = []
-        self._moves: list[Move] = []
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
         self._faults = [number for number, _ in twin.drive_faults]
         self._expected = np.array(twin.counts)
@@ -222,9 +211,7 @@ class Inspection:
         twin, bounds = self.twin, self.bounds
         self.results.append(result)
         self._findings += _of_answer(result, bounds)
-        move = self._scribe.move(result, twin.steps)
-        if not result.condition:
-            self._moves.append(move)
+        self._scribe.take(result)
         self._expected = self._expected + self._scribe.way
         counter_set = bool((np.array(result.counts) != self._expected).any())
         self._expected = np.array(result.counts)
@@ -248,12 +235,11 @@ class Inspection:
         self._faults = faults
 
     def report(self, job: str, verdict: Verdict, others: Sequence[Finding] = ()) -> Report:
-        """All of it, and what others have found, when the job is over."""
-        run = Golden.of({}, self._moves, verdict)
+        """All of it, when the job is over; others: findings from elsewhere."""
         findings = [finding for finding in self._findings if not _expected(finding, verdict, self.results)]
         findings = [*findings, *_of_verdict(verdict, self._gone, self.results, self.bounds), *others]
         findings = [_placed(finding, self.results) for finding in findings]
-        return Report(job, _few(findings), verdict, run, tuple(self._scribe.spans_ns))
+        return Report(job, _few(findings), verdict, self._scribe.golden(verdict))
 
 
 def check_job(
@@ -271,9 +257,7 @@ def check_job(
     inspection = Inspection(call.build(), bounds)
     if begun is not None:
         begun(inspection)
-    for result in play(inspection.twin, lines, inspection.bounds.timeout_s):
-        inspection.take(result)
-    verdict = judge(inspection.twin, inspection.results, len(lines) - len(inspection.results))
+    verdict = played(inspection.twin, lines, [inspection.take], inspection.bounds.timeout_s).verdict
     others = _of_repetitions(call, lines, verdict, inspection.bounds) if inspection.bounds.robust else []
     return inspection.report(str(job), verdict, others)
 
@@ -345,9 +329,9 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
         found.append(Finding("fault", "the controller shows an error that no reply has told", last, verdict.time_ns))
     if verdict.flash_fault:
         found.append(Finding("fault", "the flash memory could not be read"))
-    cycle_s = (verdict.ended_ns - verdict.began_ns) / SECOND_NS
-    if bounds.cycle_s is not None and cycle_s > bounds.cycle_s:
-        found.append(Finding("cycle", f"takes {cycle_s:.3f} s; at most {bounds.cycle_s:g} s", last, verdict.ended_ns))
+    if bounds.cycle_s is not None and verdict.cycle_s > bounds.cycle_s:
+        takes = f"takes {verdict.cycle_s:.3f} s; at most {bounds.cycle_s:g} s"
+        found.append(Finding("cycle", takes, last, verdict.ended_ns))
     if verdict.unsent:
         many = f"{verdict.unsent} line{'s are' if verdict.unsent > 1 else ' is'}"
         found.append(Finding("unfinished", f"{many} not sent any more", last, verdict.ended_ns))
@@ -361,10 +345,10 @@ def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Res
 
 
 def _of_repetitions(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, bounds: Bounds) -> list[Finding]:
-    from isel_twin.jobs.robust import agree, trials
+    from isel_twin.jobs.robust import agree, repetitions
 
-    others = [trial for trial in trials(call, lines, bounds.robust, timeout_s=bounds.timeout_s)]
-    differ = [trial.number for trial in others if not agree(verdict, trial.verdict)]
+    others = repetitions(call, lines, bounds.robust, timeout_s=bounds.timeout_s)
+    differ = [other.number for other in others if not agree(verdict, other.verdict)]
     if not differ:
         return []
     numbers = ", ".join(map(str, differ[:10]))

@@ -5,6 +5,7 @@
     controller = "imc-s8"
     plant = "mujoco"
     seed = 0
+    set.payload.mass = 8             # parameters of the machine
     scenario = "hood.toml"
     margin = 0.2                     # least pull-out margin of each motor
     deviation_mm = 0.05              # most difference between counter and true position
@@ -25,7 +26,7 @@ Options of the command line have the last word of all.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -48,7 +49,7 @@ _NUMBERS: Mapping[str, Limits] = {
 _OFF = ("margin", "deviation_mm", "cycle_s")
 """Bounds that may be "off"."""
 _WORDS = ("machine", "controller", "plant", "scenario")
-KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden")
+KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 
 
 class SettingsError(FileError):
@@ -107,6 +108,8 @@ def _value(key: str, value: Any, place: Place) -> Any:
         if not isinstance(value, bool):
             raise place.wrong(f"{value!r}; allowed: true, false")
         return value
+    if key == "set":
+        return dict(_flat(table(value, place), ""))
     if key == "may_strike":
         if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
             raise place.wrong(f'{value!r}; allowed: a list of end switches, or ["all"]')
@@ -119,6 +122,15 @@ def _value(key: str, value: Any, place: Place) -> Any:
     if number != int(number):
         raise place.wrong(f"{value}; allowed: a whole number")
     return int(number)
+
+
+def _flat(tree: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    """Keys with dots and values of a table and those within it."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
 
 
 def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
@@ -137,11 +149,12 @@ def task(job: Path, settings: Path | None, options: Mapping[str, Any]) -> Task:
         for key in ("machine", "scenario"):
             if key in values and (key == "scenario" or (folder / values[key]).is_dir()):
                 values[key] = str(folder / values[key])
-    values |= {key: value for key, value in options.items() if value is not None}
+    overrides = {**values.pop("set", {}), **(options.get("set") or {})}
+    values |= {key: value for key, value in options.items() if value is not None and key != "set"}
     if values.get("scenario") is not None:
         values["scenario"] = Path(values["scenario"])
     golden = values.pop("golden", True)
     of_call = {item.name for item in dataclasses.fields(TwinSpec)}
-    call = TwinSpec(**{key: value for key, value in values.items() if key in of_call})
+    call = TwinSpec(overrides=overrides, **{key: value for key, value in values.items() if key in of_call})
     bounds = Bounds(**{key: value for key, value in values.items() if key not in of_call})
     return Task(job, call, bounds, golden)

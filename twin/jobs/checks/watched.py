@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.golden import Golden, Scribe
-from isel_twin.jobs.job import JobError, Result, check_conditions, check_controller, decode_job, parse_job, play
-from isel_twin.jobs.verdict import SETTLE_S, Verdict, judge, lost
+from isel_twin.jobs.job import JobError, Line, check_conditions, check_controller, decode_job, parse_job
+from isel_twin.jobs.playing import TIMEOUT_S, Played, played
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.verdict import SETTLE_S, lost
 from isel_twin.language import create_language, readable
 
 if TYPE_CHECKING:
@@ -62,21 +64,12 @@ class Command:
 
 
 @dataclass(frozen=True)
-class JobRun:
-    """A job that was played."""
+class JobRun(Played):
+    """A job from a file that was played."""
 
     job: Path
-    results: tuple[Result, ...]
     golden: Golden
-    """Of this run, without its call."""
-    spans_ns: tuple[tuple[tuple[int, int], ...], ...]
-    """As `Scribe.spans_ns`."""
-    verdict: Verdict
-
-    @property
-    def ok(self) -> bool:
-        """As `Verdict.ok`."""
-        return self.verdict.ok
+    """What it did, without its call."""
 
 
 class Watched:
@@ -113,7 +106,7 @@ class Watched:
         self._close()
         self.begin_ns = self.twin.time_ns
 
-    def play(self, job: str | os.PathLike[str], timeout_s: float = 3600.0) -> JobRun:
+    def play(self, job: str | os.PathLike[str], timeout_s: float = TIMEOUT_S) -> JobRun:
         """Play a job file to its end, and begin anew with it (`begin`).
 
         timeout_s: virtual seconds that a line may take; the job ends with one that takes longer. Raises JobError
@@ -134,27 +127,11 @@ class Watched:
         if not lines:
             raise JobError(f"{path}: there is no command in it")
         self.begin()
-        scribe, results, moves = Scribe(), list[Result](), []
-        scribe.move(_nothing(twin), twin.steps)  # what was before the job is none of its business
-        scribe.spans_ns.clear()
-        playing = play(twin, lines, timeout_s)
-        for line in lines:
-            self._line, self._fresh = line.number, True
-            result = next(playing, None)
-            if result is None:
-                break
-            results.append(result)
-            move = scribe.move(result, twin.steps)
-            if not result.condition:
-                moves.append(move)
-                if self._current is not None:
-                    self._current.refused = not result.ok
-                    self._current.text = result.command
-            self._close()
+        scribe = Scribe(twin)
+        made = played(twin, lines, [scribe.take, self._ended], timeout_s, begins=self._begins)
         self._line = None
-        verdict = judge(twin, results, len(lines) - len(results))
         self._rested_ns = twin.time_ns
-        self.run = JobRun(path, tuple(results), Golden.of({}, moves, verdict), tuple(scribe.spans_ns), verdict)
+        self.run = JobRun(made.results, made.verdict, path, scribe.golden(made.verdict))
         return self.run
 
     def rest(self) -> None:
@@ -198,6 +175,17 @@ class Watched:
         return readable(command.reply) if language is None else language.text(command.reply)
 
     # Inside
+
+    def _begins(self, line: Line) -> None:
+        """A line of a job is about to be sent."""
+        self._line, self._fresh = line.number, True
+
+    def _ended(self, result: Result) -> None:
+        """It is over."""
+        if not result.condition and self._current is not None:
+            self._current.refused = not result.ok
+            self._current.text = result.command
+        self._close()
 
     def _look(self, twin: Twin) -> None:
         self._samples.append(float(twin.time_ns))
@@ -272,9 +260,3 @@ class Watched:
             if AXIS_NAMES[i] not in self._gone:
                 self._gone.add(AXIS_NAMES[i])
                 command.lost[AXIS_NAMES[i]] = float(steps[i] + forgotten[i])
-
-
-def _nothing(twin: Twin) -> Result:
-    """A line of a job in which nothing happens."""
-    now = twin.time_ns
-    return Result(0, "", "", True, now, now, tuple(twin.counts.tolist()), tuple(twin.position_mm.tolist()))

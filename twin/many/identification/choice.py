@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.crew import Crew
 from isel_twin.language import create_language, needed
 from isel_twin.machine import Machine
 from isel_twin.many.identification.experiment import Block, assemble
@@ -46,7 +46,7 @@ def choose(
     *,
     known: NDArray[np.float64] | None = None,
     criterion: str = "D",
-    executor: Executor | None = None,
+    crew: Crew | None = None,
 ) -> Choice:
     """The best `count` blocks, one after the other; known: covariance [n, n] of the u so far."""
     language = needed(create_language(controller), controller)
@@ -56,7 +56,7 @@ def choose(
         experiment = assemble("block", [block], language)
         recorded, measured = carry_out(experiment, machine, controller, seed=0, noise_mm=0.0, time_noise_s=0.0)
         session = session_of(recorded, measured, controller, machine)
-        model = Model(machine, unknowns, [session], executor)
+        model = Model(machine, unknowns, [session], crew)
         jacobian = model.jacobian(np.zeros(len(unknowns)), np.full(len(unknowns), STEP), central=False)
         told.append(jacobian.T @ jacobian)
     chosen, left = [], []

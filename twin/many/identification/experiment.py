@@ -1,4 +1,4 @@
-"""What would tell something of a machine: blocks of moves, written as a job with a file to fill in.
+"""Experiments that tell a machine's numbers: blocks of moves, written as a job with a file to fill in.
 
 A block is a short piece of a job with what to measure in it; it begins and ends at rest, referenced:
 
@@ -44,7 +44,7 @@ APPROACH_MM = 2.0
 FAR_SIGMA_MM = 0.01
 """Of a scale or gauge blocks over a long way."""
 COAST_S = 1.5
-"""Longest move for an emergency stop: whoever presses it needs time."""
+"""Duration of a move for an emergency stop: a person needs time to press it."""
 PRESS_S, RELEASE_S = 0.5, 2.5
 """When it is pressed and released, after the command was sent; at which speed and how long it coasts does not depend
 on it."""
@@ -66,12 +66,12 @@ class Step:
     acts: tuple[Act, ...] = ()
     comment: str = ""
     any_reply: bool = False
-    """Whatever the controller answers is well."""
+    """Any reply is accepted."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """See the module."""
+    """A short piece of a job that tells something, or a series of stalls."""
 
     name: str
     what: str
@@ -105,7 +105,7 @@ class Experiment:
 def blocks(
     machine: Machine, controller: str, axes: Sequence[str], unknowns: Sequence[Unknown], seed: int
 ) -> list[Block]:
-    """Everything that could be done on these axes. Raises ValueError for a controller whose moves are not answered."""
+    """All blocks for these axes. Raises ValueError for a controller that does not answer moves."""
     language = needed(create_language(controller), controller)
     if language.accepted(language.move([0] * len(CARRIAGES), MoveSettings())[-1], b""):
         raise ValueError(

@@ -9,9 +9,9 @@
 the number of s >= 1, and a parameter is told as not identified if its interval stays wider than NOT_IDENTIFIED of the
 prior's.
 
-**Steps of the differences.** The model is not smooth in the small: counters are whole steps of 3 um, the backlash is a
-dead zone, dry friction lets a carriage rest anywhere in a band of 1 to 3 um, a stall comes in bands of speed. A step
-of 1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
+**Steps of the differences.** On a small scale the model is not smooth: counters are whole steps of 3 um, the backlash
+is a dead zone, dry friction lets a carriage rest anywhere in 1 to 3 um, a stall comes in bands of speed. A step of
+1e-8 would measure these corners, and one of 2 % still their scatter: 3 um over 2 % is more than any parameter does.
 So the step is STEP of the prior's standard deviation, some 30 % of an estimate, throughout. The first and the last
 Jacobian are central, free of the curvature; those between only lead downhill, and go one way.
 
@@ -26,31 +26,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.crew import Crew, in_order
 from isel_twin.machine import Machine
 from isel_twin.many.identification.session import MISSED, Datum, Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate
 
 STEP = 0.8
-"""Of the differences, in standard deviations of the prior."""
+"""Step of the differences, in standard deviations of the prior."""
 CLIFF = 5.0
-"""Ratio of the differences of two steps, one either way, from which on one of them is no slope."""
+"""If the differences of a step up and a step down are in a larger ratio, one of them is no slope."""
 CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
 BOUND = 3.0
-"""Standard deviations from the prior beyond which nothing is searched."""
+"""The search stays within so many standard deviations of the prior."""
 NOT_IDENTIFIED = 0.9
-"""Standard deviation afterwards over that of the prior from which on nothing has been learnt."""
+"""Standard deviation afterwards over that of the prior: from here on nothing has been learnt,"""
 WEAK = 0.5
-"""And from which on it is said to be known only roughly."""
+"""and from here on the parameter is known only roughly."""
 NORMAL_95 = 1.96
 TOLD = 0.3
-"""Part of a direction from which on a parameter is named as one of those in it."""
+"""A parameter with this part of a direction or more is named in it."""
 ENOUGH = 0.01
 """Relative change of cost and place at which the search ends: less than the scatter of the model makes."""
 MOST_CALLS = 8
@@ -67,15 +67,15 @@ class Model:
         machine: Machine,
         unknowns: Sequence[Unknown],
         sessions: Sequence[Session],
-        executor: Executor | None = None,
+        crew: Crew | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        """executor: any of concurrent.futures, for the replays; None: here. progress: told how many were."""
+        """crew: for the replays; None: here. progress: told how many were."""
         self.machine = machine
         self.unknowns = tuple(unknowns)
         self.sessions = tuple(sessions)
         self.data: tuple[Datum, ...] = tuple(item for session in sessions for item in session.data)
-        self._executor = executor
+        self._crew = crew
         self._progress = progress
         self._known: dict[tuple[float, ...], Floats] = {}
         self.replays = 0
@@ -112,9 +112,8 @@ class Model:
             for key in new
             for session in self.sessions
         ]
-        mapped = map(_predict, calls) if self._executor is None else self._executor.map(_predict, calls)
         pieces = []
-        for piece in mapped:
+        for piece in in_order(_predict, calls, self._crew):
             pieces.append(piece)
             self.replays += 1
             if self._progress is not None:
@@ -188,14 +187,14 @@ def _predict(call: tuple[Session, Machine, tuple[Unknown, ...], list[float]]) ->
 
 @dataclass(frozen=True)
 class Prospect:
-    """What the data can tell, before anything is fitted."""
+    """What the data can tell, known before the fit."""
 
     singular: tuple[float, ...]
     """Of the Jacobian, from the largest; in standard deviations of the data for one of the prior."""
     remaining: tuple[float, ...]
     """By parameter: expected standard deviation afterwards over that of the prior."""
     lines: tuple[str, ...]
-    """What to tell people."""
+    """In words."""
     jacobian: Floats = field(repr=False)
 
     @property
@@ -243,12 +242,12 @@ class Estimate:
 
     @property
     def identified(self) -> bool:
-        """Something has been learnt."""
+        """True if the data have narrowed it down."""
         return self.remaining < NOT_IDENTIFIED
 
     @property
     def note(self) -> str:
-        """Why the interval is as wide as it is, if it is."""
+        """Why the interval is wide, if it is."""
         if not self.identified:
             return "not identified: the data say no more than the prior"
         if self.remaining >= WEAK:
@@ -281,7 +280,7 @@ class Fit:
 
     @property
     def worse(self) -> bool:
-        """It predicts what was held back worse than the prior does."""
+        """True if what was held back is predicted worse than by the prior."""
         return bool(self.before) and self.after["all"] > self.before["all"]
 
     @property
@@ -296,14 +295,14 @@ def fit(
     fitted: Sequence[Session],
     held: Sequence[Session],
     *,
-    executor: Executor | None = None,
+    crew: Crew | None = None,
     told: Callable[[Prospect], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Fit:
     """Fit and judge. told: called with what can be identified, before the fit. Raises ImportError without SciPy."""
     from scipy.optimize import least_squares
 
-    model = Model(machine, unknowns, fitted, executor, progress)
+    model = Model(machine, unknowns, fitted, crew, progress)
     count = len(unknowns)
     zero = np.zeros(count)
     steps = np.full(count, STEP)
@@ -340,7 +339,7 @@ def fit(
         half = NORMAL_95 * deviation[index]
         low, high = item.value(u[index] - half), item.value(u[index] + half)
         estimates.append(Estimate(item, item.value(u[index]), low, high, float(deviation[index])))
-    other = Model(machine, unknowns, held, executor, progress)
+    other = Model(machine, unknowns, held, crew, progress)
     predicted = other.predictions([zero, u]) if held else [np.zeros(0), np.zeros(0)]
     before_held, after_held = (other.residuals(one) for one in predicted) if held else (np.zeros(0), np.zeros(0))
     return Fit(

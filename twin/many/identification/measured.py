@@ -9,12 +9,12 @@
     axis = "x"
     mm = 19.993                             # up in the direction of the counter; nan: not read yet
     gauge = "a"                             # readings of one mounting of the gauge share an unknown zero
-    push_n = 150.0                          # meanwhile somebody pulls at the tool along the axis; 0 or left out: nobody
+    push_n = 150.0                          # force at the tool along the axis meanwhile; left out: none
     counter_mm = 20.0                       # what the counter says then, if that is by chance (an emergency stop)
     at_s = 0.35                             # in motion, so long after the command was sent; left out: at rest
     sigma_mm = 0.02
 
-    [[act]]                                 # what somebody did to the machine
+    [[act]]                                 # what was done to the machine
     recording = "first"
     command = 9
     after_s = 0.4                           # after the command was sent
@@ -57,7 +57,7 @@ from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
 TIME_SIGMA_S = 0.005
-"""USB adapters keep bytes back for 1 to 16 ms, and hosts do other things too."""
+"""USB adapters keep bytes back for 1 to 16 ms, and hosts are busy now and then."""
 
 _MM = Limits("mm", -1e5, 1e5)
 _N = Limits("N", -1e4, 1e4)
@@ -73,7 +73,7 @@ class MeasuredError(FileError):
 
 @dataclass(frozen=True)
 class Reading:
-    """A position that was read. See the module for what the fields mean."""
+    """A position that was read; the module says what the fields mean."""
 
     recording: str
     command: int
@@ -88,7 +88,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Act:
-    """What somebody did."""
+    """What was done to the machine."""
 
     recording: str
     command: int
@@ -124,7 +124,7 @@ class Repeats:
 
 @dataclass(frozen=True)
 class Measured:
-    """All that one file, or several, say."""
+    """The content of one file or several."""
 
     readings: tuple[Reading, ...] = ()
     acts: tuple[Act, ...] = ()
@@ -137,7 +137,7 @@ class Measured:
 
     @property
     def names(self) -> list[str]:
-        """Recordings that it speaks of, each once."""
+        """Recordings that are named, each once."""
         entries: tuple[Reading | Act | Stall | Repeats, ...] = (
             *self.readings,
             *self.acts,
@@ -149,7 +149,7 @@ class Measured:
 
     @property
     def axes(self) -> list[str]:
-        """Axes that something is said of, each once, in the order X, Y, Z."""
+        """Axes that are named, each once, in the order X, Y, Z."""
         entries: tuple[Reading | Stall | Repeats, ...] = (*self.readings, *self.stalls, *self.repeats)
         found = {item.axis for item in entries}
         return [name for name in CARRIAGES if name in found]

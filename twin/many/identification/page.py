@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from isel_twin.many.identification.fit import Estimate, Fit
-from isel_twin.report.chart import escape
-from isel_twin.report.report import part_of, policy_hash
+from isel_twin.report.page import whole_page
+from isel_twin.report.svg import escape
 
 ROWS = 400
 """Most data listed; the worst ones first."""
@@ -23,8 +23,6 @@ LABEL = 46
 
 def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
     """The whole page."""
-    style = part_of("report.css")
-    policy = f"default-src 'none'; style-src '{policy_hash(style)}'; base-uri 'none'; form-action 'none'"
     if result.worse:
         verdict = "NOT PROMOTED: what was held back is predicted worse than before"
     elif held:
@@ -53,14 +51,7 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) ->
         _held(result) if held else "",
         "</main>",
     ]
-    head = [
-        "<!DOCTYPE html>",
-        "<html lang='en'><head><meta charset='utf-8'>",
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>",
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>",
-    ]
-    return "\n".join(part for part in (*head, *body, "</body></html>\n") if part)
+    return whole_page(title, body)
 
 
 def _estimates(estimates: Sequence[Estimate]) -> str:

@@ -4,14 +4,12 @@
     measured         act   at_s       reading
 
     replay       the same bytes to a twin of the candidate machine, each as long after the last reply as it was then;
-    acts
-                 and readings at their commands, in the order of the file
+                 acts and readings at their commands, in the order of the file
 
-What comes of it are numbers beside numbers, `Datum` by `Datum`:
+Each number of one side is compared with one of the other, `Datum` by `Datum`:
 
-    duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, unless
-    it
-                 begins where nobody knows (the first reference run of an axis) or somebody interferes
+    duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, but not
+                 of the first reference run of an axis, whose start is unknown, nor while an act interferes
     reading      position at rest or in motion; less the counter where the file says what it was
     stall        logarithm of the speed at which steps begin to be lost, found as at the machine: ever faster
     scatter      logarithm of the standard deviation over reference runs
@@ -62,7 +60,7 @@ narrow band (0.7 to 1.5 um on the 4030, over forty places)."""
 REFERENCE_SIGMA_S = 0.015
 """Of the duration of a reference run beside the clock's: a switch that scatters by 10 to 15 um is left at 1 mm/s."""
 MISSED = 1e4
-"""Residual of what the model cannot say, in standard deviations: the command was not answered."""
+"""Residual where the model has no value because the command was not answered, in standard deviations."""
 MOST_HALVINGS = 3
 """Of the time step, for candidates that need a shorter one."""
 _PATIENCE_S = 3600.0
@@ -82,7 +80,7 @@ class Datum:
     group: str = ""
     """Readings of one group share an unknown zero, durations what line, adapter and host always take."""
     scatter: float = 0.0
-    """Standard deviation of what the model itself says, by chance; it is part of sigma."""
+    """Standard deviation of the model's own value, by chance; it is part of sigma."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class Session:
     name: str
     controller: str
     pieces: tuple[tuple[int, bytes, bool, int], ...]
-    """As `isel_twin.recordings.compare.traffic`."""
+    """Time in ns, bytes, True if from the host, ns a byte: see `isel_twin.recordings.compare.traffic`."""
     operated: tuple[tuple[int, Mapping[str, Any]], ...]
     """What was done to a twin, by time in ns: keys of a scenario event."""
     measured: Measured
@@ -109,7 +107,7 @@ class Session:
 
     @property
     def stalls(self) -> tuple[Stall, ...]:
-        """Those that did stall: speeds that nothing was lost at bound nothing that a fit could follow."""
+        """Those that did stall: a speed that held is no number that a fit could follow."""
         return tuple(stall for stall in self.measured.stalls if stall.lost_hz < math.inf)
 
     @property
@@ -144,7 +142,7 @@ class Session:
         return tuple(found)
 
     def _timed(self, number: int) -> bool:
-        """Whether the duration of a command is told by the machine alone."""
+        """True if the duration of a command depends on the machine alone."""
         acts = any(act.command == number for act in self.measured.acts)
         return number <= self.last and not acts and number not in self.unknown_start
 
@@ -212,7 +210,7 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
 
 
 class Player:
-    """One replay of a session on a candidate machine. See the module."""
+    """One replay of a session on a candidate machine."""
 
     def __init__(self, session: Session, machine: Machine) -> None:
         self._session = session
@@ -223,7 +221,6 @@ class Player:
         self.readings: list[float] = []
         """Of each reading of the session, mm; nan: its command was never sent."""
         self.unknown_start: set[int] = set()
-        """See Session.unknown_start."""
         self.references: set[int] = set()
         self._referenced: set[int] = set()
         self._place = Place(session.name, ScenarioError)
@@ -263,7 +260,7 @@ class Player:
             now = self._await(then, now)
             if resumed_ns < (arrived_ns := twin.time_ns):
                 resumed_ns = arrived_ns
-            self._read(found, resting=True)
+            self._read(found)
             twin.run_until(max(twin.time_ns, resumed_ns + max(0, time_ns - past_ns)))
             past_ns, resumed_ns = time_ns, twin.time_ns
             if not kind:
@@ -278,7 +275,7 @@ class Player:
             self._meanwhile(found)
         else:
             self._await(then, now)
-        self._read(found, resting=True)
+        self._read(found)
         self.readings = [found.get(reading, math.nan) for reading in session.measured.readings]
 
     def _await(self, then: int, now: int) -> int:
@@ -309,7 +306,7 @@ class Player:
             else:
                 found[what] = self._position_mm(what)
 
-    def _read(self, found: dict[Reading, float], resting: bool) -> None:
+    def _read(self, found: dict[Reading, float]) -> None:
         """The gauges at rest after the last command."""
         pushed: set[int] = set()
         twin = self._twin
@@ -383,7 +380,7 @@ def stall_speed_hz(twin: Twin, stall: Stall) -> float:
         while held < top:
             faster = min(held * factor, top)
             if stalls(twin, stall, round(faster)):
-                for command in language.reference():  # nobody knows where it stands now
+                for command in language.reference():  # its place is unknown now
                     converse(twin, command)
                 top = faster
                 break
@@ -392,7 +389,7 @@ def stall_speed_hz(twin: Twin, stall: Stall) -> float:
 
 
 def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
-    """Whether the move there and back loses steps at that speed."""
+    """True if the move there and back loses steps at that speed."""
     axis = CARRIAGES.index(stall.axis)
     language = needed(twin.language, twin.controller_name)
     settings = MoveSettings(speed_hz, stall.acceleration_hz_per_ms, stall.start_stop_hz)

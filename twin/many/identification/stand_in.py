@@ -1,7 +1,7 @@
 """An experiment carried out on a twin, in the place of a machine and of the person who measures at it.
 
-What comes of it is what comes of a real one: a recording of bytes and times as `tap` makes it, and the filled-in file,
-with the errors that a gauge and a clock have. Nothing else of the twin is told. For trying out an experiment before
+The result is that of a real one: a recording of bytes and times as `tap` makes it, and the filled-in file, with the
+errors of a gauge and a clock; nothing else of the twin is used. For trying out an experiment before
 going to the machine, for tests, and for judging a block (experiment.py).
 """
 
@@ -31,7 +31,7 @@ from isel_twin.wiring import ScenarioError, event_now
 THINK_S = 0.05
 """From a reply to the next command."""
 PLACE = 2.0
-"""Range, mm, in which a gauge is set up: its zero is by chance."""
+"""The zero of a gauge is drawn from 0 to this, mm."""
 
 
 def carry_out(

@@ -1,4 +1,4 @@
-"""Named parameters of a machine that one wants to know, and what is believed of them before anything is measured.
+"""Named parameters of a machine that are to be found, and what is believed of them before anything is measured.
 
     name             stands for                                                       as
     friction.x       axes.x.guide_friction, shaft_coulomb, shaft_viscous              a common factor
@@ -12,13 +12,13 @@
     any key          as `isel-twin describe` has it: axes.z.brake, controller.start_stop_hz ...
 
 Keys that only act together at what can be measured have one factor: guides and shaft both only brake, and a gauge at
-the tool sees screw and frame in series. Whoever can tell them apart names the keys themselves.
+the tool sees screw and frame in series. Who can tell them apart names single keys.
 
 Within the fit each is a plain number u, 0 at the prior value, 1 a standard deviation of what is believed:
 
     value = prior exp(s u)      for what is positive         value = prior + s u      for what may be 0 or negative
 
-The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Where nobody says one, it
+The prior range holds 95 % of the belief, so s is a quarter of its width (in the logarithm). Unless one is given, it
 follows from the grade of the number in the machine file, GRADE_FACTOR.
 """
 
@@ -68,7 +68,7 @@ class Unknown:
     flag: str = ""
     """Imperfection that has to be on for it to act."""
     place: bool = False
-    """It is counted from a zero that somebody chose: half as much means nothing."""
+    """A place, counted from a chosen zero: belief is a sum, never a factor."""
 
     @property
     def logarithmic(self) -> bool:
@@ -109,69 +109,100 @@ def parse_prior(text: str) -> tuple[str, float, float]:
 
 
 def default_names(axes: Iterable[str], machine: Machine) -> list[str]:
-    """What is fitted if nobody says, for the axes that were measured; only stages of stepper motors have a supply."""
+    """What is fitted by default, for the axes that were measured; only stages of stepper motors have a supply."""
     axes = list(dict.fromkeys(axes))
     named = [f"{what}.{axis}" for axis in axes for what in ("friction", "backlash", "stiffness")]
     return [*named, *_supply(machine), "mass"]
 
 
+@dataclass(frozen=True)
+class _Meaning:
+    """What a name stands for, before anybody has said what is believed of it."""
+
+    keys: tuple[str, ...]
+    factor: bool = False
+    flag: str = ""
+    half: float | None = None
+    """Prior range either way, where the grade of the number says nothing about it."""
+    prior: float | None = None
+    """Otherwise that of the first key."""
+    unit: str = "1"
+    """Of a key that the machine file does not have."""
+
+
+def _meaning(machine: Machine, name: str) -> _Meaning:
+    what, _, of = name.partition(".")
+    if of in CARRIAGES:
+        match what:
+            case "friction":
+                return _Meaning(tuple(f"axes.{of}.{key}" for key in _FRICTION), factor=True)
+            case "stiffness":
+                modes = machine.structure if machine.imperfections.structure else ()
+                of_modes = (f"structure.{mode.joint}.stiffness" for mode in modes if mode.axis == of)
+                return _Meaning((f"axes.{of}.stiffness", *of_modes), factor=True)
+            case "backlash":
+                return _Meaning((f"axes.{of}.backlash",), flag="backlash")
+            case "lead":
+                prior = None if machine.imperfections.lead_error else 0.0
+                return _Meaning((f"axes.{of}.lead_error",), flag="lead_error", half=LEAD_PERCENT, prior=prior)
+    if name == "supply":
+        return _Meaning(tuple(f"axes.{axis}.stage.supply" for axis in CARRIAGES))
+    if name == "mass":
+        return _Meaning(tuple(f"masses.{body}" for body in machine.tree["masses"]), factor=True)
+    if name == "repeatability":
+        return _Meaning(("switches.repeatability",))
+    if what == "switch":
+        for contact in machine.switches:
+            if contact.name == of:
+                key = f"contacts.{of}.position"
+                return _Meaning((key,), half=SWITCH_MM, prior=contact.position_mm, unit="mm")
+    if name.startswith("axes.all."):
+        return _Meaning(tuple(f"axes.{axis}.{name.removeprefix('axes.all.')}" for axis in CARRIAGES))
+    return _Meaning((name,))
+
+
 def unknown(machine: Machine, name: str, span: tuple[float, float] | None = None) -> Unknown:
     """The parameter of that name; span: its prior range. Raises ValueError with one line."""
+    meaning, setting = _meaning(machine, name), name.startswith("controller.")
     by_key = {row.parameter: row for row in rows(machine.tree)}
-    what, _, of = name.partition(".")
-    factor, flag = False, ""
-    keys: tuple[str, ...] = (name,)
-    half: float | None = None
-    prior: float | None = None
-    if what in ("friction", "backlash", "stiffness", "lead") and of in CARRIAGES:
-        own = {"friction": _FRICTION, "backlash": ("backlash",), "stiffness": ("stiffness",), "lead": ("lead_error",)}
-        keys = tuple(f"axes.{of}.{key}" for key in own[what])
-        factor = what in ("friction", "stiffness")
-        if what == "stiffness" and machine.imperfections.structure:
-            keys += tuple(f"structure.{mode.joint}.stiffness" for mode in machine.structure if mode.axis == of)
-        flag = {"backlash": "backlash", "lead": "lead_error"}.get(what, "")
-        if what == "lead":
-            half = LEAD_PERCENT
-            prior = None if machine.imperfections.lead_error else 0.0
-    elif name == "supply":
-        keys = tuple(f"axes.{axis}.stage.supply" for axis in CARRIAGES)
-    elif name == "mass":
-        keys, factor = tuple(f"masses.{body}" for body in machine.tree["masses"]), True
-    elif name == "repeatability":
-        keys = ("switches.repeatability",)
-    elif what == "switch" and of in {contact.name for contact in machine.switches}:
-        keys, half = (f"contacts.{of}.position",), SWITCH_MM
-        prior = next(contact.position_mm for contact in machine.switches if contact.name == of)
-    elif name.startswith("axes.all."):
-        keys = tuple(f"axes.{axis}.{name.removeprefix('axes.all.')}" for axis in CARRIAGES)
-    found = [by_key.get(key) for key in keys]
-    known = [row for row in found if row is not None]
-    if prior is None and len(known) < len(found) and not (what == "controller" and span):
+    found = [by_key[key] for key in meaning.keys if key in by_key]
+    prior = meaning.prior
+    if prior is None and len(found) < len(meaning.keys) and not (setting and span):
         raise ValueError(
             f"fit {name!r}: no such parameter; {hint(name, [*_names(machine), *by_key])} (see isel-twin describe)"
         )
-    for row in known:
+    for row in found:
         if isinstance(row.value, bool | str):
             raise ValueError(f"fit {name!r}: {row.parameter} is {row.value!r}, which is no number")
-    grade = known[0].grade if known else "estimate"
-    source = f"{grade}: {known[0].source}" if known and known[0].source else grade
-    unit = "1" if factor else known[0].unit if known else "mm" if what == "switch" else "1"
+    first = found[0] if found else None
+    source = "estimate" if first is None else f"{first.grade}: {first.source}" if first.source else first.grade
     if prior is None:
-        prior = 1.0 if factor else float(known[0].value) if known else math.nan
+        prior = 1.0 if meaning.factor else math.nan if first is None else float(first.value)
     if span is not None:
         low, high = span
         source = f"range of {low:g} .. {high:g}"
         if not low <= prior <= high:
-            prior = math.sqrt(low * high) if low > 0.0 and half is None else 0.5 * (low + high)
-    elif half is not None:
-        low, high = prior - half, prior + half
+            prior = math.sqrt(low * high) if low > 0.0 and meaning.half is None else 0.5 * (low + high)
+    elif meaning.half is not None:
+        low, high = prior - meaning.half, prior + meaning.half
     elif prior > 0.0:
-        times = max(GRADE_FACTOR[row.grade] for row in known)
+        times = max(GRADE_FACTOR[row.grade] for row in found)
         low, high = prior / times, prior * times
     else:
         raise ValueError(f"prior {name}: is {prior:g} in the machine file; say a range: --prior {name}=LOW..HIGH")
-    whole = what == "controller" and (not known or isinstance(known[0].value, int))
-    return Unknown(name, keys, prior, low, high, unit, source, factor, whole, flag, half is not None)
+    return Unknown(
+        name,
+        meaning.keys,
+        prior,
+        low,
+        high,
+        unit="1" if meaning.factor else meaning.unit if first is None else first.unit,
+        source=source,
+        factor=meaning.factor,
+        whole=setting and (first is None or isinstance(first.value, int)),
+        flag=meaning.flag,
+        place=meaning.half is not None,
+    )
 
 
 def _supply(machine: Machine) -> list[str]:
@@ -200,7 +231,7 @@ def changes(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[floa
 
 
 def candidate(machine: Machine, unknowns: Sequence[Unknown], values: Sequence[float]) -> Machine:
-    """The machine with other values, [n] as the unknowns, and switches that do not scatter: a model has no luck.
+    """The machine with other values, [n] as the unknowns, and switches that do not scatter: only data scatter.
 
     Raises MachineError for a value out of its limits.
     """

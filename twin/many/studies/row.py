@@ -102,10 +102,10 @@ class Point:
     seed: int
 
 
-def compute(work: Work, point: Point) -> dict[str, Any] | None:
-    """The outcome of one point, OUTCOMES by name; None if it was given up.
+def compute(work: Work, point: Point) -> dict[str, Any]:
+    """The outcome of one point, OUTCOMES by name.
 
-    Raises MismatchError and OSError for what is no fault of the point.
+    Raises MismatchError and OSError for what is no fault of the point, GivenUp if nobody waits for it any more.
     """
     _check(work)
     nothing: dict[str, Any] = dict.fromkeys(OUTCOMES)
@@ -121,7 +121,7 @@ def compute(work: Work, point: Point) -> dict[str, Any] | None:
         return {**nothing, "error": one_line(str(error))}
     except Exception as error:
         return {**nothing, "error": one_line(f"{type(error).__name__}: {error}")}
-    return None if found is None else {**nothing, **found}
+    return {**nothing, **found}
 
 
 def machine_digest(machine: Machine) -> str:
@@ -146,11 +146,12 @@ def _check(work: Work) -> None:
             raise MismatchError(f"the machine {work.machine} is another one there")
 
 
-def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
+def _made(work: Work, point: Point, folder: Path) -> dict[str, Any]:
     from isel_twin.jobs.checks.job import Inspection
-    from isel_twin.jobs.job import check_conditions, play
-    from isel_twin.jobs.robust import called_machine, given_up, perturbation
-    from isel_twin.jobs.verdict import judge, whole_slips
+    from isel_twin.jobs.job import check_conditions
+    from isel_twin.jobs.playing import played
+    from isel_twin.jobs.robust import called_machine, perturbation
+    from isel_twin.jobs.verdict import whole_slips
 
     given = dict(zip(work.parameters, point.values, strict=True))
     call = TwinSpec(
@@ -170,12 +171,8 @@ def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
     twin = call.build()
     check_conditions(lines, twin)
     inspection = Inspection(twin, work.bounds)
-    for result in play(twin, lines, work.bounds.timeout_s, given_up):
-        inspection.take(result)
+    verdict = played(twin, lines, [inspection.take], work.bounds.timeout_s).verdict
     results = inspection.results
-    if given_up() and not (len(results) == len(lines) and results[-1].complete):
-        return None
-    verdict = judge(twin, results, len(lines) - len(results))
     report = inspection.report(work.job_name, verdict)
     wrong = [finding for finding in report.findings if not finding.warning]
     slips = whole_slips(verdict.lost_steps, verdict.slip_steps) + verdict.forgotten_steps
@@ -201,7 +198,7 @@ def _made(work: Work, point: Point, folder: Path) -> dict[str, Any] | None:
         "limiting": axis,
         "limiting_line": line,
         "error_mm": max(abs(error) for error in verdict.position_error_mm),
-        "cycle_s": report.cycle_s,
+        "cycle_s": verdict.cycle_s,
         "events_late": verdict.events_after_end,
         "reply": replies[-1] if replies else None,
     }

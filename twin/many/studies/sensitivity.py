@@ -27,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.errors import CallError
+from isel_twin.base.files import atomic_write
+from isel_twin.base.pictures import picture_bytes, plain_text
 from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.points import all_points
 
@@ -158,8 +160,6 @@ def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Seque
     """
     from matplotlib.figure import Figure
 
-    from isel_twin.base.files import replacing
-
     outcomes = list(dict.fromkeys(index.outcome for index in found))
     if not outcomes:
         raise CallError("sensitivity: no outcome varies; take wider ranges", option=True)
@@ -203,10 +203,8 @@ def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Seque
         handles = [Patch(color=colour, label=label) for label, colour in words.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     subject = f"{plan.work.job_name} depends" if plan.work.job else "the moves depend"
-    figure.suptitle(f"What {subject} on, by {len(rows)} rows".replace("$", r"\$"), color=_INK)
-    with replacing(path) as temporary:
-        kind = path.suffix.lower().removeprefix(".")
-        figure.savefig(temporary, format=kind, metadata={"Software": None} if kind == "png" else {"Date": None})
+    figure.suptitle(plain_text(f"What {subject} on, by {len(rows)} rows"), color=_INK)
+    atomic_write(path, picture_bytes(figure, path.suffix.lower().removeprefix(".")))
 
 
 def _range(outcome: str, values: Sequence[float]) -> str:

@@ -10,10 +10,9 @@ margin |  o  o
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
+from isel_twin.base.pictures import picture_bytes, plain_text
 from isel_twin.many.tuning.judge import Judgement
 from isel_twin.many.tuning.result import Tried, front, gain
 
@@ -39,18 +38,6 @@ def in_words(values: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
-def check_picture(path: Path) -> None:
-    """Raise ValueError with one line unless a picture of that name can be drawn."""
-    try:
-        from matplotlib.backend_bases import FigureCanvasBase
-        from matplotlib.figure import Figure  # noqa: F401
-    except ImportError:
-        raise ValueError("picture needs matplotlib: pip install 'isel-twin[tune]'") from None
-    kinds = FigureCanvasBase.get_supported_filetypes()
-    if path.suffix.removeprefix(".").lower() not in kinds:
-        raise ValueError(f"picture {path}: the name must end in one of .{', .'.join(sorted(kinds))}")
-
-
 def draw(
     kind: str, title: str, tried: Sequence[Tried], marks: Mapping[str, Judgement], least: float | None = None
 ) -> bytes:
@@ -58,29 +45,25 @@ def draw(
 
     least: the margin that was asked for, as a line.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     best = [each.judgement for each in front(tried)]
     good = [each.judgement for each in tried if each.judgement.good]
-    with rc_context({"svg.hashsalt": "isel-twin"}):  # the same picture has the same bytes
-        figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-        axes = figure.subplots()
-        axes.plot(*_points(good), ".", color="0.7", label="tried, nothing lost")
-        axes.plot(*_points(best), "o-", color="tab:blue", drawstyle="steps-post", label="front")
-        for number, (name, judgement) in enumerate(marks.items()):
-            if judgement.good:
-                shape = "*sD^"[number % 4]
-                axes.plot(*_points([judgement]), shape, markersize=11, label=f"{name}: {judgement.time_s:.1f} s")
-        if least is not None:
-            axes.axhline(100.0 * least, color="tab:red", linewidth=0.8, linestyle="--", label="margin asked for")
-        axes.set(xlabel="cycle time in s", ylabel="least pull-out margin in %", title=title)
-        axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.3)
-        axes.legend()
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format=kind, metadata={"Date": None} if kind in ("svg", "pdf") else None)
-    return drawn.getvalue()
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(*_points(good), ".", color="0.7", label="tried, nothing lost")
+    axes.plot(*_points(best), "o-", color="tab:blue", drawstyle="steps-post", label="front")
+    for number, (name, judgement) in enumerate(marks.items()):
+        if judgement.good:
+            shape = "*sD^"[number % 4]
+            axes.plot(*_points([judgement]), shape, markersize=11, label=f"{name}: {judgement.time_s:.1f} s")
+    if least is not None:
+        axes.axhline(100.0 * least, color="tab:red", linewidth=0.8, linestyle="--", label="margin asked for")
+    axes.set(xlabel="cycle time in s", ylabel="least pull-out margin in %", title=plain_text(title))
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return picture_bytes(figure, kind)
 
 
 def _points(judgements: Sequence[Judgement]) -> tuple[list[float], list[float]]:

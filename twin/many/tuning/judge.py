@@ -12,18 +12,16 @@ lost, and the rest of the job would tell nothing.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.crew import Crew, in_order
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.job import Result, play
-from isel_twin.jobs.robust import POLL_S, given_up, perturbed_twin
-from isel_twin.jobs.verdict import judge, lost
+from isel_twin.jobs.playing import FirstLoss, losses, played
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.robust import perturbed_twin
 from isel_twin.many.tuning.space import Candidate, Problem
 
 if TYPE_CHECKING:
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
 Stop = Callable[[], bool]
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -102,26 +99,16 @@ class Judgement:
         return cls(made[0].time_s, margin, why, len(made), slipped, moves)
 
 
-def make(candidate: Candidate, weather: Weather, number: int, stop: Stop | None = None) -> Repetition | None:
-    """Make a job once, None if it was stopped; a function of its arguments alone, so it can run in another process."""
-    stop = stop or given_up
+def make(candidate: Candidate, weather: Weather, number: int) -> Repetition:
+    """Make a job once; a function of its arguments alone, so that it can run in another process."""
     twin = _twin(weather, number)
-    results: list[Result] = []
-    why = ""
-    for result in play(twin, candidate.lines, weather.timeout_s, stop):
-        results.append(result)
-        if why := _lost(twin):
-            break
-    if stop():
-        return None
-    slipped = bool(why)
-    if not why:
-        verdict = judge(twin, results, len(candidate.lines) - len(results))
-        if not verdict.ok:
-            slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
-            why = (
-                _wrong(results) or _lost(twin) or ("a rotor rests halfway" if slipped else "the controller is in error")
-            )
+    first = FirstLoss(twin)
+    job = played(twin, candidate.lines, [first.take], weather.timeout_s, first.stop)
+    results, why, slipped = job.results, first.why, bool(first.why)
+    if not why and not job.ok:
+        verdict = job.verdict
+        slipped = any(verdict.lost) or any(verdict.halfway) or any(verdict.switched_off)
+        why = _wrong(results) or losses(twin) or ("a rotor rests halfway" if slipped else "the controller is in error")
     if why:
         why = f"line {results[-1].number}: {why}"
     counted = [result for result in results if result.number >= candidate.first]
@@ -141,15 +128,6 @@ def _twin(weather: Weather, number: int) -> Twin:
     return weather.call.with_(flash=weather.flash).build()
 
 
-def _lost(twin: Twin) -> str:
-    """What has been lost up to the end of a line; a servo drive that has switched itself off counts as that."""
-    gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
-    steps = np.abs(twin.lost_steps) + np.abs(twin.forgotten_steps)
-    found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone)]
-    found += [f"{name.upper()}: {why}" for name, (n, why) in zip(AXIS_NAMES, twin.drive_faults, strict=False) if n]
-    return ", ".join(found)
-
-
 def _wrong(results: Sequence[Result]) -> str:
     last = results[-1]
     if not last.complete:
@@ -165,39 +143,23 @@ def judged(
 
     None if it was stopped.
     """
-    made = []
-    for number in numbers:
-        repetition = make(candidate, weather, number, stop)
-        if repetition is None:
-            return None
+    made: list[Repetition] = []
+    for repetition in repetitions(candidate, weather, numbers, stop=stop):
         made.append(repetition)
         if repetition.why or repetition.margin < least:
             break
+    else:
+        if len(made) < len(numbers):
+            return None
     return Judgement.of(made)
 
 
 def repetitions(
-    candidate: Candidate, weather: Weather, numbers: Sequence[int], executor: Executor | None, stop: Stop | None
-) -> Iterator[Repetition | None]:
-    """Repetitions of a job in their order, whatever makes them; those that nobody asks for any more are not begun."""
-    if executor is None:
-        yield from (make(candidate, weather, number, stop) for number in numbers)
-        return
-    futures = [executor.submit(make, candidate, weather, number) for number in numbers]
-    try:
-        for future in futures:
-            yield waited_for(future, stop)
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def waited_for(future: Future[Made], stop: Stop | None) -> Made | None:
-    """What a future gives, None if it is to be waited for no longer."""
-    while stop is None or not stop():
-        try:
-            return future.result(None if stop is None else POLL_S)
-        except TimeoutError:
-            if future.done():
-                raise
-    return None
+    candidate: Candidate,
+    weather: Weather,
+    numbers: Sequence[int],
+    crew: Crew | None = None,
+    stop: Stop | None = None,
+) -> Iterator[Repetition]:
+    """Repetitions of a job in their order, whatever crew makes them; fewer if it was stopped."""
+    return in_order(functools.partial(make, candidate, weather), numbers, crew, stop)

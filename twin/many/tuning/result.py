@@ -9,10 +9,10 @@ from machines on which nothing was chosen. A setting is given up at the first th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
+from isel_twin.base.crew import Crew
 from isel_twin.language import MoveSettings
 from isel_twin.many.tuning.judge import Judgement, Repetition, Weather, repetitions
 from isel_twin.many.tuning.space import Candidate, Problem
@@ -88,7 +88,7 @@ def confirm(
     candidate: Candidate,
     wanted: int,
     least: float = 0.0,
-    executor: Executor | None = None,
+    crew: Crew | None = None,
     stop: Callable[[], bool] | None = None,
     told: Callable[[Repetition], None] | None = None,
     hard: Sequence[int] = (),
@@ -101,14 +101,15 @@ def confirm(
     made: list[Repetition] = []
     those = range(problem.repetitions + 1, problem.repetitions + 1 + wanted)
     numbers = [*(number for number in hard if number in those), *(number for number in those if number not in hard)]
-    for repetition in repetitions(candidate, Weather.of(problem), numbers, executor, stop):
-        if repetition is None:
-            return None
+    for repetition in repetitions(candidate, Weather.of(problem), numbers, crew, stop):
         made.append(repetition)
         if told is not None:
             told(repetition)
         if repetition.why or repetition.margin < least:
             break
+    else:
+        if len(made) < wanted:
+            return None
     last = made[-1]
     why = last.why or (f"keeps {100 * last.margin:.1f} %" if last.margin < least else "")
     margins = sorted(repetition.margin for repetition in made)

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs, create_language, needed
@@ -112,7 +113,7 @@ class Problem:
     def language(self) -> RetimesJobs:
         """Of the controller. Raises LanguageError if it cannot bring settings into a job."""
         language = needed(create_language(self.call.controller), self.call.controller)
-        if not isinstance(language, RetimesJobs):
+        if not offers(language, RetimesJobs):
             raise LanguageError(
                 f"the language of {self.call.controller} cannot bring settings into a job; isel_twin.envs tunes moves"
             )

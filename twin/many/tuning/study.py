@@ -21,14 +21,14 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isel_twin.base.crew import Crew, in_order
 from isel_twin.many.tuning.compose import best_of_each, composed, distributions, sampler
-from isel_twin.many.tuning.judge import Judgement, Weather, judged, waited_for
+from isel_twin.many.tuning.judge import Judgement, Weather, judged
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, confirm
 from isel_twin.many.tuning.space import Parameter, Problem
 
@@ -126,7 +126,7 @@ class Study:
     def run(
         self,
         trials: int,
-        executor: Executor | None = None,
+        crew: Crew | None = None,
         stop: Callable[[], bool] | None = None,
         told: Callable[[Tried], None] | None = None,
     ) -> None:
@@ -136,7 +136,8 @@ class Study:
                 asked = self._left_over() or self._ask(trials)
             if not asked:
                 return
-            for trial, judgement in zip(asked, self._judgements(asked, executor, stop), strict=False):
+            judgements = self._judgements(asked, crew, stop)
+            for trial, judgement in zip(asked, judgements, strict=False):
                 if judgement is None:
                     return
                 with _storing(self._where):
@@ -148,7 +149,7 @@ class Study:
         self,
         wanted: int,
         hard: list[int],
-        executor: Executor | None = None,
+        crew: Crew | None = None,
         stop: Callable[[], bool] | None = None,
         told: Callable[[str], None] | None = None,
     ) -> tuple[Tried, Held] | None:
@@ -166,7 +167,7 @@ class Study:
                 return None
             been.add(key)
             candidate = self.problem.candidate(values)
-            held = confirm(self.problem, candidate, wanted, self.least, executor, stop, hard=hard)
+            held = confirm(self.problem, candidate, wanted, self.least, crew, stop, hard=hard)
             if held is None or held.last is None:
                 return None
             if held.good:
@@ -221,21 +222,12 @@ class Study:
         return {parameter.name: _between(parameter, share[parameter.setting]) for parameter in self.problem.parameters}
 
     def _judgements(
-        self, asked: Sequence[optuna.trial.FrozenTrial], executor: Executor | None, stop: Callable[[], bool] | None
+        self, asked: Sequence[optuna.trial.FrozenTrial], crew: Crew | None, stop: Callable[[], bool] | None
     ) -> Iterator[Judgement | None]:
+        """In the order of the trials; fewer if it was stopped, or None for the last."""
+        candidates = [self.problem.candidate(trial.params) for trial in asked]
         numbers = range(self.problem.repetitions + 1)
-        candidates = (self.problem.candidate(trial.params) for trial in asked)
-        if executor is None:
-            yield from (judged(candidate, self._weather, numbers, stop=stop) for candidate in candidates)
-            return
-        task = functools.partial(judged, weather=self._weather, numbers=numbers)
-        futures = [executor.submit(task, candidate) for candidate in candidates]
-        try:
-            for future in futures:
-                yield waited_for(future, stop)
-        finally:
-            for future in futures:
-                future.cancel()
+        return in_order(functools.partial(judged, weather=self._weather, numbers=numbers), candidates, crew, stop)
 
     def _tell(self, trial: optuna.trial.FrozenTrial, judgement: Judgement) -> None:
         from optuna.trial import TrialState

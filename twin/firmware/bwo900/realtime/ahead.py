@@ -3,11 +3,10 @@
     interpreter --> contour (G12, G123) --> radius correction (G41, G42) --> waiting blocks
                     each may keep blocks back until the next one comes, or until there is none: `flush`
 
-It goes on until so many blocks wait, the program ends, an error comes, or the interpreter waits for something itself:
-a block that must be executed first (nothing to do but that), or a parameter (look again after a block cycle). Where it
-waits for the next block of a program that is fed, or for a condition, nothing is flushed: what comes then belongs to
-what was.
-An error is kept until the blocks before it have been carried out.
+Analysis goes on until `AHEAD` blocks wait, the program ends, an error comes, or the interpreter waits itself: until a
+block has been executed, or for a parameter (looked at again after a block cycle). Where it waits for the next block of
+a program that is fed, or for a condition, nothing is flushed: the next block belongs to the same contour. An error is
+kept until the blocks before it have been carried out.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ BLOCK_NS: Final = 1_500_000
 AHEAD: Final = 400
 """Blocks that are analysed ahead of the one that is made."""
 REFILL: Final = 200
-"""Analysis goes on when so few wait."""
+"""Analysis goes on when no more than these wait."""
 
 
 class Filter(Protocol):
-    """What blocks pass on their way; raises ProgramError."""
+    """Blocks pass through it on their way to the path; raises ProgramError."""
 
     def push(self, block: PathBlock) -> list[PathBlock]: ...
     def flush(self) -> list[PathBlock]: ...
@@ -47,7 +46,7 @@ def filters(parameters: Parameters) -> list[Filter]:
 
 
 class Ahead:
-    """The blocks that wait, and how more of them come."""
+    """The blocks that wait, and the filters on their way."""
 
     def __init__(self, interpreter: Interpreter, around: Surroundings) -> None:
         self._interpreter, self._around = interpreter, around
@@ -57,7 +56,7 @@ class Ahead:
         self.ended = True
         """Nothing more comes from the interpreter."""
         self.poll_ns: int | None = None
-        """When analysis is looked at again, that waits for a condition or supervises."""
+        """When analysis goes on that waits for a condition, or supervises."""
         self.error: Message | None = None
         """What has ended analysis."""
 
@@ -74,7 +73,7 @@ class Ahead:
         self.ended, self.error = True, None
 
     def renew_filters(self) -> None:
-        """What they have kept back belongs to a path that is not made."""
+        """Forget the blocks that filters have kept back: their path is not made."""
         self._filters = filters(self._around.parameters)
 
     def fill(self, under_way: int) -> bool:
@@ -99,7 +98,7 @@ class Ahead:
                 break
             if block is Waiting.FEED:
                 break
-            if block is Waiting.CONDITION:  # what comes then belongs to what was, as above
+            if block is Waiting.CONDITION:
                 self.poll_ns = now_ns + BLOCK_NS
                 break
             if isinstance(block, Waiting):
@@ -122,7 +121,7 @@ class Ahead:
         return stops
 
     def _pass_notes(self) -> bool:
-        """Messages of the interpreter that do not break off; whether one of them stops."""
+        """Say the messages of the interpreter that do not break off; True if one of them stops."""
         notes = self._interpreter.notes
         for note in notes:
             self._around.say(note)
@@ -135,7 +134,7 @@ class Ahead:
         self._flush()
 
     def _flush(self) -> None:
-        """What the filters have kept back comes now."""
+        """The filters hand out the blocks that they have kept back."""
         try:
             for number, item in enumerate(self._filters):
                 self._through(item.flush(), number + 1)
@@ -153,7 +152,7 @@ class Ahead:
         self.blocks.extend(blocks)
 
     def _fault(self, error: ProgramError, block: PathBlock | None) -> None:
-        """An error about a block, or about the one that is analysed; the first one counts."""
+        """Keep an error about a block, None: about the one that is analysed; the first error counts."""
         if self.error is not None:
             return
         here = (block.program, block.number) if block else self._interpreter.stack.place

@@ -1,9 +1,9 @@
-"""The axes: where they stand, how far they may go, whether they are where they ought to be.
+"""The axes: where they stand, how far they may go, how well they follow.
 
     counts = base + displacement of the run in execution        increments, from the reference point's P12040 on
     position = counts / increments per mm                        P12012 / P12013
 
-A run that does not continue the one before begins where that one has got to.
+A run that does not continue the one before begins where the axes stand.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class Axes:
     """The axes of the machine as the control knows them."""
 
     def __init__(self, parameters: Parameters, levels: Mapping[str, bool]) -> None:
-        """levels: of the inputs, limit switches among them, which someone else keeps up to date."""
+        """levels: of the inputs, limit switches among them, kept up to date by the caller."""
         self._parameters, self._levels = parameters, levels
         self.drives: Drives | None = None
-        """What measures; None: there is nothing, and the axes are where they ought to be."""
+        """Encoders; None: there are none, and the axes stand exactly at their set positions."""
         self.referenced = [False] * AXES
         self.run: SetPointRun | None = None
         """The motion in execution."""
@@ -49,7 +49,7 @@ class Axes:
         self.now_ns = 0
         self._watch = LagWatch(parameters)
         self._known: tuple[int, MotionLimits] | None = None
-        """The limits, and the revision of the parameters that they are of."""
+        """The limits, and the revision of the parameters they were made from."""
 
     # Where they are
 
@@ -80,7 +80,7 @@ class Axes:
         return self.set_mm(axis) if drives is None else drives.encoder[axis] / per_mm
 
     def speed_mm_s(self, axis: int) -> float:
-        """Speed of an axis, mm/s, of its set points."""
+        """Set speed of an axis, mm/s."""
         run = self.run
         if run is None or not (tick := run.count(self.now_ns)) or self.now_ns >= run.end_ns + PERIOD_NS:
             return 0.0
@@ -93,20 +93,20 @@ class Axes:
         return self.speed_mm_s(axis) if drives is None else drives.speed[axis] / per_mm
 
     def at_limit(self, axis: int) -> tuple[bool, bool]:
-        """Whether an axis stands at its software limit + (P12030), - (P12031), or beyond."""
+        """True if an axis stands at its software limit + (P12030), - (P12031), or beyond."""
         p, place = self._parameters, self.set_mm(axis)
         high, low = of_axis(axis, Axis.LIMIT_HIGH), of_axis(axis, Axis.LIMIT_LOW)
         return p.loaded(high) and place >= p.get(high), p.loaded(low) and place <= p.get(low)
 
     def driven(self, axis: int) -> bool:
-        """Whether an axis is on its way to a place, or not yet within its exact-stop window."""
+        """True if an axis moves, or is not yet within its exact-stop window."""
         moving = self.run is not None and self.now_ns < self.run.end_ns and self.speed_mm_s(axis) != 0.0
         return moving or axis in self.unsettled()
 
     # What moves them
 
     def follow(self, run: SetPointRun | None) -> None:
-        """The motion in execution is this one now."""
+        """Make this the motion in execution."""
         shown = self.run
         if run is shown:
             return
@@ -115,7 +115,7 @@ class Axes:
         self.run = run
 
     def place(self, axis: int) -> int:
-        """An axis stands at its reference point: its position is P12040; increments."""
+        """An axis stands at its reference point: its position is P12040. Returns it in increments."""
         self.follow(None)
         value = round(self._parameters.axis(axis, Axis.REFERENCE_MM, 0.0) * self.limits().increments_per_mm[axis])
         self._base = (*self._base[:axis], value, *self._base[axis + 1 :])
@@ -123,7 +123,7 @@ class Axes:
         return value
 
     def forget(self, axis: int) -> None:
-        """An axis has no reference point any more."""
+        """An axis loses its reference point."""
         self.referenced[axis] = False
         self._parameters.write(of_axis(axis, Axis.REFERENCED), 0.0)
 
@@ -135,14 +135,14 @@ class Axes:
     # How far and how well
 
     def limits(self) -> MotionLimits:
-        """What axes and path can, as the parameters are now."""
+        """Limits of axes and path by the parameters as they are now."""
         revision = self._parameters.revision
         if self._known is None or self._known[0] != revision:
             self._known = revision, MotionLimits.of(self._parameters, [self._resolution(axis) for axis in range(AXES)])
         return self._known[1]
 
     def _resolution(self, axis: int) -> float:
-        """Increments per mm: P12012 / P12013, unless that is none."""
+        """Increments per mm: P12012 / P12013, or the default where that makes no sense."""
         p = self._parameters
         per_mm = positive(p.axis(axis, Axis.INCREMENTS, 0.0), INCREMENTS_PER_MM) / positive(
             p.axis(axis, Axis.INCREMENTS_PER, 0.0), 1.0
@@ -150,7 +150,7 @@ class Axes:
         return per_mm if COARSEST <= per_mm <= FINEST else INCREMENTS_PER_MM
 
     def unsettled(self) -> list[int]:
-        """Axes that are not within the exact-stop window: P12016 mm, or one increment's root."""
+        """Axes that are not within the exact-stop window."""
         drives = self.drives
         if drives is None:
             return []
@@ -162,11 +162,11 @@ class Axes:
         ]
 
     def settling_ns(self, axis: int) -> int:
-        """How long an axis may take to get there: P12018."""
+        """How long an axis may take to reach its window: P12018."""
         return round(min(positive(self._parameters.axis(axis, Axis.SETTLING_MS, 0.0), SETTLE_MS), 1e9) * MILLISECOND_NS)
 
     def late(self) -> int | None:
-        """Watch over the following error while something moves; returns an axis that has been lost."""
+        """Watch the following error while something moves; returns an axis that does not follow."""
         if self.run is None or self.drives is None:
             self._watch.end()
             return None
@@ -180,7 +180,7 @@ class Axes:
         return self._watch.due_ns
 
     def struck(self, axis: int, end: int) -> bool:
-        """Whether the switch at the motor's end (1) or the far end (2) of an axis is struck."""
+        """True if the switch at the motor's end (1) or the far end (2) of an axis is struck."""
         return not self._levels.get(f"limit_{'xyz'[axis]}{end}", True)
 
     def obstacle(self, block: PathBlock) -> ProgramError | None:

@@ -16,7 +16,7 @@ from isel_twin.firmware.bwo900.realtime.outgoing import Outgoing
 
 
 class Hand:
-    """The move that is made, if there is one, and those that are asked for."""
+    """The move under way, and those that wait for power."""
 
     def __init__(self, parameters: Parameters, axes: Axes, outgoing: Outgoing) -> None:
         self._parameters, self._axes, self._outgoing = parameters, axes, outgoing
@@ -25,11 +25,11 @@ class Hand:
         self.direction = 0
         """Of a key that waits for power: +1, -1; 0: there is none."""
         self.wants: list[int] = []
-        """Axes that a reference run has been asked for."""
+        """Axes whose reference run waits for power."""
 
     @property
     def move(self) -> Homing | Jog | None:
-        """What moves."""
+        """The move under way."""
         return self.homing or self.jog
 
     @property
@@ -77,7 +77,7 @@ class Hand:
             self.jog.scale(override)
 
     def press(self, key: int, *, free: bool) -> bool:
-        """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program let it. Returns whether one is to begin."""
+        """P8752: 1 and 2 begin a move, 0 ends it. free: mode and program allow it. True if a move is to begin."""
         if self.jog is not None:
             self.release()
             self._axes.follow(self.jog.run)
@@ -90,7 +90,7 @@ class Hand:
         return True
 
     def begin_jog(self) -> None:
-        """The move of the key that waits."""
+        """Begin the move of the key that waits."""
         sign, self.direction = self.direction, 0
         axes = self._axes
         try:
@@ -99,9 +99,8 @@ class Hand:
             self._say(message(error.number, detail=error.detail, effect=Effect.SHOWN))
             return
         if axes.struck(jog.axis, 2 if sign > 0 else 1):
-            self._say(
-                message(Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW, detail=NAMES[jog.axis])
-            )
+            number = Code.HARDWARE_LIMIT_HIGH if sign > 0 else Code.HARDWARE_LIMIT_LOW
+            self._say(message(number, detail=NAMES[jog.axis]))
             return
         self.jog = jog
         axes.follow(jog.run)
@@ -109,7 +108,7 @@ class Hand:
     # Reference runs
 
     def refer(self, axis: int, *, free: bool) -> bool:
-        """A reference run is asked for; free: mode and program let it. Returns whether it is to begin."""
+        """A reference run is asked for; free: mode and program allow it. True if it is to begin."""
         if not free or self.jog is not None:
             self._say(message(Code.NOT_IN_HAND, detail="a reference run"))
             return False
@@ -128,7 +127,7 @@ class Hand:
         self._axes.follow(self.homing.run)
 
     def _homed(self) -> None:
-        """All have been, or one has found no switch."""
+        """All axes have made theirs, or one has found no switch."""
         assert self.homing is not None
         failed, self.homing = self.homing.failed, None
         if failed is not None:

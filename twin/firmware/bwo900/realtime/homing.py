@@ -10,7 +10,6 @@ One axis after the other, Z first. What the drives report decides; no switch wit
 
 from __future__ import annotations
 
-from dataclasses import replace
 from enum import Enum
 
 from isel_twin.controller import CounterSet
@@ -128,8 +127,8 @@ class Homing:
         """The plan under way, and its next tick."""
         assert self.run is not None
         assert isinstance(self.run.plan, Indexer)
-        return self.run.plan, max(0, -((self.run.start_ns - self._axes.now_ns) // PERIOD_NS))
+        return self.run.plan, self.run.next_tick(self._axes.now_ns)
 
     def _begin(self, plan: Indexer, leg: Leg) -> None:
         assert self.run is not None
-        self.run, self._leg = replace(self.run, plan=plan), leg
+        self.run, self._leg = self.run.with_plan(plan), leg

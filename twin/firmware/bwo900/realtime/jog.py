@@ -1,4 +1,4 @@
-"""HAND: one axis moved by its keys, as far as they are held or by one step (manual 8.5, P8750 to P8769).
+"""HAND: one axis moved by its keys, while they are held or by one step (manual 8.5, P8750 to P8769).
 
 P8751 axis    P8750 1 continuous, 2 step    P8755 speed, mm/min, at most P8754, times the override (P8756)
 P8760 step, mm
@@ -7,7 +7,6 @@ P8752 1 +, 2 -: begins; 0: a continuous move brakes. The other kinds (hand wheel
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -107,7 +106,7 @@ class Jog:
         if self.run is not None:
             plan, tick = self._plan(self.run)
             plan = plan.towards(self.axis, tick, self._left, speed) if override > 0.0 else plan.braked(self.axis, tick)
-            self.run = replace(self.run, plan=plan)
+            self.run = self.run.with_plan(plan)
         elif override > 0.0:
             plan = at_rest(AXES, PERIOD_NS, self._acceleration, ("jog", now_ns, self.axis))
             self.run = SetPointRun(plan.to(self.axis, 0, self._left, speed), PERIOD_NS, now_ns)
@@ -121,9 +120,9 @@ class Jog:
             self.over = True
             return
         plan, tick = self._plan(self.run)
-        self.run = replace(self.run, plan=plan.braked(self.axis, tick))
+        self.run = self.run.with_plan(plan.braked(self.axis, tick))
 
     def _plan(self, run: SetPointRun) -> tuple[Indexer, int]:
         """The plan under way, and its next tick."""
         assert isinstance(run.plan, Indexer)
-        return run.plan, max(0, -((run.start_ns - self._axes.now_ns) // PERIOD_NS))
+        return run.plan, run.next_tick(self._axes.now_ns)

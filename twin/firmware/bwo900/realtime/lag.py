@@ -1,11 +1,11 @@
-"""The watch over the following error (manual 8.7, P12024, P12025): an axis that does not follow ends everything, M2001.
+"""The watch over the following error (manual 8.7, P12024, P12025): an axis that does not follow ends all, M2001.
 
-    lag that there ought to be    x   set position, s   its lag behind a position loop with gain KV (P12020)
+    expected lag                  x   set position, s   its lag behind a position loop with gain KV (P12020)
                                   s(t + T) = s(t) exp(-KV T) + (x(t + T) - x(t)) (1 - exp(-KV T)) / (KV T)
                                   at constant speed v: s = v / KV, "feed / (60 KV)"
     allowed                       (1 + P12024 / 100) |s| + coarse window (P12017), passed for no longer than P12025
 
-P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch. It looks while something moves, every `LOOK_NS`.
+P12024 is 50 % and P12025 50 ms unless set; P12025 = -1: no watch. While something moves, it looks every `LOOK_NS`.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ OFF: Final = -1.0
 
 
 def window_mm(parameters: Parameters, axis: int, per_mm: float) -> float:
-    """The fine exact-stop window of an axis: P12016, or the root of one increment in mm."""
+    """The fine exact-stop window of an axis: P12016, or the square root of one increment in mm."""
     return positive(parameters.axis(axis, Axis.WINDOW_FINE, 0.0), math.sqrt(1.0 / per_mm))
 
 
 class LagWatch:
-    """Of all axes. Positions and lags are increments."""
+    """Watches all axes. Positions and lags are increments."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
@@ -45,7 +45,7 @@ class LagWatch:
         self._since_ns: list[int | None] = [None] * MACHINE_AXES
         """Since when the lag of an axis is more than allowed."""
         self._known: tuple[int, list[tuple[float, float, float, float]]] | None = None
-        """Settings, and the revision of the parameters that they are of."""
+        """Settings, and the revision of the parameters they were made from."""
 
     def _settings(self, per_mm: Sequence[float]) -> Sequence[tuple[float, float, float, float]]:
         """Of each axis: KV in 1/s, P12024 in %, P12025 in ms, coarse window in mm."""
@@ -76,7 +76,7 @@ class LagWatch:
         self.due_ns = None
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether it is time to look."""
+        """True if it is time to look."""
         return self.due_ns is not None and now_ns >= self.due_ns
 
     def look(self, now_ns: int, counts: Sequence[int], lag: Sequence[float], per_mm: Sequence[float]) -> int | None:

@@ -1,4 +1,4 @@
-"""What the control tells the outside: events in their order, outputs when they change, messages.
+"""What the control tells the outside: events, changes of outputs, messages.
 
 A message is an event, stands until it is cleared, and is kept in the history. Its number is in P8500 to P8503, by its
 effect, until then; its axis in P8504 and P12197, its place in P8910 and P8911, and in P8505 to P8507 what else there is
@@ -22,14 +22,14 @@ CELLS: Final[Mapping[Effect, int]] = {
     Effect.SHOWN: P.MESSAGE_SHOWN,
 }
 INTERPOLATOR: Final = (20, 21)
-"""Hundreds of the messages that are about an axis."""
+"""Messages of these hundreds are about an axis."""
 INFOS: Final = (P.MESSAGE_INFO_1, P.MESSAGE_INFO_2, P.MESSAGE_INFO_3)
 MOST_MESSAGES: Final = 1_000
 """Of the history."""
 
 
 class Outgoing:
-    """Events until they are taken, and what has been said."""
+    """Events that have not been taken, and messages."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
@@ -41,16 +41,16 @@ class Outgoing:
         self.fault = False
 
     def add(self, *events: Event) -> None:
-        """Something happens."""
+        """Append events."""
         self._events += events
 
     def take(self) -> list[Event]:
-        """What has happened since."""
+        """Events since the last call."""
         events, self._events = self._events, []
         return events
 
     def output(self, name: str, value: int) -> None:
-        """An output is to have this value."""
+        """Set an output; tells it if it changes."""
         if self._outputs.get(name) != value:
             self._outputs[name] = value
             self.add(Output(name, value))
@@ -60,7 +60,7 @@ class Outgoing:
         self.add(Output(name, 1), Output(name, 0))
 
     def say(self, t_ns: int, said: Message) -> None:
-        """A message: shown, kept, and what it does."""
+        """A message comes up: it stands, goes into the history and the parameters, and may be a fault."""
         self.standing.append(said)
         del self.standing[:-MOST_MESSAGES]
         self.history.append((t_ns, said))
@@ -82,14 +82,14 @@ class Outgoing:
         self.add(Remark(str(said)))
 
     def acknowledge(self) -> None:
-        """The operator has read them."""
+        """The operator has read the messages that stand."""
         self.standing.clear()
         cells = (*CELLS.values(), P.MESSAGE_AXIS, *(of_axis(axis, Axis.MESSAGE) for axis in range(MACHINE_AXES)))
         for number in cells:
             self._parameters.write(number, 0.0)
 
     def clear(self) -> None:
-        """The same, and the fault is over."""
+        """As `acknowledge`, and the fault is over."""
         self.acknowledge()
         self.fault = False
         self.output("message", 0)

@@ -36,7 +36,7 @@ FACTORY_OVERRIDES: Final[Mapping[int, float]] = {
 
 
 def is_override(number: int) -> bool:
-    """Whether a parameter P belongs to an override."""
+    """True if a parameter P belongs to an override."""
     return P.OVERRIDE <= number < P.OVERRIDE + COUNT * SIZE
 
 
@@ -52,7 +52,7 @@ def written(parameters: Parameters, number: int) -> None:
 
 
 def factor(parameters: Parameters, axes: int) -> float:
-    """What paths are slowed or hastened by now: 1 is 100 %, also for an override that nobody has set."""
+    """The factor of all path speeds now: 1 is 100 %, also for an override that nobody has set."""
     return min(_percent(parameters, int(parameters.axis(axis, Axis.OVERRIDE, 1.0))) for axis in range(axes)) / 100.0
 
 
@@ -64,14 +64,14 @@ def _percent(parameters: Parameters, override: int) -> float:
 
 
 def _limited(parameters: Parameters, first: int, percent: float) -> float:
-    """The highest counts more than the lowest."""
+    """Between the lowest and the highest value of the override; the highest wins where they cross."""
     lowest = max(parameters.get(first + LOWEST_OFFSET), 0.0)
     highest = min(max(parameters.get(first + HIGHEST_OFFSET, HIGHEST), 0.0), HIGHEST)
     return min(max(percent, lowest), highest)
 
 
 def _from_raw(parameters: Parameters, first: int, raw: float) -> float:
-    """A table that there is not, or that is empty, is none."""
+    """% for a raw value: from the table of the override, or linear if there is none or an empty one."""
     share = min(max(raw, 0.0), float(FULL))
     table = int(min(max(parameters.get(first + TABLE), 0.0), 1e9))
     try:

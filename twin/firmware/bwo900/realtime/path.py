@@ -30,7 +30,7 @@ from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Str
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
-from isel_twin.motion.joined import Pieces
+from isel_twin.motion.pieces import Pieces
 
 MINUTE_S: Final = 60.0
 FASTEST_MM_MIN: Final = 6_000.0
@@ -53,7 +53,7 @@ SLOWEST: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What the axes and the path can, from the parameters; one value an axis."""
+    """What axes and path can do, from the parameters; tuples have one value an axis."""
 
     increments_per_mm: tuple[float, ...]
     speed: Point
@@ -123,7 +123,7 @@ class MotionLimits:
 
 
 def positive(value: float, default: float) -> float:
-    """A value of the parameters, or what is meant by one that makes no sense (0, deleted, negative)."""
+    """The value of a parameter, or the default where it is 0, deleted or negative."""
     return value if value > 0.0 else default
 
 
@@ -158,7 +158,7 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 
 
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
-    """What P12136 lets an axis do, mm/s: P12005 with byte 1, P12006 with byte 2, 10 and 20 % of P12004 unless set."""
+    """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
     asked = p.axis(axis, Axis.SLOPE, 0.0)
     most = fastest
     for number, share in ((1, 0.1), (2, 0.2)):
@@ -168,7 +168,7 @@ def _slope(p: Parameters, axis: int, fastest: float) -> float:
 
 
 def _share(percent: float) -> float:
-    """-100 to 100 %, as a share."""
+    """Percent, at most 100 either way, as a share."""
     return min(max(percent, -100.0), 100.0) / 100.0
 
 
@@ -184,7 +184,7 @@ def corner_factor(cosine: float, exponent: float) -> float:
 
 
 class PieceMaker:
-    """Makes pieces of blocks, one block after the other; remembers where the last one ended, and how."""
+    """Makes pieces of blocks; remembers place, direction and speed at the end of the last one."""
 
     def __init__(self, limits: MotionLimits, position: Point) -> None:
         """position: where the axes stand, mm."""
@@ -232,7 +232,7 @@ class PieceMaker:
         return Pieces(ways, table[0], table[1], table[2], table[3], table[4], tuple(curves)), counts
 
     def stop(self) -> None:
-        """The axes stand at the end of the last piece: the next one begins at 0."""
+        """The axes stand at the end of the last piece: the next one begins with speed 0."""
         self._end = self._line = None
 
     def _increments(self, place: Point) -> tuple[int, ...]:
@@ -242,7 +242,7 @@ class PieceMaker:
         return tuple(round(value) for value in exact)
 
     def _law(self, element: Element, block: PathBlock) -> tuple[float, float, float]:
-        """Speed that is wanted, speed that is never exceeded, acceleration."""
+        """Wanted speed, highest speed and acceleration of an element, mm/s and mm/s^2."""
         limits = self.limits
         able = limits.rapid_acceleration if block.rapid else limits.acceleration
         if isinstance(element, Arc):
@@ -283,7 +283,7 @@ class PieceMaker:
         return speed, acceleration
 
     def _contour(self, element: Element) -> float:
-        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before it."""
+        """Highest speed by P8857: on an arc, or on a line by the circle through it and the line before."""
         limits = self.limits
         if not limits.contour_mm:
             return math.inf

@@ -1,4 +1,4 @@
-"""Power of the drives: what lets the axes move, and how the control asks for it.
+"""Power of the drives: what it needs, and how the control asks for it.
 
     Start, a key of an axis, a reference run --> request --> relay of the cabinet, reset of the drives
                                                  |  until all of `ready` is there, at most half a second
@@ -21,7 +21,7 @@ POWER_NS: Final = 500 * MILLISECOND_NS
 
 
 class Power:
-    """Whether the drives have power, and may have it."""
+    """State of the drives' power."""
 
     def __init__(self, levels: Mapping[str, bool], outgoing: Outgoing) -> None:
         """levels: of the inputs, kept up to date by the caller."""
@@ -30,7 +30,7 @@ class Power:
         """Drives that have switched themselves off."""
         self.on = False
         self.until_ns: int | None = None
-        """Until when it is waited for; None: it is not."""
+        """The control waits for power until then; None: it does not wait."""
 
     @property
     def ready(self) -> bool:
@@ -44,18 +44,18 @@ class Power:
 
     @property
     def missing(self) -> int:
-        """Message about why it is not ready."""
+        """The message that says why it is not ready."""
         return Code.EMERGENCY_STOP if not self._levels.get("estop", True) else Code.DRIVES_OFF
 
     def request(self, now_ns: int) -> None:
-        """Ask the cabinet for its relay, the drives to forget their faults."""
+        """Ask the cabinet to close its relay, and reset drives with a fault."""
         self._outgoing.pulse("power_request")
         if any(self.faulty):
             self._outgoing.pulse("drive_reset")
         self.until_ns = now_ns + POWER_NS
 
     def switch(self, *, on: bool) -> None:
-        """Stages and brake."""
+        """Switch stages and brake."""
         self.on = on
         self._outgoing.output("stages", int(on))
         self._outgoing.output("brake", int(on))

@@ -1,19 +1,19 @@
-"""The path under way: a stretch of blocks that run into each other, as one motion that is appended to while it runs.
+"""A stretch: blocks that run into each other, as one motion that is appended to while it runs.
 
     waiting blocks --> begin, append --> entries:  | block 1 | block 2 | ... | block n |      pieces of `Joined`
                                          made -----------^                                    so far
 
 A stretch ends where the axes stand: at an exact stop, a dwell, an M00, functions that are waited for. The override, a
 stop and blocks that come late change what is still to be made, from the next tick on (`replan`). What was held goes on
-in a new run with the rest of the motion (`resume`). One that does not end hands over to a new run now and then, which
-knows nothing of what has been made (`MOST_PIECES`): the same set points in bounded memory.
+in a new run with the rest of the motion (`resume`). An endless stretch goes over to a new run now and then, without the
+pieces that have been made (`MOST_PIECES`): the same set points in bounded memory.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
@@ -21,24 +21,25 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock
 from isel_twin.firmware.bwo900.geometry.elements import Point
 from isel_twin.firmware.bwo900.realtime.path import MotionLimits, PieceMaker
 from isel_twin.motion import SetPointRun
-from isel_twin.motion.joined import Joined, Pieces, joined
+from isel_twin.motion.joined import Joined, joined
+from isel_twin.motion.pieces import Pieces
 
 PERIOD_NS: Final = 2 * MILLISECOND_NS
 """From set point to set point: the position control of the manual takes 0.25 to 3 ms."""
 MOST_PIECES: Final = 8192
-"""Pieces of a motion that are known at a time, made or not, but for those that come at once: some 150 bytes each."""
+"""Pieces that a motion keeps before those that have been made are forgotten: some 150 bytes each."""
 
 
 @dataclass
 class _Entry:
-    """A block of the stretch, and how many of its pieces are to be made before it is over."""
+    """A block of the stretch, and how many pieces of the stretch have been made when it is over."""
 
     block: PathBlock
     until: int
 
 
 class Stretch:
-    """The stretch that is made, if there is one: its blocks, its motion, its run of set points."""
+    """The stretch under way, if there is one: its blocks, its motion, its run of set points."""
 
     def __init__(self) -> None:
         self.run: SetPointRun | None = None
@@ -58,12 +59,12 @@ class Stretch:
 
     @property
     def first(self) -> PathBlock | None:
-        """The block that is made."""
+        """The block whose path is made."""
         return self._entries[0].block if self._entries else None
 
     @property
     def last(self) -> PathBlock | None:
-        """The block that the stretch ends with so far."""
+        """The last block of the stretch so far."""
         return self._entries[-1].block if self._entries else None
 
     @property
@@ -87,7 +88,7 @@ class Stretch:
         return self._plan is not None and self._plan.held
 
     def over(self, now_ns: int) -> bool:
-        """Whether its set points have come to an end."""
+        """True if its set points have come to an end."""
         return self.run is not None and now_ns >= self.run.end_ns
 
     def speed_mm_s(self, now_ns: int) -> float:
@@ -121,7 +122,7 @@ class Stretch:
         return min(marks)
 
     def _time_of(self, pieces: int) -> int:
-        """When so many pieces of the stretch have been made."""
+        """When this number of pieces of the stretch will have been made."""
         assert self.run is not None
         assert self._plan is not None
         try:
@@ -137,7 +138,7 @@ class Stretch:
         self._pieces = PieceMaker(limits, position)
 
     def clear(self) -> None:
-        """There is none any more."""
+        """Forget the stretch."""
         self._entries.clear()
         self._plan, self.run = None, None
 
@@ -154,7 +155,7 @@ class Stretch:
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
     def append(self, blocks: Sequence[PathBlock], now_ns: int) -> None:
-        """It goes on with these. Raises ProgramError, see PieceMaker.pieces."""
+        """The stretch goes on with these blocks. Raises ProgramError, see PieceMaker.pieces."""
         pieces = self._enter(blocks)
         if len(pieces):
             self.replan(now_ns, append=pieces)
@@ -170,7 +171,7 @@ class Stretch:
         return pieces
 
     def passed(self, now_ns: int) -> Iterator[tuple[PathBlock, PathBlock, int]]:
-        """Blocks that are over, but the last one: each with the next, which is the first one now, and when it began."""
+        """Take away blocks that are over, but never the last one; yields each, the next one, and when that began."""
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
@@ -181,7 +182,7 @@ class Stretch:
             yield over.block, self._entries[0].block, began_ns
 
     def finish(self, *, gives_up: bool) -> PathBlock | None:
-        """Its set points have ended: the last block, whose path has been made or is given up; None: it was held."""
+        """Its set points have ended: returns the last block, or None if the path was held and is not given up."""
         assert self._plan is not None
         plan, self.run = self._plan, None
         made = self._made + plan.finished(plan.ticks)
@@ -200,7 +201,7 @@ class Stretch:
         self.run = SetPointRun(self._plan, PERIOD_NS, now_ns)
 
     def hasten(self, speed_mm_s: float, now_ns: int) -> None:
-        """Another wanted speed for what is left of its first block."""
+        """Another feed for what is left of the first block."""
         if self._plan is None:
             return
         wanted = (self._entries[0].until - self._made, speed_mm_s)
@@ -214,12 +215,11 @@ class Stretch:
         run, plan = self.run, self._plan
         if run is None or plan is None:
             return
-        tick = run.first + max(0, -((run.start_ns - now_ns) // PERIOD_NS))
-        self._plan = plan.replanned(tick, **changes)  # type: ignore[arg-type]
-        self.run = replace(run, plan=self._plan)
+        self._plan = plan.replanned(run.next_tick(now_ns), **changes)  # type: ignore[arg-type]
+        self.run = run.with_plan(self._plan)
 
     def _hand_over(self, now_ns: int) -> None:
-        """Forget what has been made, if that is much: but for the last tick, for those who ask for speeds."""
+        """Forget pieces that have been made, if there are many; the last tick stays, for the speed now."""
         run, plan = self.run, self._plan
         if run is None or plan is None or plan.known_pieces <= MOST_PIECES or now_ns < run.start_ns:
             return

@@ -22,7 +22,7 @@ TRAIL_FRAMES = 4
 """Frames from one growth of the trail to the next."""
 
 
-class Stage:
+class MachineView:
     """What browsers see move."""
 
     def __init__(self, server: viser.ViserServer, machine: Machine) -> None:

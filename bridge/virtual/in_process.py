@@ -1,8 +1,16 @@
-"""What pySerial ports in this process have in common: modem lines that nobody looks at."""
+"""What pySerial ports in this process have in common: modem lines that nobody looks at, and how long they wait."""
 
 from __future__ import annotations
 
 from serial.serialutil import PortNotOpenError, SerialBase
+
+from isel_twin.base.units import SECOND_NS
+
+STRETCH_NS = SECOND_NS
+"""Virtual time between two looks whether bytes can still come, if nobody waits for a time."""
+
+PATIENCE_NS = 3600 * SECOND_NS
+"""Virtual time for which a controller may be idle before nothing is expected of it any more."""
 
 
 class NoModemLines(SerialBase):

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from isel_twin.base.crew import Crew, Lost, LostError, cluster, finished, given_up, here, in_order, local
 from isel_twin.base.errors import CallError
-from isel_twin.cli import main
-from isel_twin.jobs.robust import given_up
-from isel_twin.many.studies.run import Crew, Lost, cluster, finished, here
 
 ITEMS = [10, 11, 12, 13, 14]
 
@@ -115,42 +118,85 @@ def test_what_is_no_address(address: str) -> None:
         cluster(address)
 
 
-PLAN = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nstart_mm = [2, 2, 2]\n[job]\nspeed = [1]\n'
+# Processes of this computer -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("package", "words", "line"),
-    [
-        ("pyarrow", "grid.toml", "a table needs pyarrow: pip install 'isel-twin[tune]'"),
-        ("scipy.stats", "ranges.toml", "samples need scipy: pip install 'isel-twin[tune]'"),
-        (
-            "distributed",
-            "grid.toml --cluster tcp://a:1",
-            "--cluster needs distributed: pip install 'isel-twin[cluster]'",
-        ),
-        ("SALib", "grid.toml --sensitivity a.png", "--sensitivity needs SALib: pip install 'isel-twin[tune]'"),
-        (
-            "matplotlib",
-            "grid.toml --sensitivity a.png",
-            "--sensitivity needs matplotlib: pip install 'isel-twin[tune]'",
-        ),
-    ],
-)
-def test_who_lacks_a_package_is_told_what_to_install(
-    plans: Path,
-    package: str,
-    words: str,
-    line: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.chdir(plans)
-    (plans / "job.txt").write_text("@07\n@0R7\n# {speed}\n", encoding="utf-8")
-    (plans / "grid.toml").write_text(PLAN, encoding="utf-8")
-    ranged = PLAN.replace("[1]", "{ low = 1, high = 2 }").replace("[job]", "samples = 2\n[job]")
-    (plans / "ranges.toml").write_text(ranged, encoding="utf-8")
-    with pytest.raises(SystemExit) as caught:
-        main(["sweep", *words.split()])
-    assert (caught.value.code, capsys.readouterr().err) == (2, f"isel-twin: {line}\n")
-    assert not list(plans.glob("*.parquet*"))
+def test_results_in_order_whoever_was_first() -> None:
+    assert list(in_order(double, ITEMS)) == [2 * item for item in ITEMS]
+    assert list(in_order(pow_of_two, [200_000, 1, 2], local(2))) == [pow_of_two(n) for n in (200_000, 1, 2)]
+
+
+def test_a_lost_result_is_an_error_where_all_must_come() -> None:
+    fake = Fake({11: KilledWorker("task died on 4 workers")})
+    with pytest.raises(LostError, match="task died on 4 workers"):
+        list(in_order(double, ITEMS, crew(fake, [])))
+
+
+def pow_of_two(exponent: int) -> int:
+    return int(2**exponent)
+
+
+def test_a_local_worker_that_is_killed_costs_no_result() -> None:
+    """The first worker to get the item kills itself; who gets it next finds the mark and computes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        marks = [str(Path(folder) / str(number)) for number in range(6)]
+        assert list(in_order(die_once, marks, local(2))) == [True] * 6
+
+
+def die_once(mark: str) -> bool:
+    if mark.endswith("3") and not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return True
+
+
+def test_who_stops_reading_gives_up_what_is_computed() -> None:
+    """Items that would take forever, but for one; threads and processes alike."""
+    for others in (here(ThreadPoolExecutor(2)), local(2)):
+        with others, closing(in_order(until_given_up, [False, True, True, True], others)) as found:
+            assert next(found) == 0
+
+
+def until_given_up(forever: bool) -> int:
+    while forever and not given_up():
+        time.sleep(0.01)
+    return 0
+
+
+ENDLESS = """
+import os, sys, time
+from isel_twin.base.crew import finished, local
+
+def endless(item):
+    print(os.getpid(), flush=True)
+    while True:
+        sum(range(1000))
+
+if __name__ == "__main__":
+    for _ in finished(endless, range(4), local(2)):
+        pass
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    """By SIGKILL, amid work that never ends: no process of the crew, nor the server that forks them, stays."""
+    (tmp_path / "endless.py").write_text(ENDLESS)
+    words = [sys.executable, str(tmp_path / "endless.py")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, start_new_session=True) as parent:
+        assert parent.stdout is not None
+        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        assert len(set(workers)) == 2
+        parent.kill()
+        assert parent.stdout.read() == "", "ends when the last process that holds the pipe is gone"
+    assert not any(alive(pid) for pid in workers)
+
+
+def alive(pid: int) -> bool:
+    """True unless the process is gone, or a zombie that nobody has collected."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{pid}/stat")
+    return not status.exists() or status.read_text().rpartition(")")[2].split()[0] != "Z"

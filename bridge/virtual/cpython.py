@@ -1,0 +1,130 @@
+"""Everything private of CPython that virtual threads rest on, checked when this module is imported.
+
+Tried with Python 3.11 to 3.14; imports nothing of the twin, so any interpreter can be asked alone: `python cpython.py`.
+A Python that has changed one of these names gets an ImportError with one line that says which.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import queue
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+_STARTERS = ("_start_joinable_thread", "_start_new_thread")
+"""What `Thread.start` calls: the first since Python 3.13, the second before."""
+
+PRIVATE_FUNCTIONS: dict[str, tuple[str, ...]] = {
+    "_winapi" if os.name == "nt" else "_posixsubprocess": ("CreateProcess" if os.name == "nt" else "fork_exec",),
+    **({} if os.name == "nt" else {"_socket": ("socketpair",)}),
+}
+"""Functions below `subprocess` and `asyncio` that a host must not reach, by module."""
+
+SELECTOR = ("selectors", "_BaseSelectorImpl")
+"""Module and class that all selectors are derived from."""
+
+CONDITION_WANTS = ("_is_owned", "_release_save", "_acquire_restore")
+"""Methods that `threading.Condition` takes from an RLock, and that a virtual one has therefore, too."""
+
+
+def _check() -> None:
+    """Raise ImportError for the first name that is not there."""
+    places = [
+        ("threading", "_allocate_lock"),
+        ("threading.Thread", "_bootstrap"),
+        ("queue", "_PySimpleQueue"),
+        ("sys", "_getframe"),
+        ("sys", "_current_frames"),
+        ("concurrent.futures.thread", "_threads_queues"),
+        ("concurrent.futures.thread", "_shutdown"),
+        SELECTOR,
+        *((module, name) for module, names in PRIVATE_FUNCTIONS.items() for name in names),
+    ]
+    missing = [f"{module}.{name}" for module, name in places if not hasattr(_found(module), name)]
+    if not any(hasattr(threading, name) for name in _STARTERS):
+        missing.append(f"threading.{_STARTERS[0]}")
+    thread = threading.Thread()
+    if not hasattr(thread, "_invoke_excepthook"):
+        missing.append("threading.Thread._invoke_excepthook")
+    if not (hasattr(threading, "_shutdown_locks") or hasattr(threading, _STARTERS[0])):
+        missing.append("threading._shutdown_locks")
+    wanted = threading.Condition.__init__.__code__.co_names
+    missing += [f"threading.RLock.{name}" for name in CONDITION_WANTS if name not in wanted]
+    if missing:
+        version = ".".join(map(str, sys.version_info[:2]))
+        raise ImportError(
+            f"virtual time needs {missing[0]}, which Python {version} does not have: use Python 3.11 to 3.14, "
+            "or `isel-twin serve` in real time"
+        )
+
+
+def _found(place: str) -> Any:
+    """A module, or a class in one; None if there is none."""
+    module, _, name = place.rpartition(".")
+    try:
+        return importlib.import_module(place)
+    except ImportError:
+        return getattr(sys.modules.get(module), name, None)
+
+
+_check()
+
+calling_frame = sys._getframe
+"""The frame so many calls up."""
+
+frames_of_threads = sys._current_frames
+"""The innermost frame of each thread, by its ident."""
+
+allocate_lock: Callable[[], Any] = threading._allocate_lock  # type: ignore[attr-defined]
+"""What `threading` makes its own locks with."""
+
+thread_starters: tuple[Callable[..., Any], ...] = tuple(
+    getattr(threading, name) for name in _STARTERS if hasattr(threading, name)
+)
+
+SimpleQueue: Callable[[], Any] = queue._PySimpleQueue  # type: ignore[attr-defined]
+"""`queue.SimpleQueue` in Python, on a semaphore of `threading`."""
+
+
+def hear_uncaught(thread: threading.Thread, tell: Callable[[Callable[[], None]], None]) -> None:
+    """Have `tell(report)` called when an exception ends a thread, in `sys.exc_info`; `report` prints it as usual."""
+    usual = thread._invoke_excepthook  # type: ignore[attr-defined]
+    thread._invoke_excepthook = lambda thread: tell(lambda: usual(thread))  # type: ignore[attr-defined]
+
+
+def started(start: Callable[..., Any], run: Callable[[], None], options: dict[str, Any]) -> Any:
+    """Start a thread with what `Thread.start` calls (`thread_starters`), or with `_thread.start_new_thread`.
+
+    options: keywords of its caller. Since Python 3.13 the interpreter waits at its end for each thread that was not
+    started as a daemon; here the turns of the host do that, and a thread that they have left must hold nobody up.
+    """
+    return start(run, **(options | {"daemon": True})) if "daemon" in options else start(run, (), **options)
+
+
+def let_exit_without(thread: threading.Thread) -> None:
+    """Have the interpreter not wait for this thread at its end (since Python 3.13 it does not, see `started`)."""
+    getattr(threading, "_shutdown_locks", set()).discard(getattr(thread, "_tstate_lock", None))
+
+
+@contextmanager
+def pools_told_to_end(ours: Callable[[threading.Thread], object]) -> Iterator[list[threading.Thread]]:
+    """Tell the workers of thread pools that `ours` is true for that nothing more will come; they are what is given.
+
+    As `concurrent.futures` does when the interpreter ends; pools of others take work again when the block ends.
+    """
+    pools: Any = sys.modules.get("concurrent.futures.thread")
+    workers = [(thread, work) for thread, work in list(pools._threads_queues.items()) if ours(thread)]
+    if not workers:
+        yield []
+        return
+    pools._shutdown = True
+    try:
+        for _, work in workers:
+            work.put(None)
+        yield [thread for thread, _ in workers]
+    finally:
+        pools._shutdown = False

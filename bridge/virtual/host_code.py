@@ -1,0 +1,30 @@
+"""Whose code a line is: the host's, or that of Python, a package or the twin."""
+
+from __future__ import annotations
+
+import os
+import sys
+from types import FrameType
+
+import isel_twin
+
+LIBRARIES = tuple(
+    folder.rstrip(os.sep) + os.sep
+    for folder in (
+        os.path.dirname(os.__file__),
+        os.path.dirname(os.path.abspath(__file__)),
+        os.path.dirname(os.path.abspath(isel_twin.__file__)),
+        *(folder for folder in sys.path if folder.endswith(("site-packages", "dist-packages"))),
+    )
+)
+"""Folders of Python, of packages and of the twin: what is elsewhere is the host's."""
+
+
+def host_line(frame: FrameType | None) -> str:
+    """File and line of the innermost call in a stack that is in no library; empty if there is none."""
+    while frame is not None:
+        name = frame.f_code.co_filename
+        if not name.startswith((*LIBRARIES, "<frozen")):
+            return f"{os.path.basename(name)}:{frame.f_lineno}"
+        frame = frame.f_back
+    return ""

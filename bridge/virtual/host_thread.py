@@ -1,0 +1,43 @@
+"""A thread of a host in virtual time, and why all of them are ended."""
+
+from __future__ import annotations
+
+import _thread
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+class HostEnded(SystemExit):
+    """Raised in all threads of a host that cannot go on. As a SystemExit, so that nothing is printed for it."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Why a host was ended from outside."""
+
+    kind: str
+    """`deadlock`, `timeout`, `refused`, `broken` (the twin) or `over`."""
+    reason: str
+    """One line for people."""
+
+
+class HostThread:
+    """A thread of the host."""
+
+    def __init__(self, name: str, *, daemon: bool, ident: int | None = None) -> None:
+        self.name = name
+        self.daemon = daemon
+        self.ident = ident
+        self.turn = _thread.allocate_lock()
+        """Released by whoever hands over to this thread, which waits for it."""
+        self.turn.acquire()
+        self.ready: Callable[[], bool] | None = None
+        """What it waits for; None: for its time only."""
+        self.deadline_ns: int | None = None
+        self.why = "start"
+        self.hears = False
+        """It waits for bytes."""
+        self.spun_ns = 0
+        self.free_looks = 0
+        self.strikes = 0
+        self.ended = False

@@ -1,0 +1,115 @@
+"""What virtual time cannot do: what would wait in real time, or leave the process.
+
+The host ends with one line that says where it wanted what, and what to do instead.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import typing
+import warnings
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import Any
+
+from isel_twin.bridge.virtual.cpython import PRIVATE_FUNCTIONS, SELECTOR, calling_frame
+from isel_twin.bridge.virtual.host_code import host_line
+from isel_twin.bridge.virtual.host_thread import HostEnded
+from isel_twin.bridge.virtual.stand_in import StandIn
+from isel_twin.bridge.virtual.turns import Turns, here
+
+SERVE = "use `isel-twin serve --pty`, in real time"
+
+
+def refuse(what: str, remedy: str) -> typing.NoReturn:
+    """End the host, because virtual time cannot do what it wants."""
+    active = here()
+    if active is not None:
+        where = host_line(calling_frame(1))
+        active.end("refused", f"{f'{where}: ' if where else ''}{what} cannot be had in virtual time: {remedy}")
+    raise HostEnded(2)
+
+
+def _called_by(*packages: str) -> str | None:
+    """The first of these packages that has a function in the stack of calls."""
+    frame: FrameType | None = calling_frame(1)
+    while frame is not None:
+        package = str(frame.f_globals.get("__name__", "")).split(".")[0]
+        if package in packages:
+            return package
+        frame = frame.f_back
+    return None
+
+
+def _refused(what: str) -> Callable[..., Any]:
+    def virtual(_: Turns, *args: Any, **kwargs: Any) -> Any:
+        by = _called_by("asyncio", "multiprocessing", "concurrent", "subprocess")
+        told = {
+            "asyncio": "asyncio, whose loop waits in real time,",
+            "multiprocessing": "multiprocessing",
+            "concurrent": "a pool of processes",
+            "subprocess": "subprocess",
+        }
+        if by == "asyncio":
+            warnings.filterwarnings("ignore", message="coroutine .* was never awaited")  # nor will it be
+        refuse(told.get(by or "", what), SERVE)
+
+    return virtual
+
+
+_REFUSED: dict[str, tuple[str, ...]] = {
+    "os": ("fork", "forkpty", "system", "posix_spawn", "posix_spawnp", "execv", "execve", "startfile"),
+    "select": ("poll", "epoll", "kqueue", "devpoll"),
+    "signal": ("setitimer", "alarm", "pause", "sigwait", "sigwaitinfo", "sigtimedwait"),
+    **PRIVATE_FUNCTIONS,
+}
+"""Functions that are refused, by the module in which they are at home."""
+
+_REFUSED_METHODS: dict[tuple[str, str], tuple[str, ...]] = {
+    ("socket", "socket"): ("connect", "connect_ex", "accept", "bind", "listen", "recv", "recvfrom", "sendto"),
+    SELECTOR: ("__init__",),
+    ("asyncio.base_events", "BaseEventLoop"): ("__new__",),
+}
+"""Methods that are refused, by module and class."""
+
+REFUSED_MODULES = frozenset({"_tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx"})
+"""Packages whose main loops wait in real time."""
+
+
+class Finder:
+    """Refuses the import of REFUSED_MODULES by a host."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        if name in REFUSED_MODULES | {"tkinter"} and here() is not None:
+            refuse(f"{name.lstrip('_')}, whose main loop waits in real time,", SERVE)
+
+
+def _method(real: Callable[..., Any], what: str) -> Callable[..., Any]:
+    virtual = _refused(what.removesuffix(".__init__"))
+
+    def method(self: Any, *args: Any, **kwargs: Any) -> Any:
+        active = here()
+        if active is not None:
+            virtual(active)
+        return real(self) if real is object.__new__ else real(self, *args, **kwargs)
+
+    return method
+
+
+def stand_ins() -> list[tuple[Any, Any]]:
+    """Each function that is refused, and what refuses it."""
+    return [
+        (real, StandIn(real, _refused(f"{module.lstrip('_')}.{name}")))
+        for module, names in _REFUSED.items()
+        for name in names
+        if (real := getattr(sys.modules.get(module), name, None)) is not None
+    ]
+
+
+def methods() -> Iterator[tuple[type, str, Callable[..., Any]]]:
+    """Each method that is refused: class, name, and what refuses it."""
+    for (module, class_name), names in _REFUSED_METHODS.items():
+        owner = getattr(importlib.import_module(module), class_name)
+        for name in names:
+            yield owner, name, _method(getattr(owner, name), f"{module}.{class_name}.{name}")

@@ -1,0 +1,60 @@
+"""Signals of a host in virtual time: no handler interrupts the twin in the middle of something.
+
+A signal that comes while the clock is at work, or another thread of the host has its turn, waits until the main thread
+next leaves the clock.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+Handler = Callable[[int, FrameType | None], Any]
+
+
+class Signals:
+    """Those that have come and wait. at_work: true while none may be delivered."""
+
+    def __init__(self, at_work: Callable[[], bool]) -> None:
+        self._at_work = at_work
+        self.handlers: dict[int, Any] = {}
+        """What was there of signal handlers that were replaced, by number of the signal."""
+        self._come: list[tuple[Handler, int, FrameType | None]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._come)
+
+    def deferred(self, handler: Handler) -> Callable[[int, FrameType | None], None]:
+        """A signal handler that runs `handler` at once, or at the next `deliver` if the clock is at work."""
+
+        def heard(number: int, frame: FrameType | None) -> None:
+            if self._at_work():
+                self._come.append((handler, number, frame))
+            else:
+                handler(number, frame)
+
+        heard.__wrapped__ = handler  # type: ignore[attr-defined]
+        return heard
+
+    def defer(self) -> None:
+        """Defer the handlers that are there, until `restore`."""
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    self.handlers[number] = signal.signal(number, self.deferred(handler))
+
+    def restore(self) -> None:
+        """Put back every handler that was replaced, by the host, too."""
+        for number, handler in self.handlers.items():
+            if handler is not None:  # one of C's making, which could not be put back
+                signal.signal(number, handler)
+
+    def deliver(self) -> None:
+        """Run the handlers of those that have come."""
+        while self._come:
+            handler, number, frame = self._come.pop(0)
+            handler(number, frame)

@@ -1,0 +1,63 @@
+"""What options of `TrackPath.reset` change of the machine for an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from isel_twin.machine import Machine
+
+VARIATIONS: dict[str, tuple[float, float]] = {
+    "payload_kg": (0.0, 20.0),
+    "friction": (0.1, 10.0),
+    "stiffness": (0.2, 1.2),
+    "supply": (0.5, 1.5),
+    "backlash": (0.0, 10.0),
+}
+"""Bounds of a mass, and of factors."""
+
+_FACTORS = tuple(VARIATIONS)[1:]
+
+
+def checked(options: dict[str, Any]) -> dict[str, Any]:
+    """The options, numbers as float. Raises ValueError for a name that does not exist and for a number out of range."""
+    unknown = sorted(options.keys() - {*VARIATIONS, "path"})
+    if unknown:
+        raise ValueError(f"unknown options {unknown}; there are: {', '.join((*VARIATIONS, 'path'))}")
+    found = dict(options)
+    for name, (low, high) in VARIATIONS.items():
+        if name in found:
+            value = found[name]
+            number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+            if not number or not low <= value <= high:
+                raise ValueError(f"option {name} is {value!r}; allowed: {low:g} to {high:g}")
+            found[name] = float(value)
+    return found
+
+
+def varied(machine: Machine, options: Mapping[str, Any]) -> Machine:
+    """The machine with what these options change; its `tree` stays. Raises ValueError for a number out of range."""
+    friction, stiffness, supply, backlash = (options.get(name, 1.0) for name in _FACTORS)
+    try:
+        x, y, z = (
+            replace(
+                axis,
+                guide_friction_n=axis.guide_friction_n * friction,
+                stage=replace(axis.stage, supply_v=axis.stage.supply_v * supply),
+                screw=replace(
+                    axis.screw,
+                    coulomb_nm=axis.screw.coulomb_nm * friction,
+                    stiffness_n_per_m=axis.screw.stiffness_n_per_m * stiffness,
+                    backlash_mm=axis.screw.backlash_mm * backlash,
+                ),
+            )
+            for axis in machine.axes
+        )
+        modes = tuple(replace(mode, stiffness_n_per_m=mode.stiffness_n_per_m * stiffness) for mode in machine.structure)
+    except ValueError as error:
+        raise ValueError(f"the machine does not take these options: {error}") from None
+    payload_kg = options.get("payload_kg", machine.payload_kg)
+    return replace(machine, axes=(x, y, z), structure=modes, payload_kg=payload_kg)

@@ -1,0 +1,380 @@
+"""Work that many share: here, on processes of this computer, on a cluster; the same results whoever computes them.
+
+    items --- submit, a few ahead ---> crew: here | local processes | cluster | any concurrent.futures.Executor
+                                         |
+    (index, result) <-- as they come ----'        a worker that dies costs what it was at, which is computed again
+
+Each item is computed by a function of that item alone. A result is taken once: what has come is never computed again.
+
+Local workers
+- are forked on Linux, from a server process that has imported everything and runs no Python thread but its own;
+  elsewhere each starts anew. Forking from this process could copy a lock that some thread of it holds.
+- never heed Ctrl-C: a terminal sends it to all processes, and this one decides.
+- end when this process is gone, even by SIGKILL: a thread of each waits for the end of a pipe that only this process
+  holds open. (PR_SET_PDEATHSIG would tell of the server's death, which outlives us as long as a worker lives.)
+- are asked to give up what nobody waits for any more: long work asks `given_up()` now and then.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import multiprocessing
+import os
+import re
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, TypeVar
+
+from isel_twin.base.errors import CallError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Stop = Callable[[], bool]
+
+log = logging.getLogger("isel_twin")
+
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+")
+
+POLL_S = 0.1
+"""Between two questions whether to stop, while waiting for results."""
+TRIES = 3
+"""Times in a row that all workers may die before any result has come."""
+CALLS = 256
+"""Calls of `finished` that can be told apart when one is given up."""
+
+
+class GivenUp(BaseException):
+    """Nobody waits for this result any more. Like asyncio.CancelledError no Exception: handlers let it pass."""
+
+
+class LostError(RuntimeError):
+    """A result that has to come in order was lost: its workers died again and again."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """In place of a result: all workers that tried the item have died."""
+
+    why: str
+
+
+class Crew:
+    """Workers, begun when they are first needed. Within `with crew:` they stay; without, for one call of `finished`."""
+
+    def __init__(
+        self,
+        begin: Callable[[], AbstractContextManager[Executor | None]],
+        ahead: int = 1,
+        flags: MutableSequence[int] | None = None,
+    ) -> None:
+        """begin: gives the executor, anew after its workers have died; None: compute here. ahead: items submitted at a
+        time. flags [CALLS]: shared with the workers; 1: that call of `finished` is given up."""
+        self._begin = begin
+        self.ahead = ahead
+        self._flags = flags
+        self._calls = count()
+        self._users = 0
+        self._open = ExitStack()
+        self._begun: tuple[Executor | None] | tuple[()] = ()
+
+    def __enter__(self) -> Crew:
+        self._users += 1
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._users -= 1
+        if not self._users:
+            self._end()
+
+    def _executor(self) -> Executor | None:
+        if not self._begun:
+            self._begun = (self._open.enter_context(self._begin()),)
+        return self._begun[0]
+
+    def _end(self) -> None:
+        self._begun = ()
+        if self._flags is not None:
+            self._flags[:] = [1] * CALLS
+        self._open.close()
+
+
+def here(executor: Executor | None = None) -> Crew:
+    """Work with an executor that is already open; None: in this process, one by one."""
+    flags = bytearray(CALLS) if isinstance(executor, ThreadPoolExecutor) else None
+    return Crew(lambda: nullcontext(executor), 1 if executor is None else 1024, flags)
+
+
+def local(number: int, preload: Sequence[str] = ()) -> Crew:
+    """So many processes of this computer. preload: modules that are imported once, for all, where processes can fork.
+
+    They are imported by the first crew of a process that has any.
+    """
+    if number == 1:
+        return here()
+    flags: Any = multiprocessing.RawArray("b", CALLS)
+    return Crew(lambda: _processes(number, preload, flags), 2 * number, flags)
+
+
+def cluster(address: str) -> Crew:
+    """The workers of a dask scheduler, as many as there are. Raises CallError for no address, or without distributed.
+
+    Its first use raises CallError if the scheduler is not there.
+    """
+    if not _ADDRESS.fullmatch(address):
+        raise CallError(f"cluster {address!r}: must be the address of a dask scheduler, tcp://HOST:PORT", option=True)
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise CallError("cluster needs distributed: pip install 'isel-twin[cluster]'", option=True) from None
+    return Crew(lambda: _dask(address), 256)
+
+
+# What they compute ----------------------------------------------------------------------------------------------------
+
+
+def finished(
+    function: Callable[[Item], Result], items: Sequence[Item], crew: Crew, stop: Stop | None = None
+) -> Generator[tuple[int, Result | Lost], None, None]:
+    """Index and result of each item, as they come; once each.
+
+    stop: asked now and then; once it returns True nothing more comes. Whoever closes this iterator gives up the rest.
+    An exception of the function is raised, unless it says that its worker is gone. Raises CallError if all workers die
+    again and again.
+    """
+    to_do = list(range(len(items)))[::-1]
+    slot = next(crew._calls) % CALLS
+    pending: dict[Future[Result], int] = {}
+    deaths = 0
+    with crew:
+        try:
+            while to_do or pending:
+                if stop is not None and stop():
+                    return
+                executor = crew._executor()
+                if executor is None:
+                    index = to_do.pop()
+                    with _asking(stop):
+                        result: Result | Lost = function(items[index])
+                    yield index, result
+                    continue
+                broken = not _submit(executor, function, items, to_do, pending, crew, slot)
+                for future in () if broken else wait(pending, POLL_S if stop else None, FIRST_COMPLETED).done:
+                    index = pending.pop(future)
+                    try:
+                        result = _result(future)
+                    except BrokenExecutor:
+                        to_do.append(index)
+                        broken = True
+                        continue
+                    deaths = 0
+                    yield index, result
+                if broken:
+                    deaths += 1
+                    if deaths == TRIES:
+                        raise CallError(
+                            f"processes died {TRIES} times in a row, by somebody or for want of memory; take fewer"
+                        )
+                    to_do = sorted([*to_do, *pending.values()], reverse=True)
+                    pending.clear()
+                    crew._end()
+        except GivenUp:
+            return
+        finally:
+            for future in pending:
+                future.cancel()
+            if pending and crew._flags is not None:
+                crew._flags[slot] = 1
+
+
+def in_order(
+    function: Callable[[Item], Result], items: Sequence[Item], crew: Crew | None = None, stop: Stop | None = None
+) -> Generator[Result, None, None]:
+    """Results in the order of their items, fewer if it was stopped; otherwise as `finished`. crew None: here.
+
+    Raises LostError for a result that was lost.
+    """
+    waiting: dict[int, Result] = {}
+    upcoming = 0
+    with closing(finished(function, items, crew or here(), stop)) as found:
+        for index, result in found:
+            if isinstance(result, Lost):
+                raise LostError(result.why)
+            waiting[index] = result
+            while upcoming in waiting:
+                yield waiting.pop(upcoming)
+                upcoming += 1
+
+
+def _submit(
+    executor: Executor,
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    to_do: list[int],
+    pending: dict[Future[Result], int],
+    crew: Crew,
+    slot: int,
+) -> bool:
+    """Give the executor as many items as it may have; return whether it took them."""
+    work: Callable[[Item], Result] = function
+    if crew._flags is not None:
+        crew._flags[slot] = 0
+        shared = crew._flags if isinstance(crew._flags, bytearray) else None
+        work = functools.partial(_work, function, shared, slot)
+    while to_do and len(pending) < crew.ahead:
+        try:
+            future = executor.submit(work, items[to_do[-1]])
+        except BrokenExecutor:
+            return False
+        pending[future] = to_do.pop()
+    return True
+
+
+def _result(future: Future[Result]) -> Result | Lost:
+    try:
+        return future.result()
+    except CancelledError:
+        return Lost("the cluster is gone")
+    except Exception as error:
+        if type(error).__name__ != "KilledWorker":  # distributed's, which need not be installed
+            raise
+        return Lost(" ".join(str(error).split()))
+
+
+# Whether anybody still waits ------------------------------------------------------------------------------------------
+
+_asked = threading.local()
+_flags: Sequence[int] = ()
+"""In a local worker: those of its crew."""
+
+
+def given_up() -> bool:
+    """True if the caller has cancelled what this thread computes; no result may depend on it."""
+    stop: Stop | None = getattr(_asked, "stop", None)
+    return stop is not None and stop()
+
+
+@contextmanager
+def _asking(stop: Stop | None) -> Iterator[None]:
+    """`given_up` asks `stop` within the block; None: what it asked before."""
+    before = getattr(_asked, "stop", None)
+    _asked.stop = before if stop is None else stop
+    try:
+        yield
+    finally:
+        _asked.stop = before
+
+
+def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot: int, item: Item) -> Result:
+    """The function's result, in a worker. shared: flags of threads; None: those of the process."""
+    flags = _flags if shared is None else shared
+    with _asking(lambda: bool(flags[slot])):
+        return function(item)
+
+
+# Local processes ------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _processes(number: int, preload: Sequence[str], flags: Any) -> Iterator[Executor]:
+    forks = sys.platform.startswith("linux")
+    context = multiprocessing.get_context("forkserver" if forks else "spawn")
+    executor = ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
+    with _without_ctrl_c():  # those begun in the block never heed it; what the server forks does as the server
+        if forks:
+            from multiprocessing import forkserver
+
+            forkserver.set_forkserver_preload(["__main__", *preload])
+            forkserver.ensure_running()
+        else:
+            for _ in range(number):
+                executor.submit(int)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _serve(flags: Sequence[int]) -> None:
+    """Begin as a worker."""
+    global _flags
+    _flags = flags
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+# A cluster ------------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[Executor]:
+    from distributed import Client
+
+    with _silent("distributed"), _connected(Client, address) as client:
+        if not client.ncores():
+            log.warning("%s: the cluster has no workers yet", address)
+        executor = client.get_executor(pure=False)
+        yield executor
+        executor.shutdown(wait=False)
+
+
+@contextmanager
+def _connected(kind: Any, address: str) -> Iterator[Any]:
+    """A client of a scheduler."""
+    try:
+        client = kind(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise CallError(f"cluster {address}: {why}", option=True) from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=5)
+
+
+@contextmanager
+def _silent(package: str) -> Iterator[None]:
+    """Without what a package logs of broken connections: the caller says it in one line."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == package]
+    before = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)

@@ -1,0 +1,69 @@
+"""Pictures by matplotlib, which is an extra: whether one can be drawn, curves, and the bytes of any."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from isel_twin.base.errors import CallError
+from isel_twin.base.files import atomic_write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points joined by a line; style: as matplotlib has it, "--" or "o-"."""
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+    style: str = "-"
+
+
+def check_picture(path: Path, extra: str = "report") -> None:
+    """Raise CallError unless matplotlib is there and knows pictures of that name."""
+    try:
+        import matplotlib  # noqa: F401  (first, so that a part that was imported before does not hide that it is missing)
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError:
+        raise CallError(f"picture needs matplotlib: pip install 'isel-twin[{extra}]'", option=True) from None
+    kinds = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix.removeprefix(".").lower() not in kinds:
+        raise CallError(f"picture {path}: the name must end in one of .{', .'.join(sorted(kinds))}", option=True)
+
+
+def picture_bytes(figure: Figure, kind: str = "png") -> bytes:
+    """The file of a figure; kind: "png", "svg" or another that matplotlib knows. The same figure has the same bytes."""
+    from matplotlib import rc_context
+
+    buffer = io.BytesIO()
+    when = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+    with rc_context({"svg.hashsalt": "isel-twin"}):
+        figure.savefig(buffer, format=kind, metadata=when)
+    return buffer.getvalue()
+
+
+def plain_text(words: str) -> str:
+    """Words for a figure, in which a dollar begins no formula."""
+    return words.replace("$", r"\$")
+
+
+def draw_curves(file: Path, title: str, x_label: str, y_label: str, curves: Sequence[Curve]) -> None:
+    """Draw curves, from 0 on, into a file (type by suffix). Raises ValueError without matplotlib, OSError."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ValueError("drawing needs matplotlib: pip install 'isel-twin[report]'") from None
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    for curve in curves:
+        axes.plot(curve.x, curve.y, curve.style, markersize=3, label=curve.label)
+    axes.set(title=plain_text(title), xlabel=x_label, ylabel=y_label, xlim=(0, None), ylim=(0, None))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    atomic_write(file, picture_bytes(figure, file.suffix.removeprefix(".").lower()))

@@ -1,0 +1,128 @@
+"""What a controller is: the border between a firmware and everything around it.
+
+A controller is sans-I/O. It is told what happens and when (bytes from the host, input levels, the passing of time) and
+says what it does (reply bytes, output levels, counter settings, flash images) and which motion it is making. It never
+reads a clock, a socket or a file, and nothing above or below it knows which controller it is.
+
+Protocol of time
+----------------
+Times are integer nanoseconds of virtual time and never run backwards. Whoever drives a controller must
+
+1. call `power_on(t, levels)` once, then any of `receive`, `set_input` and `advance` with t that never decrease;
+2. never let time pass `next_ns` without calling `advance(next_ns)`: that is where the controller acts by itself
+   (end of a motion, end of a delay, next step of a reference run);
+3. after each call fetch `take()`: the events of that instant, in their order.
+
+Between two calls the controller makes the ticks of `run` (see `isel_twin.motion.Motion`), all those with a time <= t
+once it has been called with t. An input edge at t therefore meets a controller that has made exactly the ticks up to
+and including t: a limit switch ends the motion there, and no rollback is needed.
+
+        t0            edge at t1          next_ns
+        |--- ticks of run ----|- - - cancelled - - -|
+        advance(t0)   set_input(t1, ...)
+
+What `run` may become while it is made is stated in `isel_twin.motion.motion`.
+
+What drives report
+------------------
+A controller that closes loops of its own asks for it: see `UsesDrives` in roles.py.
+
+What its bytes mean to people and tools is a second, optional border: `isel_twin.language.Language`.
+
+Several devices on one shared line are themselves a controller: one object that hands each byte to all of them, sends
+what they answer, and shows the motion of the one that has axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from isel_twin.base.units import SECOND_NS
+from isel_twin.controller.events import Event
+
+if TYPE_CHECKING:  # a list of the installed controllers takes a moment, the compiler behind a motion much longer
+    from isel_twin.motion import Motion
+
+
+@dataclass(frozen=True)
+class SerialFormat:
+    """How a byte goes over the line: speed in bit/s, data bits, parity (none, even, odd, mark, space), stop bits."""
+
+    baud: int
+    data_bits: int = 8
+    parity: Literal["N", "E", "O", "M", "S"] = "N"
+    stop_bits: int = 1
+
+    @property
+    def bits(self) -> int:
+        """Bit times of a byte: start bit, data, parity, stop bits."""
+        return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
+
+    @property
+    def byte_ns(self) -> int:
+        """Time of a byte on the line in ns."""
+        return round(self.bits * SECOND_NS / self.baud)
+
+    def __str__(self) -> str:
+        return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits}"
+
+
+class Controller(Protocol):
+    """An emulated controller. See the module for the protocol of time."""
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        """Line speed and form of a byte, at the time of the last call."""
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Counters at the time of the last call, one an axis (1 to 8, X Y Z A B C U V); always as many."""
+
+    @property
+    def direction(self) -> tuple[int, ...]:
+        """+1 or -1 for each axis: sense in which a positive count turns the motor. Changes only while `run` is None."""
+
+    @property
+    def run(self) -> Motion | None:
+        """The motion in execution, in the sense of the counters, or None at rest."""
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the controller must be advanced next, or None if it only waits for the outside."""
+
+    @property
+    def idle(self) -> bool:
+        """True when every command received so far has been answered and nothing moves or runs."""
+
+    @property
+    def fault(self) -> bool:
+        """An error stands that no reply has told the host, who would have to ask for it; False if replies tell all."""
+
+    def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
+        """Mains on at t_ns; `levels` holds the electrical level (True: high) of every terminal that is wired."""
+
+    def receive(self, t_ns: int, data: bytes) -> None:
+        """Bytes that have arrived from the host by t_ns. Never raises, whatever they are."""
+
+    def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
+        """The level at one input terminal changes at t_ns."""
+
+    def advance(self, t_ns: int) -> None:
+        """Let time pass to t_ns (never beyond `next_ns`): make the pulses up to it, act on what is due."""
+
+    def take(self) -> list[Event]:
+        """Events since the last call of `take`, in their order; they happened at the time of the last call."""
+
+    def terminals(self) -> Mapping[str, tuple[str, ...]]:
+        """Input terminals and the contacts of machine and cabinet that lead to each (several: in series).
+
+        A contact that the machine lacks is left out; a terminal left without any is not wired.
+        """
+
+    def machine_overrides(self) -> Mapping[str, Any]:
+        """Machine parameters this controller sets, such as the microsteps of the stages it is built for.
+
+        Keys as for `isel_twin.machine.with_overrides`: {"axes.all.steps_per_rev": 400}. Empty for none.
+        """

@@ -1,0 +1,91 @@
+"""What a controller says between two calls: events, in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Bytes for the host, sent at the instant of the call that produced them (line speed is the line's business)."""
+
+    data: bytes
+
+
+OUTPUTS: Mapping[str, int] = {
+    "stages": 0,
+    "power_request": 0,
+    "current_lowering": 0,
+    "brake": 0,
+    "moving": 0,
+    "spindle": 0,
+    "hood_release": 1,
+    "analog": 0,
+    "lamp_start": 0,
+    "lamp_stop": 0,
+    "lamp_fault": 0,
+    "software_ok": 0,
+    "user": 0,
+    "flash_fault": 0,
+    "drive_reset": 0,
+}
+"""Outputs that every controller may use, and what each is until the controller says otherwise; see `Output`."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """A new level of a named output.
+
+    Names every controller may use, so that drives and cabinet understand them, as in OUTPUTS until it says so:
+    `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
+    `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
+    `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
+    opened), `analog` (0..255 for 0..10 V), `lamp_start`, `lamp_stop`, `lamp_fault`, `software_ok`, `user` (byte of user
+    outputs), `flash_fault` (1: the flash image handed in cannot be read), `drive_reset` (rising edge: drives that have
+    switched themselves off forget why). Other names are recorded and shown, no more.
+    """
+
+    name: str
+    value: int
+
+
+@dataclass(frozen=True)
+class CounterSet:
+    """The controller has set the counter of one axis (0 X, 1 Y ...) without a motion: reference, reset."""
+
+    axis: int
+    value: int
+
+
+@dataclass(frozen=True)
+class FlashWrite:
+    """The flash now holds this image; whoever keeps it stores it atomically and hands it back at the next power-on."""
+
+    image: bytes
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One line for people: why something has failed that the host is told by a code only. Changes nothing."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """A program that the controller carries out by itself has come to the next of its steps. Changes nothing.
+
+    t_ns: when, now or before; name: what people call it; text: as it stands in the program; counts: counters then.
+    plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it cuts nothing or nobody knows.
+    """
+
+    t_ns: int
+    name: str
+    text: str
+    counts: tuple[int, ...]
+    plane: tuple[int, int] = (0, 1)
+    tool_mm: float = 0.0
+
+
+Event = Reply | Output | CounterSet | FlashWrite | Remark | Step

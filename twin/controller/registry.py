@@ -1,0 +1,115 @@
+"""The installed controllers: third parties add theirs by an entry point in the group `isel_twin.controllers`.
+
+See docs/controllers.md.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
+from typing import Any, TypeAlias, TypeVar
+
+from isel_twin.base.parameters import Limits
+from isel_twin.base.plugins import installed
+from isel_twin.controller.controller import Controller
+
+ControllerFactory = Callable[..., Controller]
+"""factory(name, *, flash: bytes | None, settings: Mapping[str, Any]) -> Controller, `name` being the entry point's."""
+
+
+class UnknownNameError(ValueError):
+    """A controller, machine or other named thing does not exist; the message lists what there is."""
+
+
+Setting: TypeAlias = Limits | tuple[str, ...] | type[bool]
+"""What a setting may be: a number within limits, one of some words (none: any text), or true and false."""
+
+Factory = TypeVar("Factory", bound=Callable[..., Any])
+
+
+def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
+    """Tell which settings a factory takes, so that machine files with a misspelt one can be refused when they are read.
+
+    @takes({"program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
+    def create(name, *, flash, settings): ...
+    """
+
+    def told(factory: Factory) -> Factory:
+        factory.settings = settings  # type: ignore[attr-defined]
+        return factory
+
+    return told
+
+
+class PluginError(ValueError):
+    """A controller or language that is installed does not work; the message is one line that names it and says why."""
+
+
+_GROUP = "isel_twin.controllers"
+
+
+def controller_names() -> list[str]:
+    """Names of all installed controllers, sorted."""
+    return sorted(entry.name for entry in installed(_GROUP))
+
+
+def create_controller(
+    name: str, *, flash: bytes | None = None, settings: Mapping[str, Any] | None = None
+) -> Controller:
+    """Build the controller called `name`, with the flash image it had at its last power-off (None: a new device).
+
+    Raises UnknownNameError if no installed controller has that name, PluginError if the one that has does not work, and
+    ValueError for settings that it does not take.
+    """
+    return controller_factory(name)(flash, settings or {})
+
+
+def controller_factory(name: str) -> Callable[[bytes | None, Mapping[str, Any]], Controller]:
+    """A function that builds the controller called `name` from a flash image and settings at every call.
+
+    Both raise what `create_controller` raises. Looking it up takes ten milliseconds, building one much less.
+    """
+    for entry in installed(_GROUP):
+        if entry.name == name:
+            with plugin_errors("controller", entry):
+                factory: ControllerFactory = entry.load()
+            return partial(_build, entry, factory)
+    raise UnknownNameError(f"unknown controller {name!r}; installed: {', '.join(controller_names())}")
+
+
+def _build(
+    entry: importlib.metadata.EntryPoint, factory: ControllerFactory, flash: bytes | None, settings: Mapping[str, Any]
+) -> Controller:
+    with plugin_errors("controller", entry, ValueError):
+        return factory(entry.name, flash=flash, settings=settings)
+
+
+def controller_settings(wanted: Iterable[str]) -> Mapping[str, Setting]:
+    """Settings that installed controllers take, by name. Controllers are loaded until all those `wanted` are found.
+
+    A controller that does not work takes none.
+    """
+    if not set(wanted) <= _settings.keys():
+        for entry in installed(_GROUP):
+            with suppress(PluginError), plugin_errors("controller", entry):
+                _settings.update(getattr(entry.load(), "settings", {}))
+            if set(wanted) <= _settings.keys():
+                break
+    return _settings
+
+
+_settings: dict[str, Setting] = {}
+
+
+@contextmanager
+def plugin_errors(what: str, entry: importlib.metadata.EntryPoint, *passed: type[Exception]) -> Iterator[None]:
+    """Turn what other people's code raises into a PluginError of one line; errors of the kinds `passed` stay."""
+    try:
+        yield
+    except passed:
+        raise
+    except (Exception, SystemExit) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise PluginError(f"{what} {entry.name!r} ({entry.value}) does not work: {reason}") from error

@@ -1,0 +1,124 @@
+"""Order: what the host sent and what programs say, one after the other, with barriers where motion must have ended.
+
+    next command (queue.py) ---> move, (F)   planned at once behind what is planned already
+                                 any other   a barrier: when nothing moves, then it is done, then the next
+
+There is room for 100 moves and 100 others. Commands behind `p3;100` are recorded in their turn instead of being carried
+out.
+"""
+
+from __future__ import annotations
+
+from isel_twin.firmware.gmi99 import images
+from isel_twin.firmware.gmi99.commands import Kind, command_of
+from isel_twin.firmware.gmi99.device import Card
+from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
+from isel_twin.firmware.gmi99.programming import BEGIN, END, PROGRAM
+
+MOVES = 100
+OTHERS = 100
+_NOT_IN_PROGRAMS = "rs"
+
+
+class Sequencer:
+    """See the module."""
+
+    def __init__(self, card: Card) -> None:
+        self._card = card
+
+    # ---- what comes in -----------------------------------------------------------------------------------------------
+
+    def full(self, instruction: Instruction) -> bool:
+        """There is no room for this command."""
+        waiting = self._card.queue.waiting
+        moves = sum(entry.is_move for _, entry in waiting)
+        if instruction.is_move:
+            return moves + self._card.path.host_moves >= MOVES
+        return len(waiting) - moves >= OTHERS
+
+    def put(self, data: bytes, instruction: Instruction) -> None:
+        """A command of the host that there is room for."""
+        if instruction.code == ord("p") and instruction.p1 == PROGRAM and instruction.p2 in (BEGIN, END):
+            self._card.queue.recording = instruction.p2 == BEGIN
+        self._card.queue.waiting.append((data, instruction))
+
+    def put_drive(self, slot: int, *, run: bool) -> None:
+        """The host tells a drive, through the card, to take its place for zero or to make a reference run; not heard
+        while anything is under way."""
+        if not self._card.busy:
+            self._card.queue.start(self._card.drives.make_ready(1 << slot, run=run, indexer=False))
+
+    # ---- going on ----------------------------------------------------------------------------------------------------
+
+    def pump(self) -> None:
+        """Carry out whatever can be carried out now."""
+        while self._step():
+            pass
+
+    def _step(self) -> bool:
+        """Do the next thing; False if it must wait."""
+        card, queue = self._card, self._card.queue
+        if queue.in_progress:
+            if not queue.due:
+                return False
+            queue.go_on()
+            return True
+        if queue.at_end:
+            return self._return()
+        entry = queue.peek()
+        if entry is None:
+            return False
+        data, instruction = entry
+        if card.store.recording is not None and not card.in_program:
+            queue.take()
+            self._record(data, instruction)
+            return True
+        kind = command_of(instruction).kind(instruction)
+        if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
+            if not card.path.accepts or not card.drives.at_rest or (card.in_program and card.path.moves >= MOVES):
+                return False
+            queue.take()
+            if kind is Kind.MOVE and not card.drives.ready:
+                card.refuse("a move while the indexer is not ready")
+            elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch where they stand
+                card.path.on_the_way(lambda: self._begin(instruction))
+            else:
+                self._begin(instruction)
+            return True
+        if not card.path.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
+            return False
+        queue.take()
+        self._begin(instruction)
+        return True
+
+    def _return(self) -> bool:
+        """A program has ended: go on with its caller; the main program is over when the last motion has ended."""
+        card = self._card
+        if card.queue.depth == 1 and not (card.path.at_rest and card.drives.at_rest):
+            return False
+        card.queue.close()
+        return True
+
+    def _record(self, data: bytes, instruction: Instruction) -> None:
+        card = self._card
+        is_p = instruction.code == ord("p")
+        if is_p and instruction.p1 == PROGRAM and instruction.p2 == END:
+            card.store.end()
+            card.keep(programs=card.store.kept)
+        elif (
+            chr(instruction.code) in _NOT_IN_PROGRAMS
+            or (is_p and instruction.p1 == 1)
+            or (is_p and instruction.p1 == PROGRAM and instruction.p2 == BEGIN)
+        ):
+            card.store.error = True
+        elif not card.store.record(data, instruction):
+            card.queue.recording = False
+
+    def _begin(self, instruction: Instruction) -> None:
+        try:
+            steps = command_of(instruction).run(self._card, instruction)
+        except OutOfRangeError as error:
+            self._card.refuse(str(error))
+            return
+        if steps is not None:
+            self._card.queue.start(steps)

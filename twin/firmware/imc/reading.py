@@ -1,0 +1,139 @@
+"""How the iMC's lines are read and answered: what a host that listens must follow.
+
+How long an answer is follows from the query; what a line means, from the axes that are set, the device number, and
+whether it stands in a data field between `@0i` and `9`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from isel_twin.firmware.imc import commands, grammar, replies
+from isel_twin.firmware.imc.query import AXIS_NAMES, END
+from isel_twin.language import readable
+
+OK = replies.OK.encode()
+LF = bytes([grammar.LF])
+END_OF_FIELD = "9"
+"""Ends the data field (3.2.9)."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How long an answer is: the code and so many hexadecimal digits or lines; or lines and, `code_last`, the code."""
+
+    digits: int = 0
+    lines: int = 0
+    code_last: bool = False
+    words: Callable[[str, str], str] | None = None
+    """What an answer (without a code before it) to a query with these parameters means; None: it is only a code."""
+
+    def whole(self, answer: bytes | bytearray) -> bool:
+        """Nothing more belongs to this answer."""
+        if self.code_last:
+            last = answer.rpartition(LF)[2]
+            return len(last) == 1 and chr(last[0]) in replies.WORDS
+        if not answer.startswith(OK):
+            return True
+        return len(answer) > self.digits and answer.count(LF) >= self.lines
+
+    def fits(self, byte: int) -> bool:
+        """The byte may be the next one of an answer begun."""
+        return not self.digits or chr(byte) in "0123456789ABCDEF"
+
+
+@dataclass
+class Mode:
+    """What changes how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
+
+    axes: int = 0
+    number: int = 0
+    storing: bool = False
+
+    def split(self, line: bytes) -> tuple[str, str] | None:
+        """Code and parameters of a DNC line, ("", "") if it is none; None: for another device."""
+        try:
+            parts = grammar.split_dnc(line, self.number, commands.DNC_ALIASES)
+        except replies.Refusal:
+            return "", ""
+        return None if parts is None else parts[1:]
+
+    def form(self, line: bytes) -> Form | None:
+        """How the line is answered; None: not at all."""
+        if self.storing:
+            return Form()
+        parts = self.split(line)
+        if parts is None:
+            return None
+        if parts[0] == "P":
+            return Form(digits=6 * (4 if self.axes & 8 else 3), words=_position_words)
+        return QUERIES.get(parts[0], Form())
+
+    def follow(self, line: bytes, *, accepted: bool) -> None:
+        """The line has been answered, or will be."""
+        if self.storing:
+            self.storing = accepted and stored(line)[0] != END_OF_FIELD
+            return
+        code, text = self.split(line) or ("", "")
+        match code, numbers(text):
+            case _ if not accepted:
+                return
+            case commands.AXES_CODE, [1 | 3 | 7 as mask]:
+                self.axes = mask
+            case commands.AXES_CODE, [8]:
+                self.axes |= 8
+            case "G", [number]:
+                self.number = number
+            case "i", []:
+                self.storing = True
+
+
+def stored(line: bytes) -> tuple[str, str]:
+    return grammar.split_cnc(line, commands.CNC_ALIASES)
+
+
+def numbers(text: str) -> list[int] | None:
+    """The numbers of a command; None if they are none."""
+    try:
+        return [grammar.read_number(field) for field in text.split(",")] if text.strip(" ") else []
+    except replies.Refusal:
+        return None
+
+
+def plain(text: str) -> str:
+    return readable(text.strip(" ").encode("latin-1"))
+
+
+# ---- answers in words ------------------------------------------------------------------------------------------------
+
+
+def _position_words(answer: str, text: str) -> str:
+    """24 bits an axis, two's complement (2.2.21)."""
+    counts = [(int(answer[at : at + 6], 16) ^ 1 << 23) - (1 << 23) for at in range(0, len(answer), 6)]
+    return "position " + " ".join(f"{name} {count}" for name, count in zip(AXIS_NAMES, counts, strict=False))
+
+
+def _byte_words(about: str) -> Callable[[str, str], str]:
+    """Two hexadecimal digits."""
+    return lambda answer, text: f"{about} {plain(text)}: {int(answer, 16)} (bits {int(answer, 16):08b})"
+
+
+def _lines_words(about: str) -> Callable[[str, str], str]:
+    """The lines of the answer, without the code after them."""
+
+    def words(answer: str, text: str) -> str:
+        return f"{about}: {', '.join(plain(line) for line in answer.split(END)[:-1])}"
+
+    return words
+
+
+QUERIES: Mapping[str, Form] = {
+    "b": Form(digits=2, words=_byte_words("port")),
+    "D": Form(digits=2, words=_byte_words("diagnosis")),
+    "h": Form(code_last=True, words=_lines_words("limit switches, 1 struck")),
+    "H": Form(code_last=True, words=_lines_words("state")),
+    "U": Form(lines=1, words=_lines_words("answer")),
+    "V": Form(lines=2, words=_lines_words("version")),
+}
+"""Queries that answer with more than a code, by their own code; `@0P` needs to know the axes: `Mode.form`."""

@@ -1,0 +1,127 @@
+"""A job played to its end, for whoever wants to know what becomes of it.
+
+    lines --- play ---> Result, Result, ...  --- judge --->  Played: results and verdict
+                          |
+                          `--> watchers: golden run, inspection, first loss, table, ...
+
+What became of a job is told in these words everywhere:
+
+    Result    a line       number, command, reply, ok, why, time_ns, end_ns, margin     result.py
+    Verdict   the machine  ok, refused, lost, unsent, interrupted, cycle_s, margin      verdict.py
+    Played    the job      results, verdict                                             here
+    Golden    written down call, moves, end                                             golden.py
+    Finding   what is wrong rule, message, line, time_ns                                checks/job.py
+    Report    checked      findings, verdict, golden run                                checks/job.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.crew import GivenUp, given_up
+from isel_twin.jobs.job import Line, play
+from isel_twin.jobs.result import Result
+from isel_twin.jobs.verdict import Verdict, judge, lost
+
+if TYPE_CHECKING:
+    from isel_twin.core.twin import Twin
+
+TIMEOUT_S = 3600.0
+"""Virtual time that a line may take, unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """What became of a job."""
+
+    results: tuple[Result, ...]
+    """Of the lines that were sent."""
+    verdict: Verdict
+
+    @property
+    def ok(self) -> bool:
+        """As `Verdict.ok`."""
+        return self.verdict.ok
+
+    @property
+    def whole(self) -> bool:
+        """Every line was sent, and the last one was over."""
+        return not self.verdict.unsent and bool(self.results) and self.results[-1].complete
+
+
+def played(
+    twin: Twin,
+    lines: Sequence[Line],
+    watchers: Sequence[Callable[[Result], object]] = (),
+    timeout_s: float = TIMEOUT_S,
+    stop: Callable[[], bool] | None = None,
+    begins: Callable[[Line], object] | None = None,
+) -> Played:
+    """Play a job, let the machine come to rest, and judge.
+
+    watchers: given each line's result when it is over, in their order. timeout_s: see `play`. stop: asked whenever
+    something has happened; once it returns True the job ends, and is judged as interrupted unless it was over. begins:
+    given each line before it is sent. Raises GivenUp if the caller has cancelled this work before the job was over.
+    """
+
+    def ends() -> bool:
+        return given_up() or (stop is not None and stop())
+
+    return followed(twin, lines, play(twin, lines, timeout_s, ends), watchers, stop, begins)
+
+
+def followed(
+    twin: Twin,
+    lines: Sequence[Line],
+    results: Iterator[Result],
+    watchers: Sequence[Callable[[Result], object]] = (),
+    stop: Callable[[], bool] | None = None,
+    begins: Callable[[Line], object] | None = None,
+) -> Played:
+    """As `played`, of results that come from elsewhere than `play`; fewer than lines: the job has ended early."""
+    seen: list[Result] = []
+    for line in lines:
+        if begins is not None:
+            begins(line)
+        result = next(results, None)
+        if result is None:
+            break
+        seen.append(result)
+        for watcher in watchers:
+            watcher(result)
+    whole = len(seen) == len(lines) and all(result.complete for result in seen[-1:])
+    if not whole and given_up():
+        raise GivenUp
+    interrupted = not whole and stop is not None and stop()
+    return Played(tuple(seen), judge(twin, seen, len(lines) - len(seen), interrupted))
+
+
+class FirstLoss:
+    """A watcher that finds the first line after which steps are lost; `stop` then ends the job."""
+
+    def __init__(self, twin: Twin) -> None:
+        self._twin = twin
+        self.why = ""
+        """What is lost; "" as long as nothing is."""
+
+    def take(self, result: Result) -> None:
+        """A line is over."""
+        self.why = self.why or losses(self._twin)
+
+    def stop(self) -> bool:
+        """For `played`."""
+        return bool(self.why)
+
+
+def losses(twin: Twin) -> str:
+    """What has been lost by now, in words; a servo drive that has switched itself off counts as that."""
+    gone = lost(twin.lost_steps, twin.slip_steps) | (twin.forgotten_steps != 0.0)
+    steps = np.abs(twin.lost_steps) + np.abs(twin.forgotten_steps)
+    found = [f"{AXIS_NAMES[axis].upper()} has lost {steps[axis]:.0f} steps" for axis in np.flatnonzero(gone)]
+    found += [f"{name.upper()}: {why}" for name, (n, why) in zip(AXIS_NAMES, twin.drive_faults, strict=False) if n]
+    return ", ".join(found)

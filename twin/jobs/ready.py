@@ -1,0 +1,13 @@
+"""Importing this loads all that playing a job needs: modules, and compiled code.
+
+A process that will fork workers imports it first, so that it is paid for once (base/crew.py).
+"""
+
+from isel_twin.core.warm import warm_up
+from isel_twin.jobs import playing, robust
+from isel_twin.jobs.checks import job as checks
+
+LOADED = (playing, robust, checks)
+
+for _plant in ("mujoco", "kinematic"):
+    warm_up(_plant, tell=lambda _: None)

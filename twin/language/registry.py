@@ -1,0 +1,79 @@
+"""The installed languages: third parties add theirs by an entry point in the group `isel_twin.languages`.
+
+It has the name of the controller; see docs/controllers.md.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+
+from isel_twin.base.plugins import installed
+from isel_twin.controller import PluginError, UnknownNameError, controller_names, offers, plugin_errors
+from isel_twin.language.language import Language, LanguageError
+from isel_twin.language.roles import RunsPrograms
+
+LanguageFactory = Callable[[str], Language]
+"""factory(name) -> a fresh Language, `name` being the entry point's and the controller's."""
+
+_GROUP = "isel_twin.languages"
+
+
+def language_names() -> list[str]:
+    """Names of all controllers whose language is installed, sorted."""
+    return sorted(entry.name for entry in installed(_GROUP))
+
+
+def create_language(controller: str) -> Language | None:
+    """A fresh language of the controller with this name, None if it has none.
+
+    Raises UnknownNameError if no installed controller has that name either, PluginError if the language does not work.
+    """
+    return language_factory(controller)()
+
+
+def language_factory(controller: str) -> Callable[[], Language | None]:
+    """A function that makes a fresh language of the controller with this name at every call, or None if it has none.
+
+    Both raise what `create_language` raises. Looking for the language takes ten milliseconds, making one much less.
+    """
+    for entry in installed(_GROUP):
+        if entry.name == controller:
+            with plugin_errors("language", entry):
+                factory: LanguageFactory = entry.load()
+            return partial(_build, entry, factory)
+    if controller not in (names := controller_names()):
+        raise UnknownNameError(f"unknown controller {controller!r}; installed: {', '.join(names)}")
+    return partial(_none, controller)
+
+
+def programs_for(text: str) -> list[str]:
+    """Names of the installed controllers that a text can only be a program of, sorted; see `RunsPrograms.claims`.
+
+    A language that does not work claims nothing: whoever names its controller is told so.
+    """
+    found: list[str] = []
+    for name in language_names():
+        with suppress(PluginError):
+            language = create_language(name)
+            if offers(language, RunsPrograms) and language.claims(text):
+                found.append(name)
+    return found
+
+
+def _build(entry: importlib.metadata.EntryPoint, factory: LanguageFactory) -> Language:
+    with plugin_errors("language", entry):
+        return factory(entry.name)
+
+
+def _none(controller: str) -> None:
+    """It has none."""
+
+
+def needed(language: Language | None, controller: str) -> Language:
+    """The language, for whoever cannot do without. Raises LanguageError if there is none."""
+    if language is None:
+        raise LanguageError(f"controller {controller!r} has no language: send its bytes as <13> or by write()")
+    return language

@@ -1,0 +1,359 @@
+"""A tree, what a machine file becomes, to a `Machine`: every table by its dataclass, and what no single value can say.
+
+A change of some numbers builds the parts anew that are made of them, and takes the rest from the machine before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import (
+    Limits,
+    Place,
+    free,
+    keys,
+    known,
+    quantity,
+    read,
+    section,
+    table,
+    text,
+)
+from isel_twin.drives.motor import MOTORS, Motor
+from isel_twin.drives.screw import Rod, Screw
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.stage import Stage
+from isel_twin.drives.supply import Supply, check_fit
+from isel_twin.machine.schema import (
+    CABINETS,
+    Axis,
+    Contact,
+    Imperfections,
+    Machine,
+    MachineError,
+    Mode,
+    Squareness,
+    Timing,
+)
+
+T = TypeVar("T")
+
+_STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)
+"""Full steps of the motor times the stage's microsteps."""
+_STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)
+"""Carriage speed at which half of the excess over Coulomb friction is gone."""
+_MASS_KG = Limits("kg", 1e-3, 1e4)
+_PAYLOAD_KG = Limits("kg", 0.0, 100.0)
+"""What tables of this class carry; ten times as much would be another machine."""
+
+
+DRIVES: Mapping[str, tuple[str, ...]] = {"stepper": ("motor", "stage", "steps_per_rev"), "servo": ("servo",)}
+"""Kinds of drives, and the keys of an axis that are of that kind only."""
+DEFAULT_DRIVE: Final = "stepper"
+"""That of an axis that names none."""
+
+
+_TEXTS: Mapping[str, tuple[str, ...]] = {
+    "name": (),
+    "description": (),
+    "kinematics": ("table", "portal", "traverse"),
+    "cabinet": tuple(CABINETS),
+    "model": (),
+    "fixture": (),
+}
+"""Words at the top of the file, and what each may be."""
+_SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
+_FIXED_SECTIONS = ("timing", "squareness", "imperfections")
+
+
+def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
+    """The machine of a tree, which becomes its own. like: one of nearly the same tree; parts whose tables are the same
+    objects there are taken from it. Raises MachineError."""
+    place = Place(file, MachineError)
+    allowed = (*_TEXTS, *_SECTIONS, *_FIXED_SECTIONS, "supply")
+    known(tree, allowed, place)
+    for key in allowed:
+        if key not in (*tree, "motors", "controller", "supply"):
+            raise place.at(key).wrong("missing")
+    texts = {key: text(tree[key], place.at(key), choices) for key, choices in _TEXTS.items()}
+    sections = {key: table(tree.get(key, {}), place.at(key)) for key in _SECTIONS}
+
+    def part(old: Callable[[Machine], T], new: Callable[[], T], *names: str) -> T:
+        """What is made of the tables of these names."""
+        if like is not None and all(tree.get(name) is like.tree.get(name) for name in names):
+            return old(like)
+        return new()
+
+    def fixed(name: str, cls: type[T]) -> T:
+        return part(lambda m: getattr(m, name), lambda: section(cls, tree[name], place.at(name)), name)
+
+    imperfections = fixed("imperfections", Imperfections)
+    motors = part(
+        lambda m: m.motors,
+        lambda: {key: section(Motor, value, place.at("motors").at(key)) for key, value in sections["motors"].items()},
+        "motors",
+    )
+    axes = part(
+        lambda m: m.axes,
+        lambda: _axes(sections["axes"], {**motors, **MOTORS, **motors}, imperfections, place.at("axes")),
+        *("axes", "motors", "imperfections"),
+    )
+    same_travel = like is not None and all(a.travel_mm == b.travel_mm for a, b in zip(like.axes, axes, strict=True))
+    known(sections["payload"], ("mass",), place.at("payload"))
+    machine = Machine(
+        name=texts["name"],
+        description=texts["description"],
+        kinematics=texts["kinematics"],
+        cabinet=texts["cabinet"],
+        folder=file.parent,
+        model_file=file.parent / texts["model"],
+        fixture_file=file.parent / texts["fixture"] if texts["fixture"] else None,
+        timing=fixed("timing", Timing),
+        axes=axes,
+        supply=fixed("supply", Supply) if "supply" in tree else None,
+        masses_kg={
+            key: quantity(value, _MASS_KG, place.at("masses").at(key)) for key, value in sections["masses"].items()
+        },
+        payload_kg=quantity(sections["payload"].get("mass"), _PAYLOAD_KG, place.at("payload").at("mass")),
+        structure=part(
+            lambda m: m.structure,
+            lambda: tuple(
+                section(Mode, value, place.at("structure").at(key), joint=key)
+                for key, value in sections["structure"].items()
+            ),
+            "structure",
+        ),
+        squareness=fixed("squareness", Squareness),
+        imperfections=imperfections,
+        contacts=part(
+            lambda m: m.contacts,
+            lambda: tuple(
+                _contact(key, value, sections["switches"], axes, imperfections, place.at("contacts").at(key))
+                for key, value in sections["contacts"].items()
+            ),
+            *("contacts", "switches", "imperfections", *(() if same_travel else ("axes",))),
+        ),
+        motors=motors,
+        controller=part(
+            lambda m: m.controller, lambda: _settings(sections["controller"], place.at("controller")), "controller"
+        ),
+        tree=tree,
+    )
+    _check(machine, place)
+    return machine
+
+
+def _axes(
+    content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
+) -> tuple[Axis, Axis, Axis]:
+    x, y, z = (_axis(name, content[name], motors, on, place.at(name)) for name in CARRIAGES)
+    return x, y, z
+
+
+def _settings(content: dict[str, Any], place: Place) -> dict[str, Any]:
+    """Settings for controllers, which may be of several: those that one of the installed ones takes."""
+    from isel_twin.controller import controller_settings
+
+    rules = controller_settings(content)
+    known(content, rules, place)
+    return {key: free(value, rules[key], place.at(key)) for key, value in content.items()}
+
+
+def _axis(name: str, value: Any, motors: Mapping[str, Motor], on: Imperfections, place: Place) -> Axis:
+    """An axis from its table, in which the keys of its screw stand beside its own."""
+    content = table(value, place)
+    kind = text(content.get("drive", DEFAULT_DRIVE), place.at("drive"), tuple(DRIVES))
+    beside = (*DRIVES[kind], "stribeck_speed")
+    for other, foreign in DRIVES.items():
+        if other != kind and any(key in content for key in foreign):
+            key = next(key for key in foreign if key in content)
+            raise place.at(key).wrong(f'of {other} drives, but drive = "{kind}"; allowed: {", ".join(DRIVES[kind])}')
+    known(content, ("drive", *beside, *keys(Axis), *keys(Screw), *keys(Rod)), place)
+    for key in beside:
+        if key not in content:
+            raise place.at(key).wrong("missing")
+    motor, stage = (_servo if kind == "servo" else _stepper)(content, motors, on, place)
+    screw = read(Screw, content, place)
+    if not on.lead_error:
+        screw["lead_error"] = 0.0
+    if not on.backlash:
+        screw["backlash_mm"] = 0.0
+    if not on.cyclic_error:
+        screw["cyclic_error_m"] = 0.0
+    if not on.growth:
+        screw["warming_k"] = 0.0
+    rod = Rod(**read(Rod, content, place))
+    own = read(Axis, content, place)
+    if own["travel_mm"] > rod.length_mm:
+        raise place.at("travel").wrong(
+            f"{own['travel_mm']:g} mm; allowed: up to the length of the screw, screw_length = {rod.length_mm:g} mm"
+        )
+    if rod.free_length_mm + own["travel_mm"] > rod.length_mm:
+        raise place.at("free_length").wrong(
+            f"{rod.free_length_mm:g} mm; allowed: up to what the screw is longer than the travel, "
+            f"{rod.length_mm - own['travel_mm']:g} mm"
+        )
+    if on.free_length:
+        free_mm = 0.5 * (rod.length_mm - own["travel_mm"]) if math.isnan(rod.free_length_mm) else rod.free_length_mm
+        screw |= {"rod_n": rod.rod_n, "free_length_m": 1e-3 * free_mm, "middle_m": 0.5e-3 * own["travel_mm"]}
+    stribeck_mm_s = quantity(content["stribeck_speed"], _STRIBECK_MM_S, place.at("stribeck_speed"))
+    try:
+        return Axis(
+            name=name,
+            motor=motor,
+            stage=stage,
+            screw=Screw(
+                inertia_kgm2=rod.inertia_kgm2,
+                stribeck_rad_s=stribeck_mm_s / screw["lead_mm"] * 2.0 * math.pi,
+                **screw,
+            ),
+            **own,
+        )
+    except ValueError as error:
+        raise place.wrong(str(error)) from None
+
+
+def _stepper(
+    content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
+) -> tuple[Motor, Stage]:
+    """A stepper motor by its name, and its stage."""
+    motor = motors[text(content["motor"], place.at("motor"), tuple(motors))]
+    steps_per_rev = quantity(content["steps_per_rev"], _STEPS_PER_REV, place.at("steps_per_rev"))
+    microsteps, rest = divmod(int(steps_per_rev), motor.full_steps_per_rev)
+    if rest or not microsteps:
+        raise place.at("steps_per_rev").wrong(
+            f"{steps_per_rev}; allowed with the motor {content['motor']}: whole multiples of {motor.full_steps_per_rev}"
+        )
+    stage = section(Stage, content["stage"], place.at("stage"), microsteps=microsteps)
+    return motor, dataclasses.replace(
+        stage,
+        step_error=stage.step_error if on.step_accuracy else 0.0,
+        current_offset=stage.current_offset if on.current_offset else 0.0,
+    )
+
+
+def _servo(
+    content: Mapping[str, Any], motors: Mapping[str, Motor], on: Imperfections, place: Place
+) -> tuple[ServoMotor, ServoDrive]:
+    """A servo motor and its drive, whose keys stand in one table."""
+    where = place.at("servo")
+    both = table(content["servo"], where)
+    known(both, (*keys(ServoMotor), *keys(ServoDrive)), where)
+    motor = ServoMotor(**read(ServoMotor, both, where))
+    drive = ServoDrive(**read(ServoDrive, both, where), rated_current_a=motor.rated_current_a)
+    if drive.peak_current_a < motor.rated_current_a:
+        raise where.at("peak_current").wrong(
+            f"{drive.peak_current_a:g} A; allowed: from rated_current on, {motor.rated_current_a:g} A"
+        )
+    return motor, drive
+
+
+def _check(machine: Machine, place: Place) -> None:
+    """What no single value can say."""
+    timing = machine.timing
+    if timing.mujoco_step_ns % timing.substep_ns:
+        raise place.at("timing.mujoco_step").wrong(
+            f"{timing.mujoco_step_ns / 1e6} ms; "
+            f"allowed: whole multiples of motor_substep ({timing.substep_ns / 1e3} us)"
+        )
+    for axis in machine.axes:
+        low, high = -axis.stop_margin_mm, axis.travel_mm + axis.stop_margin_mm
+        if not low <= axis.power_on_low_mm <= axis.power_on_high_mm <= high:
+            raise place.at(f"axes.{axis.name}.power_on_low").wrong(
+                f"{axis.power_on_low_mm} .. {axis.power_on_high_mm} mm; "
+                f"allowed: a range within the hard stops, {low} .. {high} mm"
+            )
+    if machine.supply is not None and machine.supply.enabled:
+        try:
+            check_fit(machine.supply, [axis.stage for axis in machine.axes], timing.mujoco_step_ns * 1e-9)
+        except ValueError as error:
+            raise place.at("supply").wrong(str(error)) from None
+    for key, path in (("model", machine.model_file), ("fixture", machine.fixture_file)):
+        if path is not None and not path.is_file():
+            raise place.at(key).wrong(f"{path} does not exist; allowed: an MJCF file")
+    longest_mm = _model_travels_mm(machine.model_file)
+    for axis in machine.axes:
+        if axis.travel_mm > longest_mm.get(axis.name, math.inf):
+            raise place.at(f"axes.{axis.name}.travel").wrong(
+                f"{axis.travel_mm:g} mm; allowed: up to {longest_mm[axis.name]:g} mm, "
+                f"where joint {axis.name} ends in {machine.model_file}"
+            )
+    _check_signals(machine, place.at("contacts"))
+
+
+def _check_signals(machine: Machine, place: Place) -> None:
+    """A signal is worked by the cabinet; one that it does not know would never change."""
+    known([c.name for c in machine.contacts if c.kind == "signal"], CABINETS[machine.cabinet], place)
+
+
+def file_content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
+
+
+def model_files(file: Path) -> list[Path]:
+    """A MuJoCo model, and the files that it includes."""
+    included = _joints(file_content(file) or b"")[1]
+    return [file, *(each for name in included for each in model_files(file.parent / name))]
+
+
+def _model_travels_mm(file: Path) -> dict[str, float]:
+    """Where the joints of a MuJoCo model end, by name, as far as its files say so; without MuJoCo, which takes longer.
+
+    A file that cannot be read says nothing here: whoever loads the model says what is wrong with it.
+    """
+    ends: dict[str, float] = {}
+    for each in model_files(file):
+        ends |= _joints(file_content(each) or b"")[0]
+    return ends
+
+
+@lru_cache(32)
+def _joints(content: bytes) -> tuple[Mapping[str, float], tuple[str, ...]]:
+    """Where the joints of an MJCF file end in mm, by name, and the names of the files that it includes."""
+    ends: dict[str, float] = {}
+    included: list[str] = []
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError:
+        return ends, ()
+    for element in root.iter():
+        name, limits = element.get("name"), (element.get("range") or "").split()
+        if element.tag == "include" and element.get("file"):
+            included.append(str(element.get("file")))
+        elif element.tag == "joint" and name and len(limits) == 2:
+            with contextlib.suppress(ValueError):
+                ends[name] = 1e3 * float(limits[1])
+    return ends, tuple(included)
+
+
+def _contact(
+    name: str, value: Any, shared: dict[str, Any], axes: tuple[Axis, ...], on: Imperfections, place: Place
+) -> Contact:
+    content = table(value, place)
+    if "terminal" in content:
+        raise place.at("terminal").wrong("terminals belong to the controller; remove the key")
+    if content.get("kind") != "switch":
+        contact = section(Contact, content, place, name=name)
+    else:
+        contact = section(Contact, {**shared, **content}, place, name=name)
+        if not (contact.axis and contact.end):
+            raise place.wrong(f"a switch needs axis ({', '.join(CARRIAGES)}) and end (motor, far)")
+        if "position" not in content and contact.end == "far":
+            travel_mm = axes[CARRIAGES.index(contact.axis)].travel_mm
+            contact = dataclasses.replace(contact, position_mm=travel_mm)
+    return dataclasses.replace(
+        contact,
+        repeatability_mm=contact.repeatability_mm if on.repeatability else 0.0,
+        bounce_ms=contact.bounce_ms if on.bounce else 0.0,
+    )

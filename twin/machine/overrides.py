@@ -1,0 +1,87 @@
+"""A machine with some of its numbers changed, and the list of them all."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import Place, Row, gather, keys, override, rows
+from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build
+from isel_twin.machine.schema import LEVELS, Imperfections, Machine, MachineError
+
+
+class _Made(NamedTuple):
+    base: Machine
+    """Kept so that nothing else gets its id."""
+    machine: Machine
+
+
+_MOST_MADE = 64
+_made: OrderedDict[tuple[Any, ...], _Made] = OrderedDict()
+"""Machines by the one they were made of and their overrides, those last asked for at the end."""
+
+
+def with_overrides(machine: Machine, overrides: Mapping[str, Any]) -> Machine:
+    """The machine with some of its numbers changed, for experiments.
+
+    Keys are those of `describe`, values are in the file's unit: {"axes.x.backlash": 0.0, "axes.all.lead": 4.0}.
+    The key "imperfections" takes a level: "ideal", "static", "dynamic" or "real".
+    Raises MachineError for an unknown key or a value out of range.
+    """
+    key = (id(machine), *((name, type(value), repr(value)) for name, value in overrides.items()))
+    if (made := _made.get(key)) is not None:
+        _made.move_to_end(key)
+        return made.machine
+    place = Place(machine.file, MachineError)
+    tree: Mapping[str, Any] = machine.tree
+    for name, value in overrides.items():
+        tree = _changed(tree, name, value, place)
+    result = machine if tree is machine.tree else build(dict(tree), machine.file, machine)
+    _made[key] = _Made(machine, result)
+    if len(_made) > _MOST_MADE:
+        _made.popitem(last=False)
+    return result
+
+
+def _changed(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> Mapping[str, Any]:
+    """The tree with one override; all that it does not touch is shared."""
+    _check_drive(tree, key, value, place)
+    if key.startswith("axes.") and key.endswith(".drive"):
+        return tree  # it is so
+    if key == "imperfections":
+        if value not in LEVELS:
+            raise MachineError(f"imperfections: unknown level {value!r}; allowed: {', '.join(LEVELS)}")
+        return {**tree, "imperfections": {name: name in LEVELS[value] for name in keys(Imperfections)}}
+    if not key.startswith("axes.all."):
+        return override(tree, key, value, place)
+    for axis in CARRIAGES:
+        tree = override(tree, f"axes.{axis}.{key.removeprefix('axes.all.')}", value, place)
+    return tree
+
+
+def describe(machine: Machine) -> list[Row]:
+    """All parameters of a machine; those that are equal on X, Y and Z in one row `axes.all...`."""
+    return gather(rows(machine.tree), "axes", CARRIAGES)
+
+
+def _check_drive(tree: Mapping[str, Any], key: str, value: Any, place: Place) -> None:
+    """Refuse an override that is for the other kind of drive: whoever wants it needs another machine."""
+    section_name, _, rest = key.partition(".")
+    member, _, inside = rest.partition(".")
+    own = inside.partition(".")[0]
+    if section_name != "axes" or member not in ("all", *CARRIAGES):
+        return
+    for name in CARRIAGES if member == "all" else (member,):
+        has = tree["axes"][name].get("drive", DEFAULT_DRIVE)
+        for kind, kinds in DRIVES.items():
+            if kind != has and (own in kinds or (own == "drive" and value == kind)):
+                needed = f"{kind} drives are asked for" if own == "drive" else f"this is of {kind} drives"
+                models = {"stepper": "4030", "servo": "4030-servo"}
+                raise place.at(f"axes.{name}.{inside}").wrong(
+                    f"{needed}, and the machine has {has} drives; "
+                    f"take a machine with {kind} drives, such as {models[kind]}"
+                )
+        if own == "drive" and value not in DRIVES:
+            raise place.at(f"axes.{name}.drive").wrong(f"{value!r}; allowed: {', '.join(DRIVES)}")

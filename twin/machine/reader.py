@@ -1,0 +1,126 @@
+"""Machine files: `models/<name>/machine.toml` to a `Machine`.
+
+Three rules make files short:
+
+    based_on = "4030"     start from another machine, by name or by path relative to this folder, and say what differs;
+                          with a `model` of its own a machine also brings all of its own [masses] and [structure]
+    [axes.all]            holds for X, Y and Z; [axes.x] and so on override it
+    [switches]            holds for all position switches; an entry in [contacts] may override it
+
+Settings under [controller] belong to the controllers, who tell which there are (`isel_twin.controller.takes`).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import (
+    Place,
+    merge,
+    parse_toml,
+    read_text,
+    spread,
+    table,
+)
+from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, model_files
+from isel_twin.machine.schema import (
+    DEFAULT_CABINET,
+    Machine,
+    MachineError,
+)
+from isel_twin.models import machine_names, models_folder
+
+T = TypeVar("T")
+
+
+class _Loaded(NamedTuple):
+    machine: Machine
+    contents: Mapping[Path, bytes | None]
+    """Of every file that it was read from; None: there is none."""
+
+
+_MOST_LOADED = 32
+_loaded: dict[Path, _Loaded] = {}
+"""Machines by their file: read again only when a file has changed."""
+
+
+def load_machine(name_or_path: str | Path) -> Machine:
+    """Read a machine by its name, or by the path of a folder with a machine.toml (or of that file).
+
+    The same machine comes as long as the contents of its files are the same. Raises MachineError with one line that
+    names the file, the key and what is allowed.
+    """
+    file = _find(name_or_path)
+    loaded = _loaded.get(file)
+    if loaded is not None and all(file_content(path) == content for path, content in loaded.contents.items()):
+        return loaded.machine
+    files: list[Path] = []
+    tree = _read_file(file, files)
+    tree.setdefault("cabinet", DEFAULT_CABINET)
+    machine = build(tree, file)
+    files += [*model_files(machine.model_file), *([machine.fixture_file] if machine.fixture_file else [])]
+    if len(_loaded) >= _MOST_LOADED:
+        _loaded.clear()
+    _loaded[file] = _Loaded(machine, {path: file_content(path) for path in files})
+    return machine
+
+
+def machine_from_tree(tree: Mapping[str, Any], file: Path) -> Machine:
+    """The machine of a tree (`Machine.tree`) that was read some other time; file: where a machine.toml would be.
+
+    Raises MachineError as `load_machine` does.
+    """
+    return build(copy.deepcopy(dict(tree)), file)
+
+
+def _find(name_or_path: str | Path, relative_to: Path | None = None) -> Path:
+    """The machine.toml that a name or a path means."""
+    candidates = [models_folder() / name_or_path] if str(name_or_path) in machine_names() else []
+    path = Path(name_or_path).expanduser()
+    candidates.append(relative_to / path if relative_to else path)
+    for candidate in candidates:
+        file = candidate if candidate.is_file() else candidate / "machine.toml"
+        if file.is_file():
+            return file.resolve()
+    raise MachineError(
+        f"unknown machine {str(name_or_path)!r}: not a folder with a machine.toml and not one of "
+        f"{', '.join(machine_names())}"
+    )
+
+
+def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
+    """The file's tree with `based_on` and the tables that hold for all resolved; seen: gets the files read so far."""
+    place = Place(file, MachineError)
+    if file in seen:
+        raise place.at("based_on").wrong("goes round in a circle; allowed: a machine that does not need this one")
+    seen.append(file)
+    try:
+        tree = parse_toml(read_text(place), place)
+    except OSError as error:
+        raise place.wrong(f"cannot be read: {error}") from None
+    spread(tree, "axes", CARRIAGES, place)
+    if "based_on" in tree:
+        parent_file = _find(str(tree.pop("based_on")), file.parent)
+        parent = _read_file(parent_file, seen)
+        if "model" in tree:
+            parent = {**parent, "masses": {}, "structure": {}}
+        for key in ("model", "fixture"):
+            if key not in tree and parent.get(key):
+                tree[key] = str(parent_file.parent / str(parent[key]))
+        tree = merge(_without_other_drives(parent, tree, place), tree)
+    return tree
+
+
+def _without_other_drives(parent: Mapping[str, Any], tree: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The parent without the keys of its drives where the tree says another kind."""
+    result = copy.deepcopy(dict(parent))
+    for name, axis in table(tree.get("axes", {}), place.at("axes")).items():
+        before = result["axes"][name]
+        was = before.get("drive", DEFAULT_DRIVE)
+        if axis.get("drive", was) != was:
+            result["axes"][name] = {key: value for key, value in before.items() if key not in DRIVES.get(was, ())}
+    return result

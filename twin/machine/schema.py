@@ -1,0 +1,256 @@
+"""What there is to say of a machine: its numbers, their units and limits.
+
+The fields of the dataclasses below, and those of motor, stage and screw in isel_twin.drives, are the whole format of a
+machine.toml (isel_twin.base.parameters: a number is a table with value, unit, grade and source). A machine is whole:
+its motor has been found, the microsteps follow from it, imperfections that are off are zero.
+
+Machine coordinates of an axis run from 0, the nominal trip point of the motor-end switch, away from the motor to
+`travel_mm`, that of the far-end switch (decision P1).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.parameters import FileError, check, flag, number, word
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.screw import Screw
+from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
+from isel_twin.drives.stage import AnyStage
+from isel_twin.drives.supply import Supply
+
+LEVELS: Mapping[str, frozenset[str]] = {
+    "ideal": frozenset(),
+    "static": frozenset({"lead_error", "squareness", "backlash"}),
+    "dynamic": frozenset({"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}),
+    "real": frozenset(
+        {"lead_error", "squareness", "backlash", "structure", "repeatability", "bounce"}
+        | {"step_accuracy", "current_offset", "cyclic_error", "free_length", "growth"}
+    ),
+}
+"""Imperfection levels: the sources of imperfection that are on."""
+
+CABINETS: Final[Mapping[str, tuple[str, ...]]] = {
+    "safety-relay": (
+        "estop_1",
+        "estop_2",
+        "overtemperature",
+        "start",
+        "stop",
+        "probe",
+        "spindle",
+        "power_ok",
+        "hood_automatic",
+        "hood_setup",
+        "key",
+        *(f"user_{bit}" for bit in range(8)),
+    )
+}
+"""Kinds of control cabinet that a machine can have, and the contacts that each works (isel_twin.wiring.cabinet).
+
+safety-relay: E-stop circuits, hood and supply hold a relay that gives the power stages and the spindle their power.
+"""
+DEFAULT_CABINET: Final = "safety-relay"
+"""That of a file that names none."""
+
+
+class MachineError(FileError):
+    """A machine folder is missing or wrong; one line that names the file, the key and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """The fixed grid of the plant."""
+
+    substep_ns: int = number("us", 1.0, 100.0, key="motor_substep", scale=1e3, whole=True)
+    mujoco_step_ns: int = number("ms", 0.01, 1.0, key="mujoco_step", scale=1e6, whole=True)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One linear axis: motor, stage, screw and nut. What the nut pushes is in the MuJoCo model."""
+
+    name: str
+    motor: Motor | ServoMotor
+    stage: AnyStage
+    """What drives the motor: a stage of a stepper motor, the drive of a servo motor."""
+    screw: Screw
+    """With those of its imperfections that are on."""
+    travel_mm: float = number("mm", 1.0, 10_000.0, key="travel")
+    stop_margin_mm: float = number("mm", 0.1, 100.0, key="stop_margin")
+    """From the trip point of each end switch on to the hard stop."""
+    power_on_low_mm: float = number("mm", -100.0, 10_000.0, key="power_on_low")
+    power_on_high_mm: float = number("mm", -100.0, 10_000.0, key="power_on_high")
+    """Where the carriage may stand when the mains is switched on: uniform between the two."""
+    guide_friction_n: float = number("N", 0.0, 2000.0, key="guide_friction")
+    """Of the guides; drag at the shaft is the screw's."""
+    brake_n: float = number("N", 0.0, 50_000.0, key="brake")
+    """Holding force of the brake at the carriage; 0: the axis has none."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def closed_loop(self) -> bool:
+        """A servo drive: it loses nothing, but lags, and switches itself off if it lags too far."""
+        return isinstance(self.stage, ServoDrive)
+
+    @property
+    def steps_per_rev(self) -> int:
+        """Steps of the commands in a revolution: full steps of the motor times microsteps, or encoder increments."""
+        if isinstance(self.stage, ServoDrive):
+            return self.stage.increments_per_rev
+        assert isinstance(self.motor, Motor)
+        return self.motor.full_steps_per_rev * self.stage.microsteps
+
+    @property
+    def slip_steps(self) -> float:
+        """Steps in one slip of the motor, a period of its torque; one for a servo motor, which does not slip."""
+        return self.steps_per_rev / self.motor.pole_pairs if isinstance(self.motor, Motor) else 1.0
+
+    @property
+    def step_mm(self) -> float:
+        """Nominal carriage travel a step (the lead error is not in it)."""
+        return self.screw.lead_mm / self.steps_per_rev
+
+    @property
+    def steps_per_mm(self) -> float:
+        """Nominal steps per mm of carriage travel (the lead error is not in it)."""
+        return self.steps_per_rev / self.screw.lead_mm
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A structural mode: a passive joint of the MuJoCo model that moves along one axis.
+
+    Its frequency follows from what the joint carries: f = sqrt(k / m) / 2 pi (`isel_twin.plant.model.mode_hz`).
+    """
+
+    joint: str
+    axis: str = word(*CARRIAGES)
+    stiffness_n_per_m: float = number("N/um", 0.05, 200.0, key="stiffness", scale=1e6)
+    damping_ratio: float = number("1", 0.0, 0.5, key="damping_ratio")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Squareness:
+    """Deviations from right angles; a positive one tilts the second axis towards plus of the first."""
+
+    xy: float = number("mm/m", -10.0, 10.0, key="xy", scale=1e-3)
+    xz: float = number("mm/m", -10.0, 10.0, key="xz", scale=1e-3)
+    yz: float = number("mm/m", -10.0, 10.0, key="yz", scale=1e-3)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Imperfections:
+    """Which sources of imperfection are on; what is off counts as zero (structure: as rigid)."""
+
+    lead_error: bool = flag()
+    squareness: bool = flag()
+    backlash: bool = flag()
+    structure: bool = flag()
+    repeatability: bool = flag()
+    bounce: bool = flag()
+    step_accuracy: bool = flag(default=False)
+    current_offset: bool = flag(default=False)
+    cyclic_error: bool = flag(default=False)
+    free_length: bool = flag(default=False)
+    """The screw is the softer the farther the nut is from the fixed bearing; off: everywhere as in the middle."""
+    growth: bool = flag(default=False)
+    """Of the screw by its warming."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact of the machine. The terminal it leads to is the controller's affair (`Controller.terminals`).
+
+    Level at the terminal: high when the contact is closed, the other way round if `inverted`.
+    """
+
+    name: str
+    kind: str = word("switch", "signal", "bridge")
+    """switch: struck by a carriage; signal: set from outside; bridge: always closed."""
+    type: str = word("opener", "closer", default="opener")
+    """opener: closed at rest, open when struck or actuated; closer: the other way round."""
+    inverted: bool = flag(default=False)
+    axis: str = word("", *CARRIAGES, default="")
+    end: str = word("", "motor", "far", default="")
+    position_mm: float = number("mm", -100.0, 10_000.0, key="position", optional=True, default=0.0)
+    """Trip point in machine coordinates; from `axis` and `end` unless the file gives it."""
+    hysteresis_mm: float = number("mm", 0.0, 5.0, key="hysteresis", optional=True, default=0.0)
+    repeatability_mm: float = number("mm", 0.0, 1.0, key="repeatability", optional=True, default=0.0)
+    """Standard deviation of the trip point."""
+    bounce_ms: float = number("ms", 0.0, 50.0, key="bounce", optional=True, default=0.0)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine as its folder describes it. Shared by everything that is built of it, so nobody changes its tables."""
+
+    name: str
+    description: str
+    kinematics: str
+    """table: the portal stands and the table moves along Y; portal: the portal moves along Y;
+    traverse: a column along X, a slide on it along Z, an arm along Y. For people: the model says it to the plant."""
+    cabinet: str
+    """Kind of its control cabinet, one of CABINETS."""
+    folder: Path
+    model_file: Path
+    """MuJoCo model (MJCF) that the plant loads."""
+    fixture_file: Path | None
+    """MuJoCo model (MJCF) of what is clamped on the table, its origin in the middle of the table's surface."""
+    timing: Timing
+    axes: tuple[Axis, Axis, Axis]
+    supply: Supply | None
+    """Common to all stages; None: the file has none."""
+    masses_kg: Mapping[str, float]
+    """By name of the body in the MuJoCo model."""
+    payload_kg: float
+    """Dead weight on the table."""
+    structure: tuple[Mode, ...]
+    squareness: Squareness
+    imperfections: Imperfections
+    contacts: tuple[Contact, ...]
+    """With those of their imperfections that are on."""
+    motors: Mapping[str, Motor]
+    """Motors of its own, by name; they go before those of `isel_twin.drives.MOTORS`."""
+    controller: Mapping[str, Any]
+    """Settings handed to the controller, such as program_memory_bytes."""
+    tree: Mapping[str, Any] = field(repr=False, compare=False)
+    """The file as read, with `based_on` and `all` resolved: where `describe` and `with_overrides` look."""
+
+    @property
+    def file(self) -> Path:
+        """The machine.toml it was read from."""
+        return self.folder / "machine.toml"
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells one machine from another: its numbers and its model, wherever their files stand."""
+        fixture = self.fixture_file.read_bytes().hex() if self.fixture_file is not None else ""
+        tree = {**self.tree, "model": self.model_file.read_bytes().hex(), "fixture": fixture}
+        return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    @property
+    def switches(self) -> tuple[Contact, ...]:
+        """The position switches among the contacts, in the order of the file."""
+        return tuple(contact for contact in self.contacts if contact.kind == "switch")

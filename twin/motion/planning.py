@@ -1,0 +1,106 @@
+"""How a joined plan goes on: phases laid over the pieces of a block from a moment on; formulas: `joined`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.motion.blocks import Law, PlanBlock, State
+from isel_twin.motion.look_ahead import DT, LENGTH, LIMIT, S0, S1, SPEED, V0, V1, T, brake, lay
+
+
+class Ramps(NamedTuple):
+    """The form of the ramps, and what changes the wanted speeds."""
+
+    sine: bool
+    scale: float
+    ceiling: float
+
+    @property
+    def mean(self) -> float:
+        """Mean acceleration of a ramp over its greatest."""
+        return 2.0 / math.pi if self.sine else 1.0
+
+    def lay(self, block: PlanBlock, piece: int, t_s: float, s: float, v: float) -> Law:
+        """A law from place s of a piece to the end of the chain."""
+        table = block.table[piece:]
+        wanted = np.minimum(np.minimum(table[:, SPEED] * self.scale, table[:, LIMIT]), self.ceiling)
+        phases, at = np.empty((3 * len(table), 6)), np.empty(3 * len(table), dtype=np.int32)
+        back = np.empty(len(at), dtype=np.int8)
+        count, settled, kept = lay(t_s, s, v, table, wanted, self.mean, phases, at, back)
+        return Law(phases[:count], at[:count], back[:count], settled, kept or not count)
+
+    def laid(self, block: PlanBlock, state: State) -> tuple[int, int, Law]:
+        """How it goes on: number of phases that stay, number of the piece on which the new law begins, the law."""
+        if not state.ended:
+            row = state.row - int(block.back[state.row])
+            at, piece = block.phases[row], int(block.piece[row])
+            law = self.lay(block, piece, float(at[T]), float(at[S0]), float(at[V0]))
+            if law.kept and _agree(block.phases[row : state.row + 1], law, state.t_s):
+                return row, piece, law
+        row, piece, s = now(block, state)
+        law = self.lay(block, piece, state.t_s, s, state.v)
+        if law.kept or not self._falling(block, state):
+            return row, piece, law
+        piece, t_s, s, v = _fallen(block, state)
+        return state.row + 1, piece, self.lay(block, piece, t_s, s, v)
+
+    def without_rest(self, block: PlanBlock, state: State) -> tuple[PlanBlock, State]:
+        """The block without the pieces that have not begun, but for those it needs to stop."""
+        needed = state.piece + (state.s > 0)
+        if state.v > 0:
+            row, piece, law = self.braked(block, state, 1.0)
+            needed = (piece + int(law.piece[-1]) if len(law.piece) else int(block.piece[row - 1])) + 1
+        block = block.shortened(needed)
+        return block, replace(state, row=min(state.row, len(block.phases) - 1))
+
+    def braked(self, block: PlanBlock, state: State, sharpness: float) -> tuple[int, int, Law]:
+        """How it comes to a stop; returns what `laid` does."""
+        row, piece, s = now(block, state)
+        law = self._brake(block, piece, state.t_s, s, state.v, sharpness)
+        if law.kept or not self._falling(block, state):
+            return row, piece, law
+        piece, t_s, s, v = _fallen(block, state)
+        return state.row + 1, piece, self._brake(block, piece, t_s, s, v, sharpness)
+
+    def _brake(self, block: PlanBlock, piece: int, t_s: float, s: float, v: float, sharpness: float) -> Law:
+        """A law from place s of a piece to standstill."""
+        table = block.table[piece:]
+        phases, at = np.empty((len(table), 6)), np.empty(len(table), dtype=np.int32)
+        back = np.empty(len(table), dtype=np.int8)
+        count, kept = brake(t_s, s, v, table, self.mean * sharpness, phases, at, back) if v > 0 else (0, True)
+        return Law(phases[:count], at[:count], back[:count], 0, kept)
+
+    def _falling(self, block: PlanBlock, state: State) -> bool:
+        return self.sine and not state.ended and bool(block.phases[state.row, V1] < block.phases[state.row, V0])
+
+
+def now(block: PlanBlock, state: State) -> tuple[int, int, float]:
+    """Where a new phase begins at the present: number of phases before it, piece, place on the piece."""
+    row = int(block.phases[:, T].searchsorted(state.t_s))
+    if state.row >= 0 and state.piece < len(block.table) and state.s >= block.table[state.piece, LENGTH]:
+        return row, state.piece + 1, 0.0
+    return row, state.piece, state.s
+
+
+def _fallen(block: PlanBlock, state: State) -> tuple[int, float, float, float]:
+    """Piece, time, place and speed at the end of the ramp under way."""
+    at = block.phases[state.row]
+    t_s, s, v = float(at[T] + at[DT]), float(at[S1]), float(at[V1])
+    return (state.piece + 1, t_s, 0.0, v) if s >= block.table[state.piece, LENGTH] else (state.piece, t_s, s, v)
+
+
+def _agree(phases: NDArray[np.float64], law: Law, t_s: float) -> bool:
+    """True if the law begins with these phases; the last, under way at t_s, may differ in length if it is no ramp."""
+    n = len(phases)
+    if len(law.phases) < n or law.piece[n - 1] != 0 or not np.array_equal(phases[:-1], law.phases[: n - 1]):
+        return False
+    now, then = phases[-1], law.phases[n - 1]
+    if now[V0] != now[V1]:
+        return bool(np.array_equal(now, then))
+    same = now[T] == then[T] and now[S0] == then[S0] and now[V0] == then[V0] == then[V1]
+    return bool(same and t_s < then[T] + then[DT])

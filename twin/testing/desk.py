@@ -1,0 +1,408 @@
+"""The desk: drives one controller with ideal carriages."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.base.axes import AXIS_NAMES
+from isel_twin.base.units import SECOND_NS
+from isel_twin.controller import (
+    Controller,
+    CounterSet,
+    FlashWrite,
+    Output,
+    Remark,
+    Reply,
+    UsesDrives,
+    create_controller,
+    offers,
+)
+from isel_twin.language import Language, create_language
+from isel_twin.motion import Motion
+from isel_twin.testing.drives import IdealDrives
+from isel_twin.testing.switches import PositionSwitch, Ticks, switches
+from isel_twin.wiring.cabinet import SafetyCabinet
+
+_CHUNK = 1 << 16
+_SPIN_LIMIT = 100_000
+_LIMIT_SWITCH = re.compile(f"limit_[{''.join(AXIS_NAMES)}][12]")
+
+
+class ProtocolError(AssertionError):
+    """The controller broke the protocol of time or its own counters; the message says how."""
+
+
+class StillBusyError(AssertionError):
+    """The controller did not come to rest within the virtual time allowed."""
+
+
+class Desk:
+    """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
+
+    built: ClassVar[list[Desk] | None] = None
+    """Where somebody wants to know of every desk: all that are built, in their order. They keep what is `sent`."""
+
+    def __init__(
+        self,
+        factory: Callable[[bytes | None], Controller],
+        *,
+        language: Language | None = None,
+        carriage: Iterable[int] | None = None,
+        position_switches: Iterable[PositionSwitch] | None = None,
+        terminals: Mapping[str, tuple[str, ...]] | None = None,
+        flash: bytes | None = None,
+        power: bool = True,
+    ) -> None:
+        """`factory(flash)` builds the controller.
+
+        language: what `query` and `start` send; None: only `send` can be used. carriage: where the axes stand at first
+        power-on, in steps, one number an axis (2000; so do axes left out). terminals: instead of the controller's own.
+        """
+        self.factory = factory
+        self._language = language
+        self.time_ns = 0
+        self.controller = self.factory(flash)
+        axes = len(self.counts)
+        stands = [*(carriage or ()), *[2000] * axes][:axes]
+        self.carriage = np.array(stands, dtype=np.int64)
+        given = switches() if position_switches is None else position_switches
+        self.position_switches = [switch for switch in given if switch.axis < axes]
+        self.flash = flash
+        self.flash_log: list[tuple[int, bytes]] = []
+        self.remarks: list[tuple[int, str]] = []
+        self.sent = bytearray()
+        self.replies: list[tuple[int, bytes]] = []
+        self.output_log: list[tuple[int, str, int]] = []
+        self.outputs: dict[str, int] = {}
+        self.inputs_log: list[tuple[int, str, bool]] = []
+        self.levels: dict[str, bool] = {}
+        self.steps_without_stages = 0
+        self._terminals_given = terminals
+        self._chunks: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
+        self._recorded = 0
+        self._unread = 0
+        self._agenda: list[tuple[int, int, Callable[[], object]]] = []
+        self._agenda_entries = 0
+        self._forced_contacts: dict[str, bool] = {}
+        self._forced_terminals: dict[str, bool] = {}
+        self._fed_by_drives: list[str] = []
+        self._struck = {switch.contact: False for switch in self.position_switches}
+        for switch in self.position_switches:
+            self._struck[switch.contact] = switch.side * (int(self.carriage[switch.axis]) - switch.trip) >= 0
+        self.cabinet = SafetyCabinet()
+        if Desk.built is not None:
+            Desk.built.append(self)
+        if power:
+            self.power_on()
+
+    @classmethod
+    def of(cls, name: str, *, settings: Mapping[str, Any] | None = None, **options: Any) -> Desk:
+        """A desk for the installed controller `name` with these settings, and its language."""
+        options.setdefault("language", create_language(name))
+        return cls(lambda flash: create_controller(name, flash=flash, settings=settings), **options)
+
+    # --- mains -----------------------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Mains on: the controller gets the levels as they are and starts with its counters at 0."""
+        self.terminals = dict(self._terminals_given or self.controller.terminals())
+        self._check_terminals()
+        self._fed_by_drives = []
+        if offers(self.controller, UsesDrives):
+            self._fed_by_drives = [fed.terminal for fed in self.controller.drive_inputs()]
+            self.controller.use_drives(IdealDrives(self))
+        self.levels = self._levels()
+        self._expected = [0] * len(self.counts)
+        self.controller.power_on(self.time_ns, dict(self.levels))
+        self._collect()
+
+    def power_cycle(self, off_s: float = 1.0, flash: bytes | None = None) -> None:
+        """Mains off at once, on again after `off_s` seconds with the flash image kept (or another one: `flash`).
+
+        Replies not yet read and everything on the agenda are lost; all outputs go to 0, elements stay as they are.
+        """
+        self.read()
+        self._agenda.clear()
+        for name, value in list(self.outputs.items()):
+            if value:
+                self.cabinet.output(name, 0)
+                self._log_output(name, 0)
+        self.cabinet.output("moving", 0)
+        self.time_ns += round(off_s * SECOND_NS)
+        if flash is not None:
+            self.flash = flash
+        self.controller = self.factory(self.flash)
+        self.power_on()
+
+    # --- host ------------------------------------------------------------------------------------------------------
+
+    def send(self, data: bytes, *, byte_time_ns: int = 0) -> None:
+        """Bytes reach the controller now, all at once or one every `byte_time_ns` (the last one arrives at the end)."""
+        if Desk.built is not None:
+            self.sent += data
+        if byte_time_ns == 0:
+            self.controller.receive(self.time_ns, data)
+            self._collect()
+            return
+        for value in data:
+            self.advance_to(self.time_ns + byte_time_ns)
+            self.controller.receive(self.time_ns, bytes([value]))
+            self._collect()
+
+    def start(self, text: str) -> None:
+        """Send a command as the language frames it, and do not wait."""
+        if self._language is None:
+            raise ValueError("this desk was given no language: use send")
+        self.send(self._language.frame(text))
+
+    def query(self, text: str, limit_s: float = 900.0) -> str:
+        """Send a command, let time pass until the controller is idle; return the reply text since now."""
+        self._unread = len(self.replies)
+        self.start(text)
+        return self.finish(limit_s)
+
+    def finish(self, limit_s: float = 900.0) -> str:
+        """Let time pass until the controller is idle; return all reply text not read before.
+
+        Raises StillBusyError if `limit_s` seconds of virtual time do not suffice.
+        """
+        deadline = self.time_ns + round(limit_s * SECOND_NS)
+        if not self.controller.idle:
+            self._advance(deadline, until_idle=True)
+        if not self.controller.idle:
+            raise StillBusyError(f"still busy after {limit_s} s; replies so far: {self.replies[-5:]}")
+        return self.read()
+
+    def read(self) -> str:
+        """Reply text not read before; no time passes."""
+        data = b"".join(data for _, data in self.replies[self._unread :])
+        self._unread = len(self.replies)
+        return data.decode("latin-1") if self._language is None else self._language.text(data)
+
+    # --- operator --------------------------------------------------------------------------------------------------
+
+    def set(self, name: str, state: str | bool) -> None:
+        """Set something by hand, now.
+
+        An element of the cabinet (hood, estop, key, start, stop, user_0 ...) to one of its states; a contact
+        ("limit_x1", "estop_2") to "open", "closed" or "free" (as wired); a terminal ("p0.2", by its level True or
+        False, or "free").
+        """
+        elements = self.cabinet.elements
+        if name in elements:
+            if isinstance(state, bool):
+                state = elements[name][int(state)]
+            self.cabinet.operate(name, state)
+        elif name in self.terminals or name in self._fed_by_drives:
+            if isinstance(state, bool):
+                self._forced_terminals[name] = state
+            else:
+                self._forced_terminals.pop(name, None)
+        elif any(name in contacts for contacts in self.terminals.values()):
+            if state == "free":
+                self._forced_contacts.pop(name, None)
+            else:
+                self._forced_contacts[name] = state == "closed"
+        else:
+            raise KeyError(f"the desk has no element, terminal or contact {name!r}")
+        self._wires_changed()
+
+    def press(self, name: str, seconds: float = 0.05) -> None:
+        """Push a button ("start", "stop", "estop") for `seconds`, then let it go."""
+        self.set(name, True)
+        self.run(seconds)
+        self.set(name, False)
+
+    def at(self, seconds: float, action: Callable[[], object]) -> None:
+        """Do something momentary (set, send) `seconds` from now, whoever lets the time pass."""
+        self._agenda_entries += 1
+        heapq.heappush(self._agenda, (self.time_ns + round(seconds * SECOND_NS), self._agenda_entries, action))
+
+    # --- observation -----------------------------------------------------------------------------------------------
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The controller's counters X, Y, Z, A."""
+        return tuple(int(n) for n in self.controller.counts)
+
+    @property
+    def steps(self) -> Ticks:
+        """Every tick made since the first power-on."""
+        if len(self._chunks) > 1:
+            t_ns, delta = zip(*self._chunks, strict=True)
+            self._chunks = [(np.concatenate(t_ns), np.concatenate(delta))]
+        if not self._chunks:
+            return Ticks(np.zeros(0, np.int64), np.zeros((0, len(self.counts)), np.int8))
+        return Ticks(*self._chunks[0])
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks made since the first power-on: a mark to hand to `steps_since`."""
+        return self._recorded
+
+    def steps_since(self, mark: int) -> Ticks:
+        """The ticks after the first `mark` ones."""
+        stream = self.steps
+        return Ticks(stream.t_ns[mark:], stream.delta[mark:])
+
+    def struck(self, contact: str) -> bool:
+        """Is this position switch struck by its carriage?"""
+        return self._struck[contact]
+
+    # --- time ------------------------------------------------------------------------------------------------------
+
+    def run(self, seconds: float) -> None:
+        """Let `seconds` of virtual time pass."""
+        self.advance_to(self.time_ns + round(seconds * SECOND_NS))
+
+    def advance_to(self, until_ns: int) -> None:
+        """Let time pass to `until_ns`: never beyond `next_ns`, switch edges at the exact tick."""
+        self._advance(until_ns, until_idle=False)
+
+    def _advance(self, until_ns: int, until_idle: bool) -> None:
+        spins = 0
+        while True:
+            due = self._next_event(until_ns)
+            spins = spins + 1 if due == self.time_ns else 0
+            if spins > _SPIN_LIMIT:
+                raise ProtocolError(f"next_ns stays at {due}: the controller never lets time pass")
+            reached = self._make_steps(due)
+            self.time_ns = reached
+            if self._strike():
+                self._wires_changed()
+            self.controller.advance(reached)
+            self._collect()
+            while self._agenda and self._agenda[0][0] <= reached:
+                heapq.heappop(self._agenda)[2]()
+            next_ns = self.controller.next_ns
+            if next_ns is not None and next_ns <= reached:
+                continue
+            if reached >= until_ns or (until_idle and self.controller.idle):
+                return
+
+    def _next_event(self, until_ns: int) -> int:
+        due = until_ns
+        next_ns = self.controller.next_ns
+        if next_ns is not None:
+            if next_ns < self.time_ns:
+                raise ProtocolError(f"next_ns {next_ns} lies before the present {self.time_ns}")
+            due = min(due, next_ns)
+        if self._agenda:
+            due = min(due, self._agenda[0][0])
+        return max(due, self.time_ns)
+
+    def _make_steps(self, until_ns: int) -> int:
+        """Make the pulses in (time_ns, until_ns], up to the first that changes a switch; return the time reached."""
+        run = self.controller.run
+        if run is None or until_ns <= self.time_ns:
+            return until_ns
+        first, last = run.count(self.time_ns), run.count(until_ns)
+        size = 1 << 10  # small at first: a reference run meets its switch long before the end of its path
+        while first < last:
+            stop = min(last, first + size)
+            edge_ns = self._make_chunk(run, first, stop)
+            if edge_ns is not None:
+                return edge_ns
+            first, size = stop, min(2 * size, _CHUNK)
+        return until_ns
+
+    def _make_chunk(self, run: Motion, first: int, stop: int) -> int | None:
+        t_ns, delta = run.window(first, stop)
+        motor = delta * np.array(self.controller.direction, dtype=np.int8)
+        positions = self.carriage + np.cumsum(motor, axis=0, dtype=np.int64)
+        n = len(t_ns)
+        for switch in self.position_switches:
+            beyond = switch.side * (positions[:, switch.axis] - switch.trip)
+            changed = beyond < -switch.hysteresis if self._struck[switch.contact] else beyond >= 0
+            if changed[:n].any():
+                n = int(np.argmax(changed)) + 1
+        edge_ns = int(t_ns[n - 1]) if n < len(t_ns) or self._would_strike(positions[n - 1]) else None
+        self._chunks.append((t_ns[:n], delta[:n]))
+        self._recorded += n
+        if not (self.outputs.get("stages") and self.cabinet.relay):
+            self.steps_without_stages += n
+        self.carriage = positions[n - 1].copy()
+        self._expected = [have + int(d) for have, d in zip(self._expected, delta[:n].sum(axis=0), strict=True)]
+        return edge_ns
+
+    def _would_strike(self, carriage: NDArray[np.int64]) -> bool:
+        return any(
+            self._is_struck(switch, carriage) != self._struck[switch.contact] for switch in self.position_switches
+        )
+
+    def _is_struck(self, switch: PositionSwitch, carriage: NDArray[np.int64]) -> bool:
+        beyond = switch.side * (int(carriage[switch.axis]) - switch.trip)
+        return beyond >= -switch.hysteresis if self._struck[switch.contact] else beyond >= 0
+
+    def _strike(self) -> bool:
+        struck = {switch.contact: self._is_struck(switch, self.carriage) for switch in self.position_switches}
+        changed = struck != self._struck
+        self._struck = struck
+        return changed
+
+    # --- wires -----------------------------------------------------------------------------------------------------
+
+    def _check_terminals(self) -> None:
+        """A name that no machine has would never be wired, and nobody would notice."""
+        for terminal, names in self.terminals.items():
+            for name in names:
+                if name not in self.cabinet.signals and not _LIMIT_SWITCH.fullmatch(name) and name not in self._struck:
+                    raise ProtocolError(f"terminal {terminal!r} is wired to {name!r}, a contact that no machine has")
+
+    def _levels(self) -> dict[str, bool]:
+        contacts = self.cabinet.contacts()
+        contacts.update({contact: not struck for contact, struck in self._struck.items()})
+        contacts.update(self._forced_contacts)
+        levels = {
+            terminal: all(contacts.get(name, True) for name in names) for terminal, names in self.terminals.items()
+        }
+        return {**levels, **dict.fromkeys(self._fed_by_drives, False), **self._forced_terminals}
+
+    def _wires_changed(self) -> None:
+        """Hand every changed level to the controller; what it does in answer may change further levels."""
+        contacts = {**self.cabinet.contacts(), **self._forced_contacts}
+        self.cabinet.sense(contacts.__getitem__)
+        for _ in range(_SPIN_LIMIT):
+            levels = self._levels()
+            changed = [terminal for terminal, level in levels.items() if level != self.levels[terminal]]
+            if not changed:
+                return
+            terminal = changed[0]
+            self.levels[terminal] = levels[terminal]
+            self.inputs_log.append((self.time_ns, terminal, levels[terminal]))
+            self.controller.set_input(self.time_ns, terminal, levels[terminal])
+            self._take()
+        raise ProtocolError("the controller and its inputs never settle")
+
+    def _collect(self) -> None:
+        self._take()
+        self._wires_changed()
+        if tuple(self._expected) != self.counts:
+            raise ProtocolError(f"counters {self.counts} differ from the stream's sum {tuple(self._expected)}")
+
+    def _take(self) -> None:
+        for event in self.controller.take():
+            match event:
+                case Reply(data):
+                    self.replies.append((self.time_ns, data))
+                case Output(name, value):
+                    self._log_output(name, value)
+                    self.cabinet.output(name, value)
+                case CounterSet(axis, value):
+                    self._expected[axis] = value
+                case FlashWrite(image):
+                    self.flash = image
+                    self.flash_log.append((self.time_ns, image))
+                case Remark(text):
+                    self.remarks.append((self.time_ns, text))
+        self.cabinet.output("moving", int(self.controller.run is not None))
+
+    def _log_output(self, name: str, value: int) -> None:
+        self.outputs[name] = value
+        self.output_log.append((self.time_ns, name, value))

@@ -1,0 +1,51 @@
+"""Ideal drives: every axis is where its counter says, and has current while the stages are on."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class _Desk(Protocol):
+    """What ideal drives look at."""
+
+    outputs: dict[str, int]
+
+    @property
+    def counts(self) -> tuple[int, ...]: ...
+
+
+class IdealDrives:
+    """Implements `isel_twin.controller.Drives`: every axis is where its counter says."""
+
+    def __init__(self, desk: _Desk) -> None:
+        self._desk = desk
+
+    @property
+    def encoder(self) -> tuple[int, ...]:
+        return self._desk.counts
+
+    @property
+    def lag(self) -> tuple[float, ...]:
+        return (0.0,) * len(self._desk.counts)
+
+    @property
+    def speed(self) -> tuple[float, ...]:
+        return (0.0,) * len(self._desk.counts)
+
+    @property
+    def past_zero_pulse(self) -> tuple[int, ...]:
+        return (0,) * len(self._desk.counts)
+
+    @property
+    def on(self) -> tuple[bool, ...]:
+        return (bool(self._desk.outputs.get("stages")),) * len(self._desk.counts)
+
+    @property
+    def fault(self) -> tuple[bool, ...]:
+        return (False,) * len(self._desk.counts)
+
+    overloaded = fault
+
+    @property
+    def in_position(self) -> tuple[bool, ...]:
+        return (True,) * len(self._desk.counts)
