@@ -21,7 +21,8 @@ from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END
 from isel_twin.firmware.bwo900.programs.stored import program_name
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,

@@ -15,7 +15,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 OTHERS: Final[Mapping[str, int]] = {
     "I": P.HANDED_I, "J": P.HANDED_J, "K": P.HANDED_K, "R": P.HANDED_R, "T": P.HANDED_T, "f": P.HANDED_END_FEED,

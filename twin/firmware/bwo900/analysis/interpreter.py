@@ -26,6 +26,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates, start_state
 from isel_twin.firmware.bwo900.analysis.cycle import Cycle, call_of, chosen, comes_first, step
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
+from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
 from isel_twin.firmware.bwo900.analysis.handed import clear
 from isel_twin.firmware.bwo900.analysis.output import Output
 from isel_twin.firmware.bwo900.analysis.reader import Reader
@@ -46,7 +47,7 @@ from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 MOST_KEPT: Final = 100_000
 """Moves of a cycle that supervision keeps (M8006)."""
@@ -55,12 +56,8 @@ MOST_KEPT: Final = 100_000
 class Interpreter:
     """One channel's interpreter."""
 
-    def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] | None = None) -> None:
-        """cycles: functions of cycles by their G number, `Call -> Iterator[Move]`; None: those of `cycles.table`."""
-        if cycles is None:
-            from isel_twin.firmware.bwo900.analysis.cycles.table import CYCLES
-
-            cycles = CYCLES
+    def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] = CYCLES) -> None:
+        """cycles: functions of cycles by their G number, `Call -> Iterator[CycleMove]`."""
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
         self.on_write: Callable[[int, float | None], None] | None = None
@@ -252,7 +249,7 @@ class Interpreter:
         if renewal is Renewal.TOOL:
             self._tools.change()
         if renewal is not Renewal.NOTHING:
-            self._activate_tool()
+            self._coordinates.use_length(self._tools.length_mm)
         self._coordinates.renew()
 
     def _returned(self, level: Level) -> PathBlock:
@@ -374,8 +371,6 @@ class Interpreter:
                 self._output.restop(Stop.END)
             self.stack.clear()
 
-    # Tools
-
     def _after(self, said: Said) -> None:
         """What becomes true at the end of the block; the tool that the PLC changes, when it says so."""
         changed = said.changes and said.call is None
@@ -384,10 +379,7 @@ class Interpreter:
         elif changed:
             self._tools.change()
         if said.activates or said.length or (changed and self._due is not Renewal.TOOL):
-            self._activate_tool()
-
-    def _activate_tool(self) -> None:
-        self._coordinates.use_length(self._tools.length_mm)
+            self._coordinates.use_length(self._tools.length_mm)
 
     # Cycles
 
@@ -396,8 +388,7 @@ class Interpreter:
         first, pattern, machining = chosen(said.cycles, self._reader.drilling)
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
-        here = self._coordinates
-        bare = G.BARE in said.blockwise
+        here, bare = self._coordinates, G.BARE in said.blockwise
         call = call_of(self._parameters, here, self._targets, self._reader, self._tools, targets, machining, bare=bare)
         moves, comes = Moves(self._cycles, first, call), comes_first(pattern, here, targets)
         self._cycle_now = Cycle(said, self.stack.top, moves, after, stop, here.modal, comes)
@@ -410,8 +401,7 @@ class Interpreter:
     def _go_on_with(self, cycle: Cycle) -> None:
         """The next move of a cycle, or its end."""
         said = cycle.said
-        move = next(cycle.moves, None)
-        if move is not None:
+        if (move := next(cycle.moves, None)) is not None:
             pre: list[MFunction] = []
             if cycle.comes and cycle.moves.made == 1:
                 pre, said.pre = said.pre, []

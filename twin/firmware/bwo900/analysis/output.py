@@ -14,7 +14,7 @@ from isel_twin.firmware.bwo900.geometry.blocks import PathBlock, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 
 class Output:

@@ -27,7 +27,7 @@ from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import MWord, ProgramBlock, Word
+from isel_twin.firmware.bwo900.programs.words import MWord, ProgramBlock, Word
 
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999

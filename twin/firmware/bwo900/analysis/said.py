@@ -19,7 +19,7 @@ from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.in_force import InForce
 from isel_twin.firmware.bwo900.numbers import G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 Called: TypeAlias = tuple[str, int | None, int | None]
 """A program, and its first and last block if they are named."""

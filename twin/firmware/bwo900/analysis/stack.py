@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""

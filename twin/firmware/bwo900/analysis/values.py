@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.programs.expressions import (
     evaluate,
     whole,
 )
-from isel_twin.firmware.bwo900.programs.syntax import Assign, ProgramBlock
+from isel_twin.firmware.bwo900.programs.words import Assign, ProgramBlock
 
 Later: TypeAlias = list[tuple[int, float | None]]
 """Parameters P that are written when a block is executed: number, value."""

@@ -13,7 +13,7 @@ from enum import Enum
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 
 
 class BlockEnd(Enum):

@@ -15,7 +15,8 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 ROOM: Final = 65_536
 """Bytes of lines that can wait; the manual names no number."""

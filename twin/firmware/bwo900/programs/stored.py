@@ -19,7 +19,8 @@ from typing import ClassVar, Protocol
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.feed import Feed
 from isel_twin.firmware.bwo900.programs.lines import END, Lines, without_number
-from isel_twin.firmware.bwo900.programs.syntax import ProgramBlock, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
 

@@ -12,7 +12,7 @@ from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
