@@ -73,7 +73,7 @@ def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None
 
 
 def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
-    """Whether a pattern begins with a move to where it lies."""
+    """True if a pattern begins with a move to where it lies."""
     plane = coordinates.frame.plane
     return pattern == G.CIRCLE_OF_PLACES or (
         pattern is not None and not {plane.first, plane.second}.isdisjoint(targets)

@@ -32,7 +32,7 @@ class Said:
     block: ProgramBlock
     program: str
     main: bool
-    """It is one of a program, not of a cycle's."""
+    """True for a block of a program, False for one of a cycle."""
     parameters: Later = field(default_factory=list)
     synchronises: bool = False
     """Analysis waits until it has been executed."""

@@ -185,7 +185,7 @@ class Targets:
         return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(P.CENTRE_ERROR, 0.003))
 
     def _turns(self, targets: Mapping[int, float]) -> bool:
-        """Whether a block with G02 or G03 has a circle to make."""
+        """True if a block with G02 or G03 has a circle to make."""
         plane = self._coordinates.frame.plane
         return plane.first in targets or plane.second in targets or bool(self._centre or self._radius)
 

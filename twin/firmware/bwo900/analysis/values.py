@@ -58,7 +58,7 @@ class Values:
         return expression.value if isinstance(expression, Number) else evaluate(expression, self)
 
     def holds(self, block: ProgramBlock) -> bool:
-        """Whether what a block waits for is true: waituntil."""
+        """True if what a block waits for is true: waituntil."""
         wait = block.wait
         return wait is None or compare(self.of(wait.left), wait.relation, self.of(wait.right))
 
@@ -100,7 +100,7 @@ class Values:
             self._written(number, value)
 
     def synchronises(self, block: ProgramBlock) -> bool:
-        """Whether analysis waits for one of the parameters that a block writes."""
+        """True if analysis waits for one of the parameters that a block writes."""
         return any(self._synchronises(assign) for assign in block.assignments)
 
     def _synchronises(self, assign: Assign) -> bool:

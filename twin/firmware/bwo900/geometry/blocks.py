@@ -116,18 +116,18 @@ class PathBlock:
 
     @property
     def speaks(self) -> bool:
-        """Whether something happens as it begins."""
+        """True if something happens as it begins."""
         said = self.text is not None or self.tool is not None
         return bool(self.pre or self.parameters or self.speeds or self.watched or said)
 
     @property
     def in_real_time(self) -> bool:
-        """Whether it is more than parameters and jumps."""
+        """True if it is more than parameters and jumps."""
         return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
 
     @property
     def stands(self) -> bool:
-        """Whether the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        """True if the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
         return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
 
     @property

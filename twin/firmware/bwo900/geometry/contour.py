@@ -44,7 +44,7 @@ class Contour:
         self._between: list[PathBlock] = []
 
     def push(self, block: PathBlock) -> list[PathBlock]:
-        """The blocks that are done now."""
+        """Take a block; the blocks that are finished by it."""
         first = self._first
         if first is None:
             return self._begin(block)
@@ -65,7 +65,7 @@ class Contour:
         return [before, *(_moved(other, plane.of(a.end)) for other in between), *self._begin(after)]
 
     def flush(self) -> list[PathBlock]:
-        """Nothing comes that a corner could wait for. Raises ProgramError M1226 if one does."""
+        """No more blocks come. Raises ProgramError M1226 if a corner still waits for the next path."""
         if self._first is not None:
             first, self._first, self._between = self._first, None, []
             raise ProgramError(Code.NO_NEXT_PATH, "the next path is missing").at(

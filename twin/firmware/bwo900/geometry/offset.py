@@ -47,7 +47,7 @@ SHARPEST: Final = 120.0
 
 
 def corner_arc(deviation_deg: float, threshold: float | None) -> bool:
-    """Whether an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
+    """True if an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
     if threshold is None:
         return True
     return deviation_deg > (threshold or SHARPEST)

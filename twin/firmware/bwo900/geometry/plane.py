@@ -125,7 +125,7 @@ def share_of(element: Element, plane: Plane, point: UV) -> float:
 
 
 def cut(element: Element, plane: Plane, begin: UV | None, end: UV | None) -> Element:
-    """The element between two points of its line or circle; None: its own end. Other axes end as they did."""
+    """The part of an element between two of its points; None: to its own end. Other axes keep their ends."""
     first = 0.0 if begin is None else share_of(element, plane, begin)
     last = 1.0 if end is None else share_of(element, plane, end)
     start = element.start if begin is None else plane.into(element.start, *begin)

@@ -31,7 +31,7 @@ def _parsed(text: str, line: int) -> ProgramBlock:
 
 
 class Blocks(Protocol):
-    """What an interpreter asks of a program, be it kept (`Program`) or fed (`feed.Feed`)."""
+    """What an interpreter asks of a program, be it kept (`StoredProgram`) or fed (`feed.Feed`)."""
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class Blocks(Protocol):
 
     @property
     def linear(self) -> bool:
-        """Nothing leads back in it, and no block is looked for."""
+        """It has no jumps and no loops, as one that is fed."""
 
     @property
     def complete(self) -> bool:
@@ -49,16 +49,16 @@ class Blocks(Protocol):
         """Number of blocks that are known."""
 
     def block(self, place: int) -> ProgramBlock:
-        """See Program.block."""
+        """The block at a place, from 0, read. Raises ProgramError if it makes no sense."""
 
     def number(self, place: int) -> int:
-        """See Program.number."""
+        """The number of the block at a place, -1 if it has none."""
 
     def after(self, number: int) -> str:
-        """See Program.after."""
+        """The text behind a block's number; empty if there is no such block."""
 
     def place(self, number: int) -> int:
-        """See Program.place."""
+        """The place of the block with that number. Raises ProgramError M1255, M1269."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,7 @@ class StoredProgram:
     """A program: name (P or Z and its number), and its blocks one after the other, chained lines joined."""
 
     linear: ClassVar = False
-    """Nothing leads back in it, see `feed`."""
     complete: ClassVar = True
-    """Its last line is known."""
     name: str
     text: bytes
     """Of all blocks, each ended by LF, Latin-1."""
@@ -100,22 +98,18 @@ class StoredProgram:
         return self.text[self.begins[place] : self.begins[place + 1] - 1].decode("latin-1")
 
     def block(self, place: int) -> ProgramBlock:
-        """The block at a place, read. Raises ProgramError if it cannot be."""
         return _parsed(self.line(place), place + 1)
 
     def number(self, place: int) -> int:
-        """The number of the block at a place, -1 if it has none."""
         return self.numbers[place]
 
     def after(self, number: int) -> str:
-        """What stands behind a block's number; empty if there is no such block."""
         try:
             return without_number(self.line(self.place(number)))
         except ProgramError:
             return ""
 
     def place(self, number: int) -> int:
-        """The place of the block with that number. Raises ProgramError M1255 if there is none."""
         at = bisect_left(self.highest, number)
         if at == len(self) or self.numbers[at] != number:
             raise ProgramError(Code.NO_BLOCK, f"N{number} in {self.name}")

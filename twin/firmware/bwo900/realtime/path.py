@@ -161,9 +161,9 @@ def _slope(p: Parameters, axis: int, fastest: float) -> float:
     """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
     asked = p.axis(axis, Axis.SLOPE, 0.0)
     most = fastest
-    for number, share in ((1, 0.1), (2, 0.2)):
+    for number, speed, share in ((1, Axis.SLOPE_SPEED_1, 0.1), (2, Axis.SLOPE_SPEED_2, 0.2)):
         if byte(asked, number) & 1:
-            most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
+            most = min(most, positive(p.axis(axis, speed, 0.0) / MINUTE_S, share * fastest))
     return most
 
 

@@ -54,7 +54,7 @@ def deep_hole(call: Call) -> Iterator[CycleMove]:
             yield _to(call, Kind.RAPID, depths[number - 1] + back)
         last = number == len(depths) - 1
         yield _to(call, Kind.LINE, reached, feed, dwell_s=_dwell(call) if last else None, exact_stop=True)
-    if call.given(P.CYCLES_LAST) is not None:
+    if call.given(P.DEGRESSIVE) is not None:
         yield _to(call, Kind.RAPID, approach)
     yield from _end(call, approach)
 
@@ -62,7 +62,7 @@ def deep_hole(call: Call) -> Iterator[CycleMove]:
 def strokes(call: Call, depth: float, approach: float) -> list[float]:
     """Where each stroke of G83 ends. Raises ProgramError: M8036, M8037."""
     whole = depth - approach
-    if call.given(P.CYCLES_LAST) is None:
+    if call.given(P.DEGRESSIVE) is None:
         count = int(abs(call.needed(P.STROKES)))
         if not 1 <= count <= MOST:
             raise ProgramError(invalid(P.STROKES), f"P36 is {call.get(P.STROKES):g}; allowed: 1 to {MOST}")

@@ -270,7 +270,7 @@ def _circular(call: Call) -> tuple[Job, int]:
     """Checks the parameters of G74 and G75; the turn. Raises ProgramError: M8001 to M8021."""
     tool = tool_radius(call)
     radius = positive(call, P.POCKET_RADIUS)
-    drilled = call.get(P.SIZE_1) or 0.0
+    drilled = call.get(P.INNER_RADIUS) or 0.0
     if drilled < 0.0:
         raise ProgramError(Code.INNER_RADIUS, f"P11 is {drilled:g}")
     if radius < tool:
@@ -295,7 +295,7 @@ def _spiral(call: Call, job: Job, last: float, turn: int) -> Iterator[Way]:
     """From the middle to the wall: along the first axis, a circle, half circles that grow, a circle."""
     if last <= NEAR_MM:
         return
-    at = min((call.get(P.SIZE_1) or 0.0) + job.infeed, last)
+    at = min((call.get(P.INNER_RADIUS) or 0.0) + job.infeed, last)
     yield Way((0.0, 0.0), (at, 0.0))
     yield from _full(at, turn)
     while at < last - NEAR_MM:

@@ -92,7 +92,7 @@ def not_negative(call: Call, number: int) -> float:
 
 
 def job_of(call: Call, radius: float, quarters: int) -> Job:
-    """What all of them check. Raises ProgramError: M8009, M8013, M8015 to M8019, M8021, M1230 no feed."""
+    """Check what all of them need. Raises ProgramError: M8009, M8013, M8015 to M8019, M8021, M1230 no feed."""
     depth = positive(call, P.POCKET_DEPTH)
     allowance = not_negative(call, P.ALLOWANCE)
     infeed = abs(call.needed(P.INFEED_ACROSS))
@@ -139,7 +139,7 @@ def finishing_cuts(call: Call, job: Job) -> list[float]:
 
 
 def to_middle(job: Job) -> Iterator[CycleMove]:
-    """To the middle, where the block says it."""
+    """To the middle, if the block names it."""
     if job.call.words:
         yield CycleMove(Kind.RAPID, job.call.words)
 
@@ -149,7 +149,7 @@ def rapid(job: Job, place: UV) -> CycleMove:
 
 
 def level(job: Job, height: float, kind: Kind, feed: float | None = None) -> CycleMove:
-    """To a height; with feed it is a floor, which is reached before the tool goes on."""
+    """To a height; a floor (with feed) ends with an exact stop."""
     return CycleMove(kind, {job.call.plane.third: height}, None, feed, exact_stop=kind is Kind.LINE)
 
 
