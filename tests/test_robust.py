@@ -101,15 +101,13 @@ def test_the_supply_of_an_ismif_is_that_of_its_own_stages() -> None:
     """32 V (its controller's wish), not the machine's 48."""
     call = TwinSpec(controller="ismif")
     robust.check(call, 3)
-    supplies = [
-        robust.perturbation(robust.called_machine(call), 0, number)[2]["axes.x.stage.supply"] for number in (1, 2)
-    ]
+    supplies = [robust.perturbation(call.fitted(), 0, number)[2]["axes.x.stage.supply"] for number in (1, 2)]
     assert all(30.4 <= volts <= 33.6 for volts in supplies)
 
 
 def test_what_the_caller_says_of_the_supply_goes_before_what_the_controller_wishes() -> None:
     """24 V, neither the 32 V of an iSMIF's own stages nor the machine's 48."""
-    machine = robust.called_machine(TwinSpec(controller="ismif", overrides={"axes.all.stage.supply": 24.0}))
+    machine = TwinSpec(controller="ismif", overrides={"axes.all.stage.supply": 24.0}).fitted()
     assert {axis.stage.supply_v for axis in machine.axes} == {24.0}
 
 

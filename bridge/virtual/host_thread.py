@@ -22,7 +22,7 @@ class Ending:
 
 
 class HostThread:
-    """A thread of the host."""
+    """A thread of the host, as a task of its `Turns`."""
 
     def __init__(self, name: str, *, daemon: bool, ident: int | None = None) -> None:
         self.name = name

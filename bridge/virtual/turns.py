@@ -64,7 +64,7 @@ _get_ident = _thread.get_ident
 
 
 class Wire(Protocol):
-    """Somebody who hears the line, see isel_twin.bridge.serve.wire_log."""
+    """Who is told what goes over the line, such as a `WireLog`."""
 
     def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
         """Bytes of the host (`sent`) or for it, at time_ns."""
@@ -73,9 +73,8 @@ class Wire(Protocol):
 class Turns:
     """While this context is open, the thread in it and those it starts take turns in the virtual time of a twin.
 
-    What makes them see it, the names that are replaced, is the business of `VirtualTime` (virtual_time.py), which
-    says what the arguments are. One at a time in a process: RuntimeError otherwise. When it is left, threads that are
-    still there are ended: `HostEnded` is raised in them where they wait.
+    `VirtualTime` (virtual_time.py) makes them see it, and says what the arguments are. One at a time in a process:
+    RuntimeError otherwise. At its end threads that are still there are ended: `HostEnded` is raised where they wait.
     """
 
     ports: Any
@@ -99,7 +98,7 @@ class Turns:
         self.ending: Ending | None = None
         """Set when the host cannot go on."""
         self.broken: BaseException | None = None
-        """An error in the twin itself, which is nobody's fault here."""
+        """An error in the twin itself: no fault of the host."""
         self.left: list[str] = []
         """Threads that would not end."""
         self._wire = wire

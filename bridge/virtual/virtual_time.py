@@ -1,10 +1,4 @@
-"""Virtual time for a host program in this process: `VirtualTime`, in which it lives.
-
-turns.py           its threads served in turn, its waits those of the twin's clock
-stand_in.py        one function that is virtual in its threads and real elsewhere
-stand_ins.py       clocks, sleeps, locks, threads, queues, signals
-virtual_serial.py  its serial port
-"""
+"""Virtual time for a host program in this process: turns for its threads, stand-ins for what is real, and a port."""
 
 from __future__ import annotations
 

@@ -591,3 +591,14 @@ def test_the_same_host_twice_to_the_nanosecond(tmp_path, capsys):
         twin = Twin(plant="kinematic", line_speed=True)
         seen.append((run_host(twin, [str(file)]), capsys.readouterr().out, twin.steps.t_ns.tobytes()))
     assert seen[0] == seen[1]
+
+
+def test_a_python_without_what_threads_rest_on_is_named_in_one_line():
+    code = "import queue, sys\ndel queue._PySimpleQueue\nfrom isel_twin.cli import main\nmain(['exec', 'host.py'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"isel-twin: virtual time needs queue._PySimpleQueue, which Python {version} does not have: "
+        "use Python 3.11 to 3.14, or `isel-twin serve` in real time\n"
+    )

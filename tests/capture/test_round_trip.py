@@ -159,6 +159,18 @@ def test_every_output_is_written(call: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(load(tmp_path / "v.vcd").t_ns, load(tmp_path / "job.vcd").t_ns)
 
 
+def test_one_file_that_cannot_be_written_costs_neither_the_verdict_nor_another_file(call: Any, tmp_path: Path) -> None:
+    """As `run` does: the stream meets a full disk; verdict, VCD, recording and page are there."""
+    np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 8001) * 200_000, delta=np.ones((8000, 1), dtype=np.int8))
+    outputs = ("--steps", "/dev/full", "--vcd", "v.vcd", "--record", "r.mcap", "--report", "r.html")
+    code, out, err = call("drive", "a.npz", "--plant", "kinematic", "--start", "50,50,20", *outputs)
+    assert (code, err) == (2, "isel-twin: /dev/full: No space left on device\n")
+    assert "all well: 1 motion, 0 struck a switch" in out
+    assert "cycle time" in out
+    assert all((tmp_path / name).stat().st_size > 1000 for name in ("v.vcd", "r.mcap"))
+    assert "</html>" in (tmp_path / "r.html").read_text()
+
+
 def test_a_wall_in_the_way_loses_steps(call: Any, tmp_path: Path) -> None:
     """200 mm at 25 mm/s from 300 mm on: the far-end switch at 395 mm is struck, the stop 3 mm behind it holds."""
     n = 64_000

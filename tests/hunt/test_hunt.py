@@ -24,7 +24,7 @@ from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.core.twin import Twin
 from isel_twin.firmware.imc import commands as imc
 from isel_twin.firmware.imc.grammar import AXES_CODE
-from isel_twin.firmware.ismif.commands import FORMS, CommandError, parse
+from isel_twin.firmware.ismif.commands import COMMANDS, CommandError, parse
 from isel_twin.motion.step_run import StepRun
 from isel_twin.plant.built import find_free
 from isel_twin.plant.kinematic import KinematicPlant
@@ -304,7 +304,7 @@ def test_every_command_is_said() -> None:
                 said.add(parse(line.encode("latin-1")).code)
             except CommandError:
                 continue
-    assert said >= FORMS.keys() - {"@B", "@A", "@C", "@S"}
+    assert said >= COMMANDS.keys() - {"@B", "@A", "@C", "@S"}
     interruptions = b"".join(ismif_dialect.interruptions)
     assert all(master in interruptions for master in (b"@B", b"@A", b"@C", b"@S"))
     assert {bytes([byte]) for byte in (253, 254, 255)} <= set(imc_dialect.interruptions)

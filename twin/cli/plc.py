@@ -13,7 +13,7 @@ from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cli.options import STANDARD_INPUT, ControllerName, Json, check_writable, is_standard_input
 
 if TYPE_CHECKING:
-    from isel_twin.firmware.plc import Program
+    from isel_twin.firmware.plc import PlcProgram
 
 plc = App(name="plc", help="Programs of a controller's PLC: STEP 5 text to bytes and back, explained, loaded.")
 
@@ -89,17 +89,17 @@ def load(source: Source, *, controller: ControllerName) -> int:
     return 0
 
 
-def _program(source: Path) -> Program:
+def _program(source: Path) -> PlcProgram:
     """The program of a file, text or image. Raises CallError."""
     from isel_twin.firmware.plc.assembler import AssemblyError
     from isel_twin.firmware.plc.assembler import assemble as assembled
-    from isel_twin.firmware.plc.image import MAGIC, Program
+    from isel_twin.firmware.plc.image import MAGIC, PlcProgram
 
     name = "-" if is_standard_input(source) else str(source)
     with call_errors(source):
         data = sys.stdin.buffer.read() if str(source) == STANDARD_INPUT else source.read_bytes()
     try:
-        return Program.read(data) if data.startswith(MAGIC) else assembled(data.decode())
+        return PlcProgram.read(data) if data.startswith(MAGIC) else assembled(data.decode())
     except AssemblyError as error:
         raise CallError(f"{name}:{error.line}: {error}") from None
     except UnicodeDecodeError:

@@ -1,8 +1,9 @@
 """What a controller is: the border between a firmware and everything around it.
 
-A controller is sans-I/O. It is told what happens and when (bytes from the host, input levels, the passing of time) and
-says what it does (reply bytes, output levels, counter settings, flash images) and which motion it is making. It never
-reads a clock, a socket or a file, and nothing above or below it knows which controller it is.
+A controller does no input or output itself (sans-I/O). It is told what happens and when (bytes from the host, input
+levels, the passing of time) and says what it does (reply bytes, output levels, counter settings, flash images) and
+which motion it is making. It never reads a clock, a socket or a file, and nothing above or below it knows which
+controller it is.
 
 Protocol of time
 ----------------
@@ -98,7 +99,7 @@ class Controller(Protocol):
 
     @property
     def fault(self) -> bool:
-        """An error stands that no reply has told the host, who would have to ask for it; False if replies tell all."""
+        """True if an error stands that the host must ask for, because no reply has told it."""
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         """Mains on at t_ns; `levels` holds the electrical level (True: high) of every terminal that is wired."""

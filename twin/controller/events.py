@@ -30,14 +30,14 @@ OUTPUTS: Mapping[str, int] = {
     "flash_fault": 0,
     "drive_reset": 0,
 }
-"""Outputs that every controller may use, and what each is until the controller says otherwise; see `Output`."""
+"""Outputs that every controller may use, and their levels at the beginning; see `Output`."""
 
 
 @dataclass(frozen=True)
 class Output:
     """A new level of a named output.
 
-    Names every controller may use, so that drives and cabinet understand them, as in OUTPUTS until it says so:
+    Names that drives and cabinet understand, with the levels of OUTPUTS at the beginning:
     `stages` (1: motor currents on), `power_request` (rising edge: close the safety relay),
     `current_lowering` (1: reduced current at rest), `brake` (1: brake energised, that is, released),
     `moving` (1 during a motion: a hood opened then is an emergency), `spindle`, `hood_release` (1: the hood may be
@@ -67,16 +67,16 @@ class FlashWrite:
 
 @dataclass(frozen=True)
 class Remark:
-    """One line for people: why something has failed that the host is told by a code only. Changes nothing."""
+    """One line for people: the reason of a failure of which the host gets only a code. Changes nothing."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Step:
-    """A program that the controller carries out by itself has come to the next of its steps. Changes nothing.
+    """A program that the controller runs by itself has come to its next step. Changes nothing.
 
-    t_ns: when, now or before; name: what people call it; text: as it stands in the program; counts: counters then.
+    t_ns: when, now or before; name: for people; text: the step as the program has it; counts: counters at t_ns.
     plane: axes in which it cuts; tool_mm: radius of the tool, 0 if it cuts nothing or nobody knows.
     """
 

@@ -30,7 +30,7 @@ Factory = TypeVar("Factory", bound=Callable[..., Any])
 
 
 def takes(settings: Mapping[str, Setting]) -> Callable[[Factory], Factory]:
-    """Tell which settings a factory takes, so that machine files with a misspelt one can be refused when they are read.
+    """Tell which settings a factory takes: machine files with others are refused when they are read.
 
     @takes({"program_memory_bytes": Limits("byte", 1, 1e9, whole=True)})
     def create(name, *, flash, settings): ...

@@ -30,7 +30,7 @@ def offers(thing: object, role: Callable[..., Role]) -> TypeGuard[Role]:
 
 
 class Drives(Protocol):
-    """What the drives know now. Good during a call of the border, and then about the time of that call."""
+    """What the drives know. To be asked during a call of the controller only; the answers are those of that time."""
 
     @property
     def encoder(self) -> tuple[int, ...]:
@@ -46,8 +46,8 @@ class Drives(Protocol):
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """Whether the drive of each axis has switched itself off; a servo drive stays so until the output `drive_reset`
-        rises, or the stages come on anew."""
+        """Whether the drive of each axis has switched itself off: a servo drive until the output `drive_reset` rises or
+        the stages come on anew."""
 
     @property
     def in_position(self) -> tuple[bool, ...]:
@@ -63,8 +63,10 @@ class Drives(Protocol):
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
-        """Increments of each encoder past its last zero pulse, which comes once a revolution at the same place of the
-        machine: 0 to one less than a revolution has, rising in the sense of the counters; 0 for axes without."""
+        """Increments of each encoder past its last zero pulse, of which there is one a revolution.
+
+        0 to one less than a revolution has, rising in the sense of the counters; 0 for axes without an encoder.
+        """
 
 
 @dataclass(frozen=True)
@@ -83,21 +85,23 @@ class DriveInput:
 
 
 class UsesDrives(Protocol):
-    """What a controller offers beside `Controller` if it wants to know what its drives know.
+    """Offered by a controller that wants to know what its drives know.
 
     An encoder follows the counter's zero by `CounterSet`: one is due after a change of `direction`, too.
     """
 
     def drive_inputs(self) -> Sequence[DriveInput]:
-        """Terminals that drives feed; their edges come by `set_input` like those of any switch, at the sub-step in
-        which the limit is passed. Asked once, before `power_on`."""
+        """Terminals that drives feed. Their edges come by `set_input`, at the sub-step in which the limit is passed.
+
+        Asked once, before `power_on`.
+        """
 
     def use_drives(self, drives: Drives) -> None:
         """The drives to be asked during later calls. Handed over once, before `power_on`."""
 
 
 class NamesOutputs(Protocol):
-    """What a controller offers beside `Controller` if it has outputs beyond OUTPUTS: events can wait for them."""
+    """Offered by a controller that has outputs beyond OUTPUTS: events can wait for them."""
 
     @property
     def output_names(self) -> Sequence[str]:
@@ -116,7 +120,7 @@ class Key:
     value: Setting | None = None
     """What it can be put to; None: it is a push-button, and the value is True."""
     held: bool = False
-    """It springs back to the first of its words when it is let go."""
+    """Let go, it springs back to the first of its words."""
 
     @property
     def allowed(self) -> str:
@@ -127,7 +131,7 @@ class Key:
 
 
 class HasKeys(Protocol):
-    """What a controller offers beside `Controller` if people operate it by keys of its own, not by the cabinet's.
+    """Offered by a controller that people operate by keys of its own, not by the cabinet's.
 
     They are pressed by an event, `key = { mode = "auto" }`, and shown by panels from this table.
     """
@@ -138,22 +142,21 @@ class HasKeys(Protocol):
 
     @property
     def key_values(self) -> Mapping[str, KeyValue]:
-        """What each one is put to now, at the time of the last call; push-buttons are left out."""
+        """Position of each one at the time of the last call; push-buttons are left out."""
 
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
-        """Somebody presses a key at t_ns, or puts it to this value; both have been checked."""
+        """Somebody presses a key at t_ns or puts it to this value; name and value have been checked."""
 
 
 class HoldsHost(Protocol):
-    """What a controller offers beside `Controller` if its line has a handshake (RTS/CTS) by which its host waits.
+    """Offered by a controller whose line has a handshake (RTS/CTS) that makes its host wait.
 
     Such a controller is handed bytes in pieces of at most BYTES_AT_ONCE, and asked after each.
     """
 
     @property
     def clear_to_send(self) -> bool:
-        """Whether it takes bytes, at the time of the last call. While it does not it gets none: the host keeps them,
-        and goes on with them, in their order, when it does."""
+        """True if it takes bytes, at the time of the last call. While False the host keeps them, in their order."""
 
 
 BYTES_AT_ONCE = 4096
@@ -161,9 +164,11 @@ BYTES_AT_ONCE = 4096
 
 
 class EndsPrograms(Protocol):
-    """What a controller offers beside `Controller` if programs that it runs by itself can stand before their end."""
+    """Offered by a controller whose programs can stand before their end."""
 
     @property
     def unfinished(self) -> str:
-        """Where the program that was started last stands, and who it waits for or that it was broken off, in a few
-        words; "" while it runs, when it has come to its end, and if there was none. At the time of the last call."""
+        """Why the program started last stands before its end, and where, in a few words, at the time of the last call.
+
+        "" while it runs, after its end, and if there was none.
+        """

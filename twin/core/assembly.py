@@ -13,20 +13,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import (
-    Controller,
-    HasKeys,
-    NamesOutputs,
-    PluginError,
-    UnknownNameError,
-    controller_factory,
-    offers,
-)
+from isel_twin.controller import Controller, PluginError, UnknownNameError, controller_factory
+from isel_twin.core.events import events_of
 from isel_twin.core.spec import TwinSpec
 from isel_twin.language import Language, language_factory
 from isel_twin.machine import Machine, MachineError, with_overrides
 from isel_twin.plant import Plant, Threshold
-from isel_twin.wiring import ScenarioEvent, load_scenario, outputs, settable
+from isel_twin.wiring import ScenarioEvent
 
 PLANTS = ("mujoco", "kinematic")
 
@@ -69,20 +62,11 @@ def draw_up(spec: TwinSpec, controller: Controller | None) -> tuple[Plans, Contr
         except ValueError as error:
             raise MachineError(f"{as_built.file}: [controller]: {error}") from None
         new_language = language_factory(spec.controller)
-    # The controller's own wishes come first: whoever builds the twin has the last word.
-    machine = with_overrides(with_overrides(as_built, controller.machine_overrides()), spec.overrides)
-    return Plans(machine, _events(spec, machine, controller), new_controller, new_language), controller
-
-
-def _events(spec: TwinSpec, machine: Machine, controller: Controller) -> tuple[ScenarioEvent, ...]:
-    if spec.scenario is None:
-        return spec.events
-    if spec.events:
+    if spec.scenario is not None and spec.events:
         raise ValueError(f"{spec.scenario}: there are events, too; allowed: one of the two")
-    own = controller.output_names if offers(controller, NamesOutputs) else ()
-    keys = controller.keys if offers(controller, HasKeys) else {}
-    switches = [switch.name for switch in machine.switches]
-    return load_scenario(spec.scenario, settable(machine), switches, (*outputs(machine), *own), keys)
+    machine = spec.fitted(controller)
+    events = spec.events if spec.scenario is None else events_of(spec.scenario, machine, controller)
+    return Plans(machine, events, new_controller, new_language), controller
 
 
 def _built(

@@ -10,11 +10,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue, offers
+from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.controller import Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, offers
 from isel_twin.core.position import Position
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
-from isel_twin.wiring import Wiring
+from isel_twin.wiring import SerialLine, Wiring
+
+_MOVING_SLICE_NS = 10 * MILLISECOND_NS
+"""While something moves by itself, whoever paces the twin should look again after this time."""
 
 
 class Seen:
@@ -26,6 +30,7 @@ class Seen:
     _plant: Plant
     _position: Position
     _stream: Stream
+    _line: SerialLine
     _wiring: Wiring
     _levels: Mapping[str, bool]
     _least_margin: NDArray[np.float64]
@@ -181,3 +186,52 @@ class Seen:
     def levels(self) -> Mapping[str, bool]:
         """Electrical level (True: high) of every wired input terminal of the controller."""
         return dict(self._levels)
+
+    @property
+    def fault(self) -> bool:
+        """The controller shows an error that no reply has told; see Controller.fault."""
+        return self._controller.fault
+
+    @property
+    def reply_waiting(self) -> bool:
+        """Whether `read` would return something."""
+        arrival_ns = self._line.next_reply_ns
+        return arrival_ns is not None and arrival_ns <= self.time_ns
+
+    @property
+    def replies_due(self) -> int:
+        """Bytes of replies on the line that have not arrived at the host yet."""
+        return self._line.replies_due
+
+    @property
+    def commands_due(self) -> int:
+        """Bytes that were written and have not arrived at the controller yet: they are on the line, or wait because it
+        lets its host wait (`isel_twin.controller.HoldsHost`)."""
+        return self._line.commands_due
+
+    @property
+    def serial_format(self) -> SerialFormat:
+        """Speed of the serial line and form of a byte."""
+        return self._controller.serial_format
+
+    @property
+    def idle(self) -> bool:
+        """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
+        arrived = not self._line.commands_due and self._line.quiet_ns <= self.time_ns
+        return arrived and self._controller.idle
+
+    @property
+    def next_event_ns(self) -> int | None:
+        """When something may happen without anybody's doing; None if only the outside can change anything.
+
+        While something moves this is when to look again: a switch may be struck before.
+        """
+        times = [
+            self._controller.next_ns,
+            self._line.next_ns,
+            self._line.next_reply_ns,
+            self._wiring.next_event_ns,
+        ]
+        if self._stream.moving or not self._plant.at_rest:
+            times.append(self.time_ns + _MOVING_SLICE_NS)
+        return min((t for t in times if t is not None), default=None)

@@ -11,7 +11,7 @@ A spec is a value: it can be compared, pickled and sent to other processes. Noth
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -53,9 +53,20 @@ class TwinSpec:
     events: tuple[ScenarioEvent, ...] = ()
     """What happens, in place of a scenario file."""
 
+    def __post_init__(self) -> None:
+        if self.events and self.scenario is not None:
+            raise ValueError(f"{self.scenario}: there are events, too; allowed: one of the two")
+
     def with_(self, **changes: Any) -> TwinSpec:
         """The same but for these fields."""
         return dataclasses.replace(self, **changes)
+
+    def with_events(self, tables: Sequence[dict[str, Any]]) -> TwinSpec:
+        """With the [[event]] tables of a scenario in place of its file. Raises ScenarioError (ValueError)."""
+        from isel_twin.core.events import events_of
+
+        controller = self._new_controller()
+        return self.with_(scenario=None, events=events_of(tables, self.fitted(controller), controller))
 
     @property
     def as_built(self) -> Machine:
@@ -63,6 +74,20 @@ class TwinSpec:
         from isel_twin.machine import Machine, load_machine
 
         return self.machine if isinstance(self.machine, Machine) else load_machine(self.machine)
+
+    def fitted(self, controller: Controller | None = None) -> Machine:
+        """The machine as the twin has it: with what its controller asks for, and then the overrides, as whoever builds
+        the twin has the last word. controller: one that has been built. Raises ValueError with one line."""
+        from isel_twin.machine import with_overrides
+
+        asked = (controller or self._new_controller()).machine_overrides()
+        return with_overrides(with_overrides(self.as_built, asked), self.overrides)
+
+    def _new_controller(self) -> Controller:
+        from isel_twin.controller import create_controller
+        from isel_twin.machine import with_overrides
+
+        return create_controller(self.controller, settings=with_overrides(self.as_built, self.overrides).controller)
 
     @property
     def machine_name(self) -> str:

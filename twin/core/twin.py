@@ -22,17 +22,13 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import Place
-from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
+from isel_twin.base.units import SECOND_NS
 from isel_twin.controller import (
     BYTES_AT_ONCE,
     Controller,
@@ -41,54 +37,38 @@ from isel_twin.controller import (
     HasKeys,
     HoldsHost,
     Key,
-    KeyValue,
     Output,
     Remark,
     Reply,
-    SerialFormat,
     Step,
     UsesDrives,
     offers,
 )
 from isel_twin.core.assembly import PLANTS, HasModel, Plans, build_plant, draw_up, power_on_mm
-from isel_twin.core.journal import Note, Received, cut_content, push_content
+from isel_twin.core.journal import Note
 from isel_twin.core.observers import Observers
+from isel_twin.core.operated import Operated
 from isel_twin.core.position import Position
-from isel_twin.core.sampling import Sampler, TwinSamples
+from isel_twin.core.sampling import Sampler
+from isel_twin.core.saved import Saved
 from isel_twin.core.seen import Seen
 from isel_twin.core.spec import TwinSpec
-from isel_twin.core.state import BY_CHANCE, Kind, StateError, TwinState, pack, unpack
+from isel_twin.core.state import StateError
 from isel_twin.core.told import Told
 from isel_twin.core.unpowered import Unpowered
 from isel_twin.language import Language, needed
 from isel_twin.machine import Machine
 from isel_twin.motion import Stream
-from isel_twin.plant import PLACES, Cut, Sampled
-from isel_twin.wiring import (
-    ScenarioError,
-    ScenarioEvent,
-    Schedule,
-    SerialLine,
-    Wiring,
-    check_input,
-    event_now,
-    thresholds,
-)
+from isel_twin.plant import Sampled
+from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
 
-_MOVING_SLICE_NS = 10 * MILLISECOND_NS
-"""While something moves by itself, whoever paces the twin should look again after this time."""
 _NEVER_NS = 1 << 62
 _ENDLESS = 100_000
 """Most rounds in which one instant may settle after the last event of a scenario; more needs a broken controller."""
-
 _REMARKS = 1000
 """Remarks of the controller that are kept."""
-
 _STEPS = 10_000
 """Steps of a program that are kept."""
-
-_OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
-"""Attributes of a twin that a state holds beside those it names."""
 
 log = logging.getLogger("isel_twin")
 
@@ -101,7 +81,7 @@ class Source(Protocol):
         """When the next time is; None if only somebody else can bring it about."""
 
 
-class Twin(Seen):
+class Twin(Operated, Saved, Seen):
     """A digital twin of a controller and the gantry it drives.
 
     Axes are in the order X, Y, Z, A ...: as many as the controller has. Counts are steps of the controller; positions
@@ -165,9 +145,9 @@ class Twin(Seen):
         or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
         if self._plans.new_controller is None:
             raise StateError("there is no other controller like the one that was handed in: build one for another twin")
-        twin = Twin.__new__(Twin)
         origin = self.origin.with_(seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
         model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
+        twin = Twin.__new__(Twin)
         twin._switch_on(origin, self._plans, self._plans.new_controller(origin.image), self._stream.keep, model)
         return twin
 
@@ -178,8 +158,8 @@ class Twin(Seen):
         plans, first = draw_up(origin, controller)
         self._switch_on(origin, plans, first, keep_motions)
         if not self.physics and (idle := sum(event.physical for event in plans.events)):
-            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
-            log.warning("%s: %s, which does nothing without physics; take the plant mujoco", spec.scenario, what)
+            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events push, cut, load or break"
+            log.warning("%s what is not there, which does nothing without physics; take the plant mujoco", what)
 
     def _switch_on(
         self, origin: TwinSpec, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
@@ -189,14 +169,13 @@ class Twin(Seen):
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
         """What the controller's bytes mean; None if nobody has told. Decoders take one of their own."""
         self.machine = plans.machine
-        flash, plant, line_speed = origin.image, origin.plant, origin.line_speed
         start, trips, bounces, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(origin.seed).spawn(4))
         self.origin = origin
         """What it was built from, for whoever has to build it again."""
         self.time_ns = 0
         self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}
         """Keys of the controller's own panel, by name: see `press`."""
-        self.flash = flash
+        self.flash = origin.image
         self.on_flash: Callable[[bytes], None] | None = None
         """Called with each new flash image, for whoever keeps it."""
         self.remarks: deque[tuple[int, str]] = deque(maxlen=_REMARKS)
@@ -209,9 +188,9 @@ class Twin(Seen):
         schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
         start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
         watched = thresholds(self.machine, drive_inputs, schedule)
-        self._plant = build_plant(plant, self.machine, watched, start_at_mm, axes, model)
+        self._plant = build_plant(origin.plant, self.machine, watched, start_at_mm, axes, model)
         self._position = Position(controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
-        self._line = SerialLine(line_speed, noise)
+        self._line = SerialLine(origin.line_speed, noise)
         self._wiring = Wiring(
             self.machine, self._plant, self._line, controller.terminals(), drive_inputs, trips, bounces, schedule
         )
@@ -232,7 +211,7 @@ class Twin(Seen):
         """The plant has moved on since the twin last settled."""
         self._settling = False
 
-        self._told = Told(controller, flash, rebuilt=plans.new_controller is not None)
+        self._told = Told(controller, self.flash, rebuilt=plans.new_controller is not None)
         self._told.use_drives(self._position)
         self._levels = self._wiring.levels
         self._told.power_on(0, self._levels)
@@ -288,39 +267,6 @@ class Twin(Seen):
         self._advance(self.time_ns + round(timeout_s * SECOND_NS), lambda: self.idle)
         return self.idle
 
-    @property
-    def fault(self) -> bool:
-        """The controller shows an error that no reply has told; see Controller.fault."""
-        return self._controller.fault
-
-    @property
-    def reply_waiting(self) -> bool:
-        """Whether `read` would return something."""
-        arrival_ns = self._line.next_reply_ns
-        return arrival_ns is not None and arrival_ns <= self.time_ns
-
-    @property
-    def replies_due(self) -> int:
-        """Bytes of replies on the line that have not arrived at the host yet."""
-        return self._line.replies_due
-
-    @property
-    def commands_due(self) -> int:
-        """Bytes that were written and have not arrived at the controller yet: they are on the line, or wait because it
-        lets its host wait (`isel_twin.controller.HoldsHost`)."""
-        return self._line.commands_due
-
-    @property
-    def serial_format(self) -> SerialFormat:
-        """Speed of the serial line and form of a byte."""
-        return self._controller.serial_format
-
-    @property
-    def idle(self) -> bool:
-        """Every byte sent has been dealt with, every reply has arrived, and the controller makes no motion."""
-        arrived = not self._line.commands_due and self._line.quiet_ns <= self.time_ns
-        return arrived and self._controller.idle
-
     # Time
 
     def run(self, seconds: float) -> None:
@@ -335,237 +281,6 @@ class Twin(Seen):
         A time in the past does nothing.
         """
         self._advance(time_ns, stop)
-
-    @property
-    def next_event_ns(self) -> int | None:
-        """When something may happen without anybody's doing; None if only the outside can change anything.
-
-        While something moves this is when to look again: a switch may be struck before.
-        """
-        times = [
-            self._controller.next_ns,
-            self._line.next_ns,
-            self._line.next_reply_ns,
-            self._wiring.next_event_ns,
-        ]
-        if self._stream.moving or not self._plant.at_rest:
-            times.append(self.time_ns + _MOVING_SLICE_NS)
-        return min((t for t in times if t is not None), default=None)
-
-    # What can be done to it
-
-    def take_margin(self) -> NDArray[np.float64]:
-        """float64 [axes], as `margin`, but since the last call of this: for one who looks at it again and again, as a
-        panel does. Nobody else notices."""
-        taken = self._plant.take_margin()
-        self._least_margin = np.minimum(self._least_margin, taken)
-        return taken
-
-    def watch_margin(self) -> None:
-        """Begin anew with the least margins, before a move; whoever plays a job does so for each of its lines."""
-        self._note("operated", {"watch_margin": True})
-        self._least_margin = np.ones(len(self._plant.margin))
-        self._plant.watch_margin()
-
-    @property
-    def line_speed(self) -> bool:
-        """Whether bytes take their time on the line. May be changed; bytes on their way keep their times."""
-        return self._line.timed
-
-    @line_speed.setter
-    def line_speed(self, timed: bool) -> None:
-        if timed != self._line.timed:
-            self._note("operated", {"line_speed": timed})
-        self._line.timed = timed
-
-    def set_input(self, name: str, state: str) -> str:
-        """Operate an element or give a contact a fault, now; return the state it is in afterwards.
-
-        The names and their states are those of the machine's wiring: what people operate is listed in
-        `isel_twin.wiring.cabinet.ELEMENTS`, what can be wrong with a contact in `isel_twin.wiring.FAULTS`. An element
-        that is locked stays as it is. Raises ValueError, which lists what there is, for a name or state that does not
-        exist.
-        """
-        check_input(name, state, self._wiring.settable, "set_input", ScenarioError)
-        self._note("operated", {"set": {name: state}})
-        self._wiring.operate(name, state)
-        self._settle()
-        return self.inputs.get(name, state)
-
-    def carry_out(self, event: ScenarioEvent) -> None:
-        """Let what a scenario may say happen now, all of it at once (`isel_twin.wiring.event_now` checks it)."""
-        self._note("operated", event.content)
-        self._wiring.carry_out(event, self.time_ns)
-        self._settle()
-
-    def press(self, name: str, value: KeyValue = True) -> None:
-        """Press a key of the controller's own panel, or put it to a value, now. Raises ValueError, which lists what
-        there is, for a key or value that does not exist (`keys`)."""
-        place = Place("press", ScenarioError)
-        self.carry_out(event_now({"key": {name: value}}, place, self.settable, self.keys))
-
-    def apply_force(self, axis: int, force_n: float, place: str = "") -> None:
-        """Push the machine with force_n newton along an axis (0 X .. 2 Z), until told otherwise. Raises ValueError.
-
-        place: "tool" or "table"; "": the one that this axis moves. A positive force pushes it the way that the position
-        of the axis rises. An axis has one push: a new one replaces it, wherever it was.
-        """
-        if axis not in range(len(CARRIAGES)):
-            raise ValueError(f"axis {axis!r} has no carriage; there are: 0 (X), 1 (Y), 2 (Z)")
-        if not math.isfinite(force_n):
-            raise ValueError(f"a force of {force_n} N cannot be applied; give a finite number")
-        if place and place not in PLACES:
-            raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        acts = {"force_n": {CARRIAGES[axis]: force_n}}
-        content = push_content(CARRIAGES[axis], force_n, place)
-        self.carry_out(ScenarioEvent(self.time_ns, acts, place, content=content))
-
-    def set_cut(self, cut: Cut | None) -> None:
-        """Let the cutter be in the material from now on (`isel_twin.plant.Cut`), or not any more."""
-        acts = {"cut": "off" if cut is None else cut}
-        self.carry_out(ScenarioEvent(self.time_ns, acts, content=cut_content(cut)))
-
-    def observe(self, callback: Callable[[Twin], None], interval_ns: int | None) -> None:
-        """Call `callback(twin)` now and at every input or output change; given interval_ns, every so often, too."""
-        if interval_ns is not None and interval_ns <= 0:
-            raise ValueError(f"observation interval must be positive, not {interval_ns} ns")
-        self._observers.add(callback, interval_ns, self, self._wiring.changes)
-        self._observers.look(self, False, self._wiring.changes)
-        self._due_ns = self._next_due_ns()
-
-    def sample(self, take: Callable[[TwinSamples], None], interval_ns: int, from_ns: int = 0) -> Sampler | None:
-        """Have the plant take samples every interval_ns, at from_ns among other times (0: power-on), handed on by
-        `take` some time later.
-
-        While nothing moves and no counter is set there are none but the first: the others would be the same. Returns
-        what hands them on when asked; None if the plant does not take any, or not so often: then `observe` does.
-        Whoever asks second shares those of the first, or gets None if they come at other times.
-        """
-        if self._sampled is None or not self.can_sample(interval_ns, from_ns):
-            return None
-        self._tell()  # what counters have to do with the plant is looked at now
-        if self._sampler is None:
-            self._sampler = Sampler(self._sampled, self._position, interval_ns, take, from_ns)
-        else:
-            self._sampler.share(take)
-        return self._sampler
-
-    def can_sample(self, interval_ns: int, from_ns: int = 0) -> bool:
-        """Whether `sample` would do it."""
-        one = self._sampler
-        same = one is None or (one.interval_ns == interval_ns and (one.from_ns - from_ns) % interval_ns == 0)
-        return same and self._sampled is not None and self._sampled.fits(interval_ns)
-
-    def sample_no_more(self, take: Callable[[TwinSamples], None]) -> None:
-        """Hand on what waits for `take`, and no more after that. `sample` has taken it on."""
-        if self._sampler is not None and self._sampler.leave(take):
-            self._sampler = None
-
-    def listen(self, note: Note) -> None:
-        """Have `note(time_ns, kind, what)` called with all that happens from now on; see isel_twin.core.journal."""
-        self._notes.append(note)
-        self._line.on_reply = lambda arrival_ns, data, byte_ns: self._note(
-            "received", Received(data, arrival_ns, byte_ns)
-        )
-        self._line.on_lost = lambda arrival_ns, data: self._note("lost", Received(data, arrival_ns, 0))
-        self._wiring.on_event = lambda event: self._note("scenario", event.content)
-
-    def _note(self, kind: str, what: Any) -> None:
-        for note in self._notes:
-            note(self.time_ns, kind, what)
-
-    # Another twin, or another time
-
-    @property
-    def followed(self) -> bool:
-        """Somebody observes, samples, listens or keeps the flash: `restore` would be noticed."""
-        return bool(self._observers or self._notes or self._sampler or self.on_flash)
-
-    def save(self) -> TwinState:
-        """All that decides what the twin will do, at this instant, in mid-motion too; see state.py.
-
-        Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and
-        for an observer or a listener, who are told of something in the middle of it.
-        """
-        self._check_between()
-        self._tell()
-        if self._sampler is not None:
-            self._sampler.hand_on()
-        own = {name: getattr(self, name) for name in _OWN}
-        return TwinState(
-            kind=self._kind,
-            origin={name: getattr(self.origin, name) for name in BY_CHANCE},
-            time_ns=self.time_ns,
-            flash=self.flash,
-            life=self._told.save(),
-            parts=pack(own, self._parts, self._known),
-            plant=self._plant.save(),
-        )
-
-    def restore(self, state: TwinState) -> None:
-        """Be the twin that was saved: from here on the same calls give the same bits as they did there.
-
-        It may have been this twin, or another one built alike, whatever their seeds. Observers look at once, and go on
-        with their grids. Listeners are told `restored` before anything happens; who cannot go back (a recording) raises
-        ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
-        machine, controller, plant or scenario.
-        """
-        self._check_between()
-        self._kind.check(state)
-        self._note("restored", state.time_ns)
-        if self._sampler is not None:
-            self._sampler.hand_on()
-        self._told.restore(state.life, self._plans.new_controller, self._position)
-        self._adopt(self._told.controller)
-        for name, value in unpack(state.parts, self._parts, self._known).items():
-            setattr(self, name, value)
-        self._plant.restore(state.plant)
-        self.time_ns = state.time_ns
-        self.origin = replace(self.origin, **state.origin)
-        if self._sampler is not None:
-            self._sampler.begin_anew()
-        flash, self.flash = self.flash, state.flash
-        if self.flash is not None and self.flash != flash and self.on_flash is not None:
-            self.on_flash(self.flash)
-        self._settling = True
-        try:
-            self._observers.restored(self, self._wiring.changes)
-        finally:
-            self._settling = False
-        self._due_ns = self._next_due_ns()
-
-    def _check_between(self) -> None:
-        if self._settling:
-            raise StateError("a twin is saved and restored between two calls, not by an observer or listener of one")
-
-    @cached_property
-    def _kind(self) -> Kind:
-        return Kind.of(self.controller_name, self.machine, self.origin.plant, len(self.counts), self._plans.events)
-
-    @property
-    def _parts(self) -> dict[str, object]:
-        """What has a state of its own beside controller and plant."""
-        return {"position": self._position, "line": self._line, "wiring": self._wiring, "stream": self._stream}
-
-    @property
-    def _known(self) -> dict[str, object]:
-        """What every twin built like this has, by name."""
-        machine = self.machine
-        return {
-            **self._parts,
-            "controller": self._controller,
-            "run": self._controller.run,
-            "plant": self._plant,
-            "machine": machine,
-            "contacts": machine.contacts,
-            "switches": machine.switches,
-            "heated": tuple(axis.stage for axis in machine.axes),
-            "events": self._plans.events,
-        }
-
-    def __reduce_ex__(self, protocol: object) -> NoReturn:
-        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
-        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")
 
     # The clock
 

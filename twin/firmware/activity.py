@@ -19,8 +19,8 @@ asked for, time left, no byte. Nothing is repeated behind its back: what is left
 It ends by returning, or early by an exception of the kind `Unfinished`. Whatever it holds it gives back in a `finally`:
 an activity that is broken off or forgotten is closed.
 
-`purpose` is what a request is for, in the firmware's own terms (towards this switch, a rest before the next motion).
-The firmware looks at it when something happens; nobody else does.
+`purpose` is what a request is for, in the firmware's own terms (towards this switch, a rest before the next motion);
+only the firmware looks at it.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from isel_twin.motion import Displacement, Motion
 from isel_twin.motion.path import added
 
 EndedBy = Callable[[Unfinished | None], None]
-"""Told how an activity has ended: None if it returned, else why it did not."""
+"""Called when an activity has ended: with None if it returned, else with the reason why it did not."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Parked:
 
 @dataclass(frozen=True)
 class _Stopping:
-    """What is to become of a motion that has been stopped or cut; without park and reason the activity goes on."""
+    """What follows a motion that has been stopped or cut; without `park` and `reason` the activity goes on."""
 
     by_event: bool = False
     park: Callable[[], None] | None = None
@@ -54,7 +54,7 @@ class _Stopping:
 
 
 class Executor:
-    """See the module."""
+    """Carries out one activity at a time."""
 
     def __init__(self, axes: int) -> None:
         """A controller of so many axes, at rest, all counters 0, at time 0."""
@@ -122,14 +122,13 @@ class Executor:
     # ---- going on ---------------------------------------------------------------------------------------------------
 
     def start(self, activity: Activity, ended: EndedBy) -> None:
-        """Begin an activity, at once; none is in progress. `ended` is told how it has ended, unless it is discarded or
-        forgotten."""
+        """Begin an activity at once; none is in progress. `ended` is called unless it is discarded or forgotten."""
         assert self._activity is None
         self._activity, self._ended = activity, ended
         self._go_on(None)
 
     def tick(self) -> None:
-        """Do what is due now: end the motion or the pause, and what follows from that without taking time."""
+        """Do what is due now: end the motion or the pause, and do all that follows without taking time."""
         if not self.due:
             return
         if self._motion is None:
@@ -150,8 +149,10 @@ class Executor:
         self._go_on(byte)
 
     def replace(self, motion: Motion) -> None:
-        """Give the motion in execution another future: look-ahead, another speed. `motion` continues it and is not in
-        a stop ramp."""
+        """Give the motion in execution another future, as look-ahead or another speed demands.
+
+        `motion` continues it (see `Motion.continues`), and the one in execution is not in a stop ramp.
+        """
         assert self._motion is not None
         assert self._stopping is None
         assert motion.continues(self._motion)
@@ -189,9 +190,9 @@ class Executor:
             self.parked = None
 
     def event(self) -> None:
-        """What the motion was made for has happened: it ends with the stop ramp and the activity goes on.
+        """The event the motion was waiting for has come: it ends with the stop ramp and the activity goes on.
 
-        A motion that is being stopped already keeps what is to become of it.
+        A motion that is being stopped already keeps what follows it.
         """
         if self._motion is not None:
             self._stop()
@@ -286,7 +287,7 @@ class Executor:
         ended(reason)
 
     def _release(self) -> Activity:
-        """Nothing is in progress any more; return what was."""
+        """End the activity in progress without telling anybody; return it."""
         assert self._activity is not None
         activity = self._activity
         self._activity = self._ended = self._request = self._pause_end_ns = self._stopping = None

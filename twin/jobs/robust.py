@@ -24,7 +24,6 @@ import numpy as np
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.crew import Crew, in_order
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.controller import create_controller
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
@@ -93,7 +92,7 @@ def check(call: TwinSpec, number: int) -> None:
     if call.plant == "kinematic":
         raise CallError("robust: the kinematic plant loses no step whatever one perturbs; take mujoco", option=True)
     with call_errors():
-        machine = called_machine(call)
+        machine = call.fitted()
         for n in range(1, number + 1):
             with_overrides(machine, perturbation(machine, call.seed, n)[2])
 
@@ -123,16 +122,9 @@ def agree(verdict: Verdict, other: Verdict) -> bool:
     return ends[0] == ends[1]
 
 
-def called_machine(call: TwinSpec) -> Machine:
-    """The machine of a call as its twin has it."""
-    machine = call.as_built
-    controller = create_controller(call.controller, settings=with_overrides(machine, call.overrides).controller)
-    return with_overrides(with_overrides(machine, controller.machine_overrides()), call.overrides)
-
-
 def perturbed_twin(call: TwinSpec, number: int, flash: bytes | None = None) -> tuple[Twin, int, dict[str, float]]:
     """The twin of a repetition, its seed and its factors; nothing is written to the call's flash file."""
-    seed, factors, overrides = perturbation(called_machine(call), call.seed, number)
+    seed, factors, overrides = perturbation(call.fitted(), call.seed, number)
     spec = call.with_(seed=seed, flash=flash, overrides={**call.overrides, **overrides}, start_mm=None)
     return spec.build(), seed, factors
 

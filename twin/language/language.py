@@ -75,9 +75,10 @@ class Message:
 
 
 class Language(Protocol):
-    """The language of a controller. Only `messages` and `rest` keep something from call to call.
+    """The language of a controller.
 
-    So whoever decodes a line takes an instance of its own (`create_language`); for the rest one will do for everybody.
+    Only `messages` and `rest` keep something from call to call: whoever decodes a line needs an instance of its own
+    (`create_language`), all other uses can share one.
     """
 
     @property
@@ -88,10 +89,10 @@ class Language(Protocol):
         """A line of a job file as it is sent. Raises LanguageError for text that cannot be."""
 
     def text(self, reply: bytes) -> str:
-        """A reply as `Twin.query` and results of jobs give it; nothing is left out."""
+        """A whole reply, as `Twin.query` and results of jobs give it."""
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
-        """Whether `reply`, all bytes that came for `sent`, refuses nothing.
+        """True if `reply`, all bytes that came for `sent`, refuses nothing.
 
         An empty reply is accepted only if nothing that was sent demanded one.
         """

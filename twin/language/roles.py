@@ -16,17 +16,17 @@ class JobMove:
     line: int
     """Which line, from 0."""
     speeds_hz: tuple[int, ...]
-    """Speeds that stand in it and can be others, whether they matter for this way or not; none if there are none."""
+    """Speeds in it that can be changed, also those that do not matter for this move; may be empty."""
     acceleration_hz_per_ms: int
-    """Of its ramps, as far as the lines tell: a controller whose own defaults have been changed does not say so."""
+    """Of its ramps, as far as the lines tell: they do not show changed defaults of the controller."""
     start_stop_hz: int
 
 
 class RetimesJobs(Language, Protocol):
-    """What a language offers beside `Language` if it can bring settings into a job that exists.
+    """Offered by a language that can bring other settings into a job.
 
-    Lines are those of a job file, as `Language.frame` takes them, without comments and without what is expected; a line
-    with <...> in it is as it stands there. What the language does not understand of them stays as it is.
+    Lines are those of a job file, as `Language.frame` takes them, without comments and expected replies; <...> stands
+    as in the file. A line that the language does not understand stays as it is.
     """
 
     @property
@@ -50,27 +50,27 @@ class RetimesJobs(Language, Protocol):
 
 
 class RunsPrograms(Protocol):
-    """What a language offers beside `Language` if a file can be a program of its controller, and not a job."""
+    """Offered by a language of a controller that runs programs: a file can be one, and not a job."""
 
     def claims(self, text: str) -> bool:
-        """Whether a text can only be such a program: whoever gives it to another controller has named the wrong one."""
+        """True if the text can only be such a program: no other controller can be meant."""
 
     def job(self, text: str) -> Sequence[tuple[str, Iterable[bytes]]] | None:
-        """What is sent to run a text that is a program: what each step is called, and its bytes, in one piece or
-        several, each sent when the controller has taken the one before. None: it is a job.
+        """What a host sends to run this program: names of steps, and the bytes of each in one piece or several.
 
-        The pieces can be made as they are asked for, again and again: programs are long. Raises LanguageError.
+        A piece is sent when the controller has taken the one before. Pieces may be generated anew for each iteration,
+        as programs are long. None if the text is a job. Raises LanguageError.
         """
 
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
-        """Line of such a text, from 1, of these steps, by the name that the controller gives them (`Step.name`)."""
+        """Lines of the text, from 1, by the names of these steps (`Step.name`)."""
 
     def place(self, said: str) -> tuple[str, int]:
-        """The step that a remark of the controller is about, and the column there, from 1; "" and 0: none."""
+        """Name of the step that a remark of the controller is about, and column, from 1; "" and 0: none."""
 
 
 class LoadsPlc(Protocol):
-    """What a language offers beside `Language` if its controller has a PLC."""
+    """Offered by a language whose controller has a PLC."""
 
     def plc_lines(self, image: bytes) -> Sequence[str]:
         """Lines of a job that load this program and start it."""

@@ -29,6 +29,7 @@ from isel_twin.language import create_language
 from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.runs import described
 from isel_twin.recordings.samples import sample_dtype, samples_schema
+from isel_twin.wiring import scenario_text
 
 if TYPE_CHECKING:
     from isel_twin.core.sampling import TwinSamples
@@ -270,6 +271,8 @@ def attachments(origin: TwinSpec) -> dict[str, bytes]:
                     files[f"{folder}/{path.name}"] = path.read_bytes()
     if origin.scenario is not None:
         files[SCENARIO] = origin.scenario.read_bytes()
+    if origin.events:
+        files[SCENARIO] = scenario_text(origin.events).encode()
     if origin.image is not None:
         files[FLASH] = origin.image
     return files

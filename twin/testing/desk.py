@@ -1,4 +1,4 @@
-"""The desk: drives one controller with ideal carriages."""
+"""The desk drives one controller with ideal carriages."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Desk:
     """Drives one controller; see the module. Time is `time_ns`, integer nanoseconds since the desk was built."""
 
     built: ClassVar[list[Desk] | None] = None
-    """Where somebody wants to know of every desk: all that are built, in their order. They keep what is `sent`."""
+    """Set to a list to collect every desk that is built; they then keep what is `sent`."""
 
     def __init__(
         self,

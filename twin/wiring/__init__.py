@@ -18,7 +18,7 @@ from isel_twin.wiring.cabinet import CABINETS, Cabinet, SafetyCabinet
 from isel_twin.wiring.contacts import FAULTS, Contacts
 from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.line import SerialLine
-from isel_twin.wiring.scenario import ScenarioError, load_scenario
+from isel_twin.wiring.scenario import ScenarioError, load_scenario, read_events, scenario_text
 from isel_twin.wiring.schedule import Schedule
 from isel_twin.wiring.when import Trigger
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
@@ -43,6 +43,8 @@ __all__ = [
     "event_now",
     "load_scenario",
     "outputs",
+    "read_events",
+    "scenario_text",
     "settable",
     "thresholds",
 ]

@@ -50,6 +50,8 @@ class ScenarioEvent:
     """Its place in the file, from 1."""
     content: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """The table it was read from, without its time: what a recording keeps and `event_now` takes again."""
+    table: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """The whole table of a scenario."""
 
     @property
     def physical(self) -> bool:

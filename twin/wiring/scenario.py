@@ -39,6 +39,7 @@ is checked when the file is read.
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -85,6 +86,18 @@ def load_scenario(
     tables = document.get("event", [])
     if not isinstance(tables, list) or not all(isinstance(entry, dict) for entry in tables):
         raise place.at("event").wrong(f"{tables!r}; it must be written as [[event]] tables")
+    return read_events(tables, place, settable, switches, outputs, keys)
+
+
+def read_events(
+    tables: Sequence[dict[str, Any]],
+    place: Place,
+    settable: Settable,
+    switches: Sequence[str] = (),
+    outputs: Sequence[str] = tuple(OUTPUTS),
+    keys: Mapping[str, Key] = NO_KEYS,
+) -> tuple[ScenarioEvent, ...]:
+    """The events of the tables of a scenario, as `load_scenario`. Raises the error of `place`."""
     names = _names(tables, place)
     events = []
     for number, entry in enumerate(tables, 1):
@@ -97,9 +110,27 @@ def load_scenario(
         else:
             times = _timed(entry, where)
         event = event_now(what, where, settable, keys)
-        events.append(dataclasses.replace(event, number=number, name=entry.get("name", ""), **times))
+        events.append(dataclasses.replace(event, number=number, name=entry.get("name", ""), table=entry, **times))
     _check_chains(events, place)
     return tuple(sorted(events, key=lambda event: (event.when is not None, event.at_ns)))
+
+
+def scenario_text(events: Sequence[ScenarioEvent]) -> str:
+    """A scenario file of which `load_scenario` makes the same events."""
+    tables = (event.table for event in sorted(events, key=lambda event: event.number))
+    lines = (
+        ("[[event]]", *(f"{json.dumps(key)} = {_toml(value)}" for key, value in table.items())) for table in tables
+    )
+    return "".join(f"{line}\n" for table in lines for line in table)
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it: numbers, texts, switches, lists and tables in line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _names(tables: Sequence[Mapping[str, Any]], place: Place) -> tuple[str, ...]:

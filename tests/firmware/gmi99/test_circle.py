@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.firmware.gmi99.circle import chords, circle, fastest_hz
-from isel_twin.firmware.gmi99.planner import Move, line, start
+from isel_twin.firmware.gmi99.planner import PreparedMove, line, start
 from isel_twin.motion.joined import Joined
 
 RULES = replace(Rules().with_speed(1_000_000), free_circles=True)
@@ -27,7 +27,7 @@ def places(plan: Joined) -> NDArray[np.int64]:
     return np.vstack((np.zeros((1, 6), dtype=np.int64), np.cumsum(plan.deltas(0, plan.ticks), axis=0, dtype=np.int64)))
 
 
-def seconds(pieces: Move) -> float:
+def seconds(pieces: PreparedMove) -> float:
     return start([pieces], RULES).duration_s
 
 

@@ -21,7 +21,7 @@ from mpmath import mpf
 
 from isel_twin.firmware.gmi99.planner import (
     PERIOD_NS,
-    Move,
+    PreparedMove,
     corner_hz,
     factor,
     line,
@@ -48,7 +48,7 @@ def seconds(plan: Joined) -> float:
     return plan.duration_s
 
 
-def moved(moves: Sequence[Move], rules: Rules = RULES, **options: float) -> Joined:
+def moved(moves: Sequence[PreparedMove], rules: Rules = RULES, **options: float) -> Joined:
     return start(moves, rules, **options)  # type: ignore[arg-type]
 
 

@@ -6,50 +6,50 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from isel_twin.firmware.ismif.commands import FORMS, Command, CommandError, Target, parse
+from isel_twin.firmware.ismif.commands import COMMANDS, CommandError, Instruction, Target, parse
 
 PRINTED = [
-    (b"@R", Command("@R")),
-    (b"@V", Command("@V")),
-    (b"@X", Command("@X")),
-    (b"@LX", Command("@L", (0,))),
-    (b"@LY", Command("@L", (1,))),
-    (b"T1", Command("T", (1,))),
-    (b"F1", Command("F", (1,))),
-    (b"Z2", Command("Z", (2,))),
-    (b"#S150", Command("#S", (150,))),
-    (b"#E1,800", Command("#E", (1, 800))),
-    (b"#E25,400", Command("#E", (25, 400))),
-    (b"#R400", Command("#R", (400,))),
-    (b"#DX,0,4,4,4", Command("#D", (0, 0, 4, 4, 4))),
-    (b"#DY,1,1,2,3", Command("#D", (1, 1, 1, 2, 3))),
-    (b"#OX,35", Command("#O", (0, 35))),
-    (b"$HZXY", Command("$H", ((2, 0, 1),))),
-    (b"$HY", Command("$H", ((1,),))),
-    (b"L1,X200,Y500", Command("L", (1, Target(0, False, 200), Target(1, False, 500)))),
-    (b"L15,x500,y1000", Command("L", (15, Target(0, True, 500), Target(1, True, 1000)))),
-    (b"L3,X0,Y0,Z0", Command("L", (3, Target(0, False, 0), Target(1, False, 0), Target(2, False, 0)))),
-    (b"L99,x15,y25,z35", Command("L", (99, Target(0, True, 15), Target(1, True, 25), Target(2, True, 35)))),
-    (b"L1,x-50,y-100", Command("L", (1, Target(0, True, -50), Target(1, True, -100)))),
-    (b"@B", Command("@B")),
-    (b"@S", Command("@S")),
-    (b"@A", Command("@A")),
-    (b"@C", Command("@C")),
-    (b"A1", Command("A", (1,))),
-    (b"A0", Command("A", (0,))),
-    (b"W250", Command("W", (250,))),
+    (b"@R", Instruction("@R")),
+    (b"@V", Instruction("@V")),
+    (b"@X", Instruction("@X")),
+    (b"@LX", Instruction("@L", (0,))),
+    (b"@LY", Instruction("@L", (1,))),
+    (b"T1", Instruction("T", (1,))),
+    (b"F1", Instruction("F", (1,))),
+    (b"Z2", Instruction("Z", (2,))),
+    (b"#S150", Instruction("#S", (150,))),
+    (b"#E1,800", Instruction("#E", (1, 800))),
+    (b"#E25,400", Instruction("#E", (25, 400))),
+    (b"#R400", Instruction("#R", (400,))),
+    (b"#DX,0,4,4,4", Instruction("#D", (0, 0, 4, 4, 4))),
+    (b"#DY,1,1,2,3", Instruction("#D", (1, 1, 1, 2, 3))),
+    (b"#OX,35", Instruction("#O", (0, 35))),
+    (b"$HZXY", Instruction("$H", ((2, 0, 1),))),
+    (b"$HY", Instruction("$H", ((1,),))),
+    (b"L1,X200,Y500", Instruction("L", (1, Target(0, False, 200), Target(1, False, 500)))),
+    (b"L15,x500,y1000", Instruction("L", (15, Target(0, True, 500), Target(1, True, 1000)))),
+    (b"L3,X0,Y0,Z0", Instruction("L", (3, Target(0, False, 0), Target(1, False, 0), Target(2, False, 0)))),
+    (b"L99,x15,y25,z35", Instruction("L", (99, Target(0, True, 15), Target(1, True, 25), Target(2, True, 35)))),
+    (b"L1,x-50,y-100", Instruction("L", (1, Target(0, True, -50), Target(1, True, -100)))),
+    (b"@B", Instruction("@B")),
+    (b"@S", Instruction("@S")),
+    (b"@A", Instruction("@A")),
+    (b"@C", Instruction("@C")),
+    (b"A1", Instruction("A", (1,))),
+    (b"A0", Instruction("A", (0,))),
+    (b"W250", Instruction("W", (250,))),
 ]
 """Every command printed as an example in the manual."""
 
 
 @pytest.mark.parametrize(("line", "command"), PRINTED)
-def test_printed_examples(line: bytes, command: Command) -> None:
+def test_printed_examples(line: bytes, command: Instruction) -> None:
     assert parse(line) == command
 
 
 def test_all_twenty_commands_are_printed_and_known() -> None:
-    assert {command.code for _, command in PRINTED} == set(FORMS)
-    assert len(FORMS) == 20
+    assert {command.code for _, command in PRINTED} == set(COMMANDS)
+    assert len(COMMANDS) == 20
 
 
 def test_blanks_count_for_nothing() -> None:
@@ -112,7 +112,7 @@ def test_any_line_is_read_or_refused(line: bytes) -> None:
         command = parse(line)
     except CommandError:
         return
-    assert command.code in FORMS
+    assert command.code in COMMANDS
 
 
 axis_words = st.permutations("XYZ").flatmap(lambda axes: st.integers(1, 3).map(lambda n: axes[:n]))
@@ -126,4 +126,4 @@ def test_every_vector_is_read_as_written(index: int, axes: str, data: st.DataObj
     ]
     letters = ["xyz"[t.axis] if t.relative else "XYZ"[t.axis] for t in targets]
     line = f"L{index}," + ",".join(f"{letter}{t.steps}" for letter, t in zip(letters, targets, strict=True))
-    assert parse(line.encode()) == Command("L", (index, *targets))
+    assert parse(line.encode()) == Instruction("L", (index, *targets))

@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from isel_twin.firmware.ismif.commands import FORMS, LINE_LIMIT
+from isel_twin.firmware.ismif.commands import COMMANDS, LINE_LIMIT
 from isel_twin.firmware.ismif.language import ANSWERS, CR, STATUS
 from isel_twin.language import Language, LanguageError, Message, MoveSettings, create_language
 from isel_twin.testing import Desk, PositionSwitch
@@ -150,7 +150,7 @@ LINES = {
 }
 
 
-@pytest.mark.parametrize("code", FORMS)
+@pytest.mark.parametrize("code", COMMANDS)
 def test_every_command_has_words(code: str) -> None:
     line, words = LINES[code]
     assert list(fresh().messages(line.encode() + CR, sent=True)) == [

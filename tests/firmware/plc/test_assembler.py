@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isel_twin.firmware.plc import Block, ImageError, Program
+from isel_twin.firmware.plc import ImageError, PlcBlock, PlcProgram
 from isel_twin.firmware.plc.assembler import AssemblyError, assemble, disassemble, explain
 from isel_twin.firmware.plc.codes import FORMS, Instruction, decode, encode
 
@@ -25,7 +25,7 @@ EXAMPLES = {
 def test_worked_examples(text: str) -> None:
     program = assemble("OB 1\n" + text.replace("/", "\n"))
     assert program.image == bytes.fromhex(EXAMPLES[text])
-    assert Program.read(program.image) == program
+    assert PlcProgram.read(program.image) == program
 
 
 def test_several_blocks_and_their_entries() -> None:
@@ -54,7 +54,7 @@ def instructions() -> st.SearchStrategy[Instruction]:
 @given(st.lists(instructions(), max_size=30))
 def test_what_is_disassembled_is_assembled_to_the_same_bytes(listed: list[Instruction]) -> None:
     code = b"".join(encode(instruction) for instruction in listed) + bytes.fromhex("65 00")
-    program = Program.of([Block("PB", 200, code)])
+    program = PlcProgram.of([PlcBlock("PB", 200, code)])
     text = disassemble(program)
     assert assemble(text).image == program.image
     assert len(explain(program)) == len(listed) + 2
@@ -71,10 +71,10 @@ def test_a_code_that_is_read_is_written_alike(code: bytes) -> None:
 def test_any_bytes_are_a_program_or_refused(data: bytes) -> None:
     for image in (data, b"\x53\x35\x01" + data):
         try:
-            program = Program.read(image)
+            program = PlcProgram.read(image)
         except ImageError:
             continue
-        assert Program.read(program.image) == program
+        assert PlcProgram.read(program.image) == program
 
 
 @given(st.text("OB1PBUEAM 0.123=:\nLKFTSE;", max_size=80))
@@ -85,7 +85,7 @@ def test_any_text_is_a_program_or_refused_with_its_line(text: str) -> None:
     except AssemblyError as error:
         said = error
     if said is None:
-        assert Program.read(program.image) == program
+        assert PlcProgram.read(program.image) == program
     else:
         assert 1 <= said.line <= max(text.count("\n") + 1, 1)
         assert "\n" not in str(said)
@@ -126,4 +126,4 @@ def test_a_wrong_line_is_named(text: str, line: int, said: str) -> None:
 )
 def test_a_wrong_image_is_refused(image: str, said: str) -> None:
     with pytest.raises(ImageError, match=said):
-        Program.read(bytes.fromhex(image))
+        PlcProgram.read(bytes.fromhex(image))

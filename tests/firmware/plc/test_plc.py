@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from isel_twin.firmware.plc import Memory, Plc, Rights
+from isel_twin.firmware.plc import Plc, PlcMemory, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 MS = 1_000_000
@@ -17,7 +17,7 @@ def plc_of(text: str, rights: Rights | None = None) -> Plc:
     return plc
 
 
-def pass_by_pass(plc: Plc, memory: Memory, until_ns: int) -> int:
+def pass_by_pass(plc: Plc, memory: PlcMemory, until_ns: int) -> int:
     """Make passes up to a time; how many."""
     made = 0
     while (t := plc.next_ns) is not None and t <= until_ns:
@@ -28,7 +28,7 @@ def pass_by_pass(plc: Plc, memory: Memory, until_ns: int) -> int:
 
 
 def test_a_thousand_instructions_take_45_ms() -> None:
-    plc, memory = plc_of("OB 1\n" + "NOP0\n" * 999 + "BE\n"), Memory()
+    plc, memory = plc_of("OB 1\n" + "NOP0\n" * 999 + "BE\n"), PlcMemory()
     plc.start(0, memory)
     assert plc.next_ns is None  # nothing ever changes
     plc.touch(0)
@@ -40,7 +40,7 @@ def test_a_thousand_instructions_take_45_ms() -> None:
 
 
 def test_effects_come_at_the_end_of_a_pass() -> None:
-    plc, memory = plc_of("OB 1\nU E 0.0\n= A 0.0\nBE\n"), Memory()
+    plc, memory = plc_of("OB 1\nU E 0.0\n= A 0.0\nBE\n"), PlcMemory()
     memory.e[0] = 1
     plc.start(0, memory)
     assert (plc.next_ns, memory.a[0]) == (4 * MS, 0)
@@ -49,7 +49,7 @@ def test_effects_come_at_the_end_of_a_pass() -> None:
 
 
 def test_a_flag_set_during_a_pass_is_not_undone_by_it() -> None:
-    plc, memory = plc_of("OB 1\nU M 40.1\nR M 6.0\nL KB 1\nT MB 41\nBE\n"), Memory()
+    plc, memory = plc_of("OB 1\nU M 40.1\nR M 6.0\nL KB 1\nT MB 41\nBE\n"), PlcMemory()
     memory.m[40] = 2
     plc.start(0, memory)
     memory.m[6] = 1
@@ -65,7 +65,7 @@ def test_rights_of_flags() -> None:
     may_set, may_reset = bytearray(b"\xff" * 256), bytearray(b"\xff" * 256)
     may_set[0], may_reset[0] = 0b01, 0b10
     rights = Rights(bytes(may_set), bytes(may_reset))
-    plc, memory = plc_of("OB 1\nL KH 0005\nT MB 0\nBE\n", rights), Memory()
+    plc, memory = plc_of("OB 1\nL KH 0005\nT MB 0\nBE\n", rights), PlcMemory()
     memory.m[0] = 0b1010
     plc.start(0, memory)
     plc.end_pass(4 * MS, memory)
@@ -75,7 +75,7 @@ def test_rights_of_flags() -> None:
 def test_start_up_blocks_run_once_each_at_its_occasion() -> None:
     text = "OB 1\nL MB 50\nI 1\nT MB 50\nBE\nOB 21\nL KB 10\nT MB 50\nBE\nOB 22\nL KB 20\nT MB 50\nBE\n"
     for power_on, expected in ((False, 11), (True, 21)):
-        plc, memory = plc_of(text), Memory()
+        plc, memory = plc_of(text), PlcMemory()
         plc.start(0, memory, power_on=power_on)
         pass_by_pass(plc, memory, 4 * MS)
         assert memory.m[50] == expected
@@ -84,7 +84,7 @@ def test_start_up_blocks_run_once_each_at_its_occasion() -> None:
 
 
 def test_it_stops_at_the_end_of_a_pass_or_by_itself() -> None:
-    plc, memory = plc_of("OB 1\nU E 0.0\n= A 0.0\nU E 0.1\nSPB PB 9\nBE\n"), Memory()
+    plc, memory = plc_of("OB 1\nU E 0.0\n= A 0.0\nU E 0.1\nSPB PB 9\nBE\n"), PlcMemory()
     memory.e[0] = 1
     plc.start(0, memory)
     plc.stop_at_end(MS)
@@ -133,7 +133,7 @@ class Awake(Plc):
 def history(plc: Plc, seed: int) -> tuple[list[tuple[int, bytes]], int]:
     """What the outputs and flags become, and how many passes were made, while inputs and flags change at random."""
     plc.load(assemble(TEXT).image)
-    rng, memory, seen, passes, t_ns = random.Random(seed), Memory(), [], 0, 0
+    rng, memory, seen, passes, t_ns = random.Random(seed), PlcMemory(), [], 0, 0
     plc.start(0, memory)
     for _ in range(60):
         t_ns += rng.choice((rng.randrange(3 * GRID), rng.randrange(60 * GRID), GRID, 2 * GRID))

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from isel_twin.firmware.plc import Memory
+from isel_twin.firmware.plc import PlcMemory
 from isel_twin.firmware.plc.assembler import assemble
 from isel_twin.firmware.plc.processor import Elements, Halt, Pass, Processor
 
@@ -18,7 +18,7 @@ class Bench:
 
     def __init__(self, text: str, functions: dict | None = None) -> None:
         self.processor = Processor(assemble(text), functions or {})
-        self.memory, self.elements = Memory(), Elements()
+        self.memory, self.elements = PlcMemory(), Elements()
 
     def run(self, now_ns: int = 0, inputs: int = 0) -> Pass:
         self.memory.e[0] = inputs
@@ -176,11 +176,11 @@ def test_what_stops_the_plc(text: str, why: str) -> None:
 
 
 def test_an_unknown_code_stops_it() -> None:
-    from isel_twin.firmware.plc import Block, Program
+    from isel_twin.firmware.plc import PlcBlock, PlcProgram
 
-    processor = Processor(Program.of([Block("OB", 1, bytes.fromhex("04 00 65 00"))]), {})
+    processor = Processor(PlcProgram.of([PlcBlock("OB", 1, bytes.fromhex("04 00 65 00"))]), {})
     with pytest.raises(Halt, match="word 0"):
-        processor.run("OB", 1, Memory(), Elements(), 0)
+        processor.run("OB", 1, PlcMemory(), Elements(), 0)
 
 
 def test_a_built_in_function_changes_the_accumulators() -> None:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from isel_twin.firmware.plc import Block, ImageError, Memory, Plc, Program, Rights
+from isel_twin.firmware.plc import ImageError, Plc, PlcBlock, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 from isel_twin.firmware.plc.processor import Elements, Halt, Processor
 
@@ -19,7 +19,7 @@ class Bench:
 
     def __init__(self, lines: str) -> None:
         self.processor = Processor(assemble("OB 1\n" + lines.replace("; ", "\n") + "\nBE\n"), {})
-        self.memory, self.elements = Memory(), Elements()
+        self.memory, self.elements = PlcMemory(), Elements()
 
     def run(self, now_ns: int = 0, inputs: int = 0) -> int:
         """A pass; output byte 0 afterwards."""
@@ -240,7 +240,7 @@ def test_a_conditional_call_leaves_the_result_on() -> None:
     program = assemble("OB 1\nU E 0.0\nSPB PB 1\n= A 0.0\nBE\nPB 1\nU E 0.1\n= A 0.1\nBE\n")
     processor, elements = Processor(program, {}), Elements()
     for inputs, expected in ((0, 1), (1, 0), (3, 3)):  # called, the result is that of the block
-        memory = Memory()
+        memory = PlcMemory()
         memory.e[0] = inputs
         processor.run("OB", 1, memory, elements, 0)
         assert memory.a[0] == expected
@@ -300,18 +300,20 @@ def test_an_image_that_is_none_is_refused_and_the_program_stays(image: bytes) ->
 
 def test_an_image_holds_65535_bytes() -> None:
     code = b"\x00\x00" * 32_759 + b"\x65\x00"
-    assert len(Program.of([Block("OB", 1, code)]).image) == 65_530
+    assert len(PlcProgram.of([PlcBlock("OB", 1, code)]).image) == 65_530
     with pytest.raises(ImageError, match="65536"):
-        Program.of([Block("OB", 1, code), Block("PB", 1, b"")])
-    assert len(Program.of([Block("OB", 1, b"\x00\x00" * 2 + code)]).image) == 65_534
+        PlcProgram.of([PlcBlock("OB", 1, code), PlcBlock("PB", 1, b"")])
+    assert len(PlcProgram.of([PlcBlock("OB", 1, b"\x00\x00" * 2 + code)]).image) == 65_534
 
 
 @pytest.mark.parametrize("code", ["04 00", "80", "34 20", "C0 30", "6D 05"])
 def test_a_code_that_is_none_stops_it_when_it_comes_there(code: str) -> None:
     """Unknown; half a word; timer 32; input byte 48; a block that is not there."""
-    processor = Processor(Program.of([Block("OB", 1, bytes.fromhex(code) + b"\x65\x00"[: 2 - len(code) % 2])]), {})
+    processor = Processor(
+        PlcProgram.of([PlcBlock("OB", 1, bytes.fromhex(code) + b"\x65\x00"[: 2 - len(code) % 2])]), {}
+    )
     with pytest.raises(Halt):
-        processor.run("OB", 1, Memory(), Elements(), 0)
+        processor.run("OB", 1, PlcMemory(), Elements(), 0)
 
 
 CODES = """U M 6.0 : 80 06; O M 6.1 : 89 06; S M 6.2 : 92 06; = M 6.3 : 9b 06; UN M 6.4 : a4 06; ON M 6.5 : ad 06

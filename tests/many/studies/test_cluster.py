@@ -88,6 +88,10 @@ def test_processes_of_this_computer_of_which_one_is_killed(plans: Path) -> None:
 
 
 def workers_of(pid: int) -> list[int]:
-    """Process ids of the children of a process that are workers of a pool."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()
-    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    """Process ids of a process's local workers: children of the server that forks them."""
+    servers = [child for child in children(pid) if b"forkserver" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    return [worker for server in servers for worker in children(server)]
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()]

@@ -147,7 +147,9 @@ def test_names_of_files_are_no_content(plans: Path) -> None:
     (moved / "job.txt").rename(moved / "other.txt")
     change(moved / "small.toml", '"job.txt"', '"other.txt"')
     assert [point.id for point in points(load_plan(moved / "small.toml"))] == before
-    assert Path(load_plan(moved / "small.toml").work.machine).is_absolute(), "whoever computes stands elsewhere"
+    assert Path(load_plan(moved / "small.toml").work.spec.machine_name).is_absolute(), (
+        "whoever computes stands elsewhere"
+    )
 
 
 def test_a_terminal_shows_how_far_it_is_and_how_long_it_takes(

@@ -15,7 +15,7 @@ from collections import deque
 from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS
-from isel_twin.firmware.plc import Memory, Plc, Rights
+from isel_twin.firmware.plc import Plc, PlcMemory, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 SHORTEST_NS: Final = 4 * MILLISECOND_NS
@@ -105,7 +105,7 @@ class MachinePlc:
         """text: STEP 5 in place of DEFAULT. Raises AssemblyError, ImageError."""
         self._plc = Plc(Rights(), {}, SHORTEST_NS)
         self._plc.load(assemble(DEFAULT if text is None else text).image)
-        self._memory = Memory()
+        self._memory = PlcMemory()
         self._waiting: deque[int] = deque()
         self._shown: dict[str, int] = {}
 

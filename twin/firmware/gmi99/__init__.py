@@ -5,7 +5,7 @@
     commands.py     every command, as one table; instruction.py: one with its parameters
     sequencer.py    order, barriers, buffer of 100 moves
     queue.py        what waits, programs in progress, the command in progress; waiting.py: what it waits for
-    path.py         moves to set points: planner.py, circle.py; hold, go on, break off
+    interpolator.py moves to set points: planner.py, circle.py; hold, go on, break off
     actions.py      commands that set, wait, make ready    queries.py    T
     corrections.py  G; offsets.py: zero points             directly.py   p10: direct inputs and outputs
     programming.py  p: programs; store.py: the program store

@@ -11,7 +11,7 @@ from collections.abc import Generator
 from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError, signed
-from isel_twin.firmware.gmi99.path import OntoSwitchError
+from isel_twin.firmware.gmi99.interpolator import OntoSwitchError
 from isel_twin.firmware.gmi99.settings import HIGHEST, LOWEST, NUMBERS, RATIO_ONE, SLOTS, Settings
 from isel_twin.firmware.gmi99.waiting import Wait
 
@@ -40,7 +40,7 @@ def no_action(card: Card, instruction: Instruction) -> None:
 def move(card: Card, instruction: Instruction) -> None:
     """`V` and 80h + mask: a straight move, or a part of a circle."""
     try:
-        card.path.move(instruction, from_host=not card.in_program)
+        card.interpolator.move(instruction, from_host=not card.in_program)
     except OntoSwitchError as error:
         card.drives.lose(str(error), stages=False)
 
@@ -72,14 +72,14 @@ def reduced_speed(card: Card, instruction: Instruction) -> None:
     value = within("R", instruction.p1, *TOP_SPEED_HZ)
     within("P2", instruction.p2, 0, SLOTS)
     _per_axis(card, "r_hz", min(value, card.settings.m_hz[instruction.p2]), instruction.p2)
-    card.path.speeds_changed()
+    card.interpolator.speeds_changed()
 
 
 def feed(card: Card, instruction: Instruction) -> None:
     """`f`: speed of the moves that follow; M if it is above."""
     if instruction.p1 == 0:
         raise OutOfRangeError("f is 0; it must be at least 1")
-    card.path.feed_hz = min(instruction.p1, card.settings.m_hz[0])
+    card.interpolator.feed_hz = min(instruction.p1, card.settings.m_hz[0])
 
 
 def override(card: Card, instruction: Instruction) -> None:
@@ -92,7 +92,7 @@ def override(card: Card, instruction: Instruction) -> None:
         if instruction.p1 == 1:
             card.override_given = None  # the potentiometer, or what comes from outside, acts again
         card.set(override=instruction.p1)
-    card.path.speeds_changed()
+    card.interpolator.speeds_changed()
 
 
 def tool_speed(card: Card, instruction: Instruction) -> None:
@@ -171,7 +171,7 @@ def duplicate(card: Card, instruction: Instruction) -> None:
     """Axis duplication: the target makes all motions of the source; -1: no more."""
     target, source = axis_of("P1", instruction.p1), signed(instruction.p2)
     within("P2", source, -1, target - 1)
-    card.path.sources[target] = source
+    card.interpolator.sources[target] = source
 
 
 # ---- data ------------------------------------------------------------------------------------------------------------

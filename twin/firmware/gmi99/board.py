@@ -4,7 +4,7 @@ settings   what a host sets             images   inputs, outputs, flags     even
 stored     what survives the mains      store    programs                   struck   limit switches
 offsets    zero points                  path_run, drives_run   motion in execution, and how far the ended ones went
 
-    Board <- Path <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
+    Board <- Interpolator <- DriveBank, Queue, CardPlc <- Card (device.py) <- actions and commands <- Sequencer, Gmi99
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SPINDLE, HOOD_LOCK = (0, 0), (0, 1)
 
 
 class Board:
-    """See the module. All times are those of the controller's last call."""
+    """State of the card at `now_ns`, the time of the controller's last call."""
 
     def __init__(self, flash: bytes | None, override_pot_percent: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
@@ -73,11 +73,11 @@ class Board:
     # ---- events ------------------------------------------------------------------------------------------------------
 
     def output(self, name: str, value: int) -> None:
-        """An output of the card has this level now."""
+        """Tell the new level of an output."""
         self.events.append(Output(name, value))
 
     def refuse(self, why: str) -> None:
-        """A command has no effect, or something has failed, and no reply tells."""
+        """Note that a command has no effect or something has failed, which no reply tells the host."""
         self.fault = True
         self.events.append(Remark(why))
 
@@ -102,7 +102,7 @@ class Board:
         return self.images.flag(places.ANALOG)
 
     def put_analog_outputs(self) -> None:
-        """The analog output of slot 0 leaves the image (M3.2, FB 254.8)."""
+        """Tell the analog output of slot 0 as it is in the image (M3.2, FB 254.8)."""
         value = self.images.outputs[self.images.drives_at + DIGITAL]
         if value != self._analog:
             self._analog = value
@@ -111,27 +111,27 @@ class Board:
     # ---- settings and memories ---------------------------------------------------------------------------------------
 
     def set(self, **values: Any) -> None:
-        """Settings become these."""
+        """Change settings."""
         self.settings = replace(self.settings, **values)
 
     def arrange_images(self) -> None:
-        """Drives and cards have their places in the images, which N12, N13 and FB 254.2 choose."""
+        """Give drives and cards their places in the images, chosen by N12, N13 and FB 254.2."""
         cards = bool(self.settings.input_cards or self.settings.output_cards)
         self.images.arrange(cards=cards, mode=self.image_mode)
 
     def keep(self, **values: Any) -> None:
-        """The memories hold these now."""
+        """Change what the memories hold; the flash is written."""
         self.stored = replace(self.stored, **values)
         self.events.append(FlashWrite(encode(self.stored)))
 
     def keep_data(self) -> None:
-        """The static data words are kept."""
+        """Write the static data words to the flash if they have changed."""
         data = self.images.static.rstrip(b"\0").hex()
         if data != self.stored.data:
             self.keep(data=data)
 
     def erase(self) -> None:
-        """All memories are as new."""
+        """Make all memories as new."""
         self.stored = Stored()
         self.store.erase()
         self.offsets = Offsets(self.stored.zero_points, self.stored.fine)
@@ -167,14 +167,14 @@ class Board:
         return self._made if run is None else added(self._made, run.displacement(self.now_ns))
 
     def take_in(self, displacement: Sequence[int], *, ghost: bool) -> None:
-        """A motion has ended that went so far."""
+        """Add the displacement of a motion that has ended."""
         if ghost:
             self._apart = added(self._apart, displacement)
         else:
             self._made = added(self._made, displacement)
 
     def set_counter(self, axis: int, value: int) -> None:
-        """The counter of an axis becomes a value; nothing moves."""
+        """Set the counter of an axis; nothing moves."""
         self._made = (*self._made[:axis], value, *self._made[axis + 1 :])
         self._apart = (*self._apart[:axis], 0, *self._apart[axis + 1 :])
         self.events.append(CounterSet(axis, value))

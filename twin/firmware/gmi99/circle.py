@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, Move, Rules, straight
+from isel_twin.firmware.gmi99.planner import AXES, SHORTEST_S, PreparedMove, Rules, straight
 from isel_twin.motion.look_ahead import FRACTIONS
 
 ROUNDING = 1e-9
@@ -46,7 +46,7 @@ def circle(
     rules: Rules,
     *,
     per_revolution: bool = False,
-) -> Move:
+) -> PreparedMove:
     """An arc from the present position by `displacement` (increments of each slot) around `centre` (increments from the
     present position, by slot).
 

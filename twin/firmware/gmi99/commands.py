@@ -81,9 +81,9 @@ def _o_kind(instruction: Instruction) -> Kind:
 
 
 def _p_kind(instruction: Instruction) -> Kind:
-    if instruction.p1 == 11:
+    if instruction.p1 == programming.Of.FLAG:
         return Kind.IMMEDIATE
-    flying = instruction.p1 == 10 and instruction.p2 in (directly.SETO, directly.RESO)
+    flying = instruction.p1 == programming.Of.DIRECT and instruction.p2 in (directly.SETO, directly.RESO)
     return Kind.SYNCHRONOUS if flying else Kind.NORMAL
 
 

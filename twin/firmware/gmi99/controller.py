@@ -28,7 +28,6 @@ BUFFER_FULL = 0x08
 ABORT, STATUS, SPINDLE_SPEED, OVERRIDE = 0, 1, 8, 9
 DRIVE_VERSION = 550
 OVERRIDE_LIMIT = 125
-_SETTLES = 10_000
 
 
 class Gmi99:
@@ -77,7 +76,7 @@ class Gmi99:
         card = self._card
         reference = card.queue.next_ns
         drives = card.drives_run.end_ns if card.drives_run is not None and reference is None else None
-        times = [t for t in (card.path.next_ns, reference, drives, card.plc.next_ns) if t is not None]
+        times = [t for t in (card.interpolator.next_ns, reference, drives, card.plc.next_ns) if t is not None]
         return max(min(times), card.now_ns) if times else None
 
     @property
@@ -111,7 +110,7 @@ class Gmi99:
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
         self._card.now_ns = t_ns
         self._card.drives.set_input(terminal, level)
-        self._card.path.speeds_changed()
+        self._card.interpolator.speeds_changed()
         self._settle()
 
     @property
@@ -121,7 +120,7 @@ class Gmi99:
     def press(self, t_ns: int, name: str, value: KeyValue) -> None:
         self._card.now_ns = t_ns
         self._card.pot_percent = int(value)
-        self._card.path.speeds_changed()
+        self._card.interpolator.speeds_changed()
         self._settle()
 
     def advance(self, t_ns: int) -> None:
@@ -149,7 +148,7 @@ class Gmi99:
     def _settle(self) -> None:
         """Let everything go on that can go on now."""
         card = self._card
-        card.path.advance()
+        card.interpolator.advance()
         card.drives.advance()
         if card.plc.next_ns is not None and card.plc.next_ns <= card.now_ns:
             ran = card.images.flag(images.PROGRAM_RUNS)
@@ -194,8 +193,8 @@ class Gmi99:
             card.abort()
             card.fault = card.store.error = False
         elif frame.command == SPINDLE_SPEED:
-            card.path.spindle_rpm = int.from_bytes(frame.content, "little")
-            card.path.speeds_changed()
+            card.interpolator.spindle_rpm = int.from_bytes(frame.content, "little")
+            card.interpolator.speeds_changed()
         elif frame.command == OVERRIDE:
             percent = frame.content[0]
             if percent > OVERRIDE_LIMIT:
@@ -203,7 +202,7 @@ class Gmi99:
                 return
             card.override_given, card.override_external = None, percent
             card.set(override=1)
-            card.path.speeds_changed()
+            card.interpolator.speeds_changed()
 
     def _at_once(self, instruction: Instruction) -> None:
         try:

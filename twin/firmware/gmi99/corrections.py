@@ -20,17 +20,17 @@ def g_function(card: Card, instruction: Instruction) -> None:
         return
     if instruction.p1 != number:
         raise OutOfRangeError(f"there is no G{instruction.p1}")
-    path = card.path
+    interpolator = card.interpolator
     if number == 0:
-        path.feed_hz = None
+        interpolator.feed_hz = None
     elif number in (2, 3):
-        path.begin_circle(clockwise=number == 2)
+        interpolator.begin_circle(clockwise=number == 2)
     elif number == 36:
-        path.shortest_way = True
+        interpolator.shortest_way = True
     elif number in (90, 91):
-        path.absolute = number == 90
+        interpolator.absolute = number == 90
     elif number in (94, 95):
-        path.per_turn = number == 95
+        interpolator.per_turn = number == 95
     else:
         raise OutOfRangeError(f"there is no G{number}")
 

@@ -8,8 +8,8 @@ from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import DIGITAL, STATIC_BYTES
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.logic import CardPlc
-from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.store import DEPTH
@@ -19,15 +19,15 @@ OUTPUT_NAMES = tuple(f"a{byte}.{bit}" for byte in range(DIGITAL) for bit in rang
 
 
 class Card(Board):
-    """See the module."""
+    """The whole card, as commands and controller see it."""
 
     def __init__(self, flash: bytes | None, override_pot_percent: int, turn: int, plc: bytes) -> None:
         """`flash`: None for a new card, which then has the PLC program `plc`."""
         super().__init__(flash, override_pot_percent, plc)
         self.queue = Queue(self)
-        self.path = Path(self)
-        self.drives = DriveBank(self, self.path, self.queue, turn)
-        self.plc = CardPlc(self, self.path, self.drives, self.queue)
+        self.interpolator = Interpolator(self)
+        self.drives = DriveBank(self, self.interpolator, self.queue, turn)
+        self.plc = CardPlc(self, self.interpolator, self.drives, self.queue)
         self._moving_told = False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -51,14 +51,14 @@ class Card(Board):
     # ---- what happens ------------------------------------------------------------------------------------------------
 
     def parameters_changed(self) -> None:
-        """N parameters have changed."""
+        """Put changed N parameters in force."""
         self.arrange_images()
-        self.path.speeds_changed()
+        self.interpolator.speeds_changed()
 
     def abort(self) -> None:
         """#0, M0.1: everything under way brakes and is forgotten."""
         self.queue.drop()
-        self.path.break_off()
+        self.interpolator.break_off()
         self.drives.brake()
 
     def call(self, number: int) -> None:
@@ -88,7 +88,7 @@ class Card(Board):
         flags.set_flag(images.PROGRAM_RUNS, self.in_program)
         if self.analog_asked:
             self.put_analog_outputs()
-        self.path.speeds_changed()
+        self.interpolator.speeds_changed()
 
     # ---- what there is to see ----------------------------------------------------------------------------------------
 
@@ -100,7 +100,7 @@ class Card(Board):
     @property
     def busy(self) -> bool:
         """A command or program is being carried out."""
-        return self.queue.busy or not self.path.at_rest or not self.drives.at_rest
+        return self.queue.busy or not self.interpolator.at_rest or not self.drives.at_rest
 
     @property
     def information(self) -> int:
@@ -121,7 +121,7 @@ class Card(Board):
         return self.reduced | blocked << 1 | stop << 2 | self.enable_missing << 3
 
     def refresh_flags(self) -> None:
-        """Flags of the firmware, and the output that tells of motion, show what is."""
+        """Bring the flags of the firmware and the output `moving` up to date."""
         if self.moving != self._moving_told:
             self._moving_told = self.moving
             self.output("moving", int(self.moving))
@@ -133,5 +133,5 @@ class Card(Board):
         set_flag(images.FROZEN, bool(self.settings.motion_off))
 
     def ask_drives(self) -> None:
-        """Flags that only the drives know are as they are now: before somebody looks at them."""
+        """Bring the flag I2T up to date, which only the drives know: before somebody looks at it."""
         self.images.set_flag(images.I2T, any(map(self.drives.is_overloaded, range(SLOTS))))

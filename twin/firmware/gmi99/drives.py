@@ -25,7 +25,7 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import DriveInput, Drives
 from isel_twin.firmware.gmi99 import planner
 from isel_twin.firmware.gmi99.board import Board
-from isel_twin.firmware.gmi99.path import Path
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import SLOTS
 from isel_twin.firmware.gmi99.waiting import Wait
@@ -70,9 +70,9 @@ _FAULT = re.compile(r"slot([0-9])\.fault")
 class DriveBank:
     """All drives; see the module."""
 
-    def __init__(self, board: Board, path: Path, queue: Queue, turn: int) -> None:
+    def __init__(self, board: Board, interpolator: Interpolator, queue: Queue, turn: int) -> None:
         self._board = board
-        self._path = path
+        self._interpolator = interpolator
         self._queue = queue
         self._turn = turn
         self.asked: Drives | None = None
@@ -120,7 +120,7 @@ class DriveBank:
         )
 
     def blocked(self, slot: int) -> bool:
-        """No current: the stages are off, or this drive has switched itself off."""
+        """True without current: the stages are off, or this drive has switched itself off."""
         return not self.enabled or self._faulty[slot]
 
     def drive_inputs(self) -> Sequence[DriveInput]:
@@ -139,12 +139,12 @@ class DriveBank:
         axes = [slot for slot in range(SLOTS) if mask >> slot & 1]
         yield Wait(at_ns=self._board.now_ns + planner.PERIOD_NS)  # the last set point is still being led to
         while not all(map(self._is_in_position, axes)):
-            yield Wait(at_ns=self._path.grid_ns(self._board.now_ns + 1))
+            yield Wait(at_ns=self._interpolator.grid_ns(self._board.now_ns + 1))
 
     # ---- inputs -----------------------------------------------------------------------------------------------------
 
     def set_input(self, terminal: str, level: bool) -> None:
-        """A level changes; those at power-on come the same way, before anything else."""
+        """A level changes; the levels at power-on come the same way, first."""
         if terminal == "slot0.estop":
             self._estop = not level
             if self._estop:
@@ -185,19 +185,19 @@ class DriveBank:
     def lose(self, why: str, *, stages: bool) -> None:
         """Not ready any more: motion ends, queue and program are dropped; `stages`: they are off."""
         was_ready, self.ready = self.ready, False
-        path = self._path
+        interpolator = self._interpolator
         if stages:
             self._zeroed = [False] * SLOTS
-            path.cut()
+            interpolator.cut()
             self._end_run()
             self._enable(on=False)
         elif self._board.path_run is not None and not self._board.ghost:
-            run = path.release()
+            run = interpolator.release()
             sharp = LIMIT_SHARPNESS * 1000.0 * self._board.settings.b_hz_per_ms[0]
             k = run.next_tick(self._board.now_ns)
             self._board.drives_run = run.with_plan(braked(run.plan, k, run.period_ns, sharp))
         else:
-            path.cut()
+            interpolator.cut()
             self.brake()
         if was_ready:
             self._board.refuse(why)
@@ -264,7 +264,7 @@ class DriveBank:
         self._serial += 1
         self._referencing = True
         plan = at_rest(SLOTS, planner.PERIOD_NS, DRIVE_ACCELERATION, ("reference", self._serial))
-        board.drives_run = SetPointRun(plan, planner.PERIOD_NS, self._path.grid_ns(board.now_ns))
+        board.drives_run = SetPointRun(plan, planner.PERIOD_NS, self._interpolator.grid_ns(board.now_ns))
         runs = {slot: self._axis(slot, board.counts[slot]) for slot in axes}
         found: list[int] = []
         for slot in axes:

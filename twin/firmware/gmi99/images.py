@@ -65,7 +65,7 @@ PLC_MAY_NOT_RESET: Mapping[int, int] = {0: 0b0000_0010, KEY: 0xFF}
 
 
 class Images:
-    """See the module. `changed(byte, bits)` is told of the outputs that change: index in A, and its new value."""
+    """The images. `changed(byte, bits)` is called for every output byte that changes: index in A, new value."""
 
     def __init__(self, changed: Callable[[int, int], None]) -> None:
         self.inputs = bytearray(2 * GROUP)

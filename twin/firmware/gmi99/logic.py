@@ -1,12 +1,12 @@
-"""The card's PLC: what twin/firmware/plc makes of programs, on the card's images and flags, with its block FB 254.
+"""The card's PLC: programs run by twin/firmware/plc on the card's images and flags, with the block FB 254.
 
     images.py   E A M D   <---- pass by pass ---->   isel_twin.firmware.plc.Plc
                                                          |
     card: positions, status, corrections, speeds  <---  FB 254: accumulator 1 says which function, 2 has its argument
 
-Implements `isel_twin.firmware.gmi99.plc.Plc`. A pass takes 45 us an instruction, a multiple of the 4 ms grid (G31); its
-effects are true at its end. What FB 254 does it does when it is called. Functions that the manual names but does not
-describe have no effect (G32).
+A pass works on copies. It takes 45 us an instruction, rounded up to the 4 ms grid (G31); its effects become visible at
+its end, when the card looks at the flags. FB 254 acts when it is called; its functions that the manual names but does
+not describe have no effect (G32).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from importlib import resources
 from isel_twin.firmware.gmi99.board import Board
 from isel_twin.firmware.gmi99.drives import DriveBank
 from isel_twin.firmware.gmi99.images import FIRMWARE_OWNS, PLC_MAY_NOT_RESET, PLC_MAY_NOT_SET, Images
+from isel_twin.firmware.gmi99.interpolator import Interpolator
 from isel_twin.firmware.gmi99.offsets import PLC_ZERO_LIMIT
-from isel_twin.firmware.gmi99.path import Path
 from isel_twin.firmware.gmi99.planner import PERIOD_NS
 from isel_twin.firmware.gmi99.queue import Queue
 from isel_twin.firmware.gmi99.settings import FINE, SLOTS
-from isel_twin.firmware.plc import ImageError, Memory, Plc, Program, Rights
+from isel_twin.firmware.plc import ImageError, Plc, PlcMemory, PlcProgram, Rights
 from isel_twin.firmware.plc.assembler import assemble
 
 SAFETY = "safety.awl"
@@ -52,36 +52,36 @@ def _rights() -> Rights:
 
 
 class CardPlc:
-    """See the module."""
+    """The PLC of the card; FB 254 reaches its parts."""
 
-    def __init__(self, board: Board, path: Path, drives: DriveBank, queue: Queue) -> None:
+    def __init__(self, board: Board, interpolator: Interpolator, drives: DriveBank, queue: Queue) -> None:
         self.board = board
-        self.path = path
+        self.interpolator = interpolator
         self.drives = drives
         self.queue = queue
         images = board.images
         self._outputs = bytearray(images.outputs)
-        self._memory = Memory(images.inputs, self._outputs, images.flags, images.data)
+        self._memory = PlcMemory(images.inputs, self._outputs, images.flags, images.data)
         self._plc = Plc(_rights(), {EXTENDED: self._extended}, PERIOD_NS)
         self._download = bytearray()
         self._seen = b""
         self.load_error = False
+        """The last download was no program (bit 0 of the memory status)."""
 
     # ---- what the card asks -----------------------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
+        """A program is being carried out."""
         return self._plc.running
 
     @property
-    def stored(self) -> bool:
-        return bool(self._plc.image)
-
-    @property
     def next_ns(self) -> int | None:
+        """End of the next pass that may differ from the one before; None while it does not run, or nothing changes."""
         return self._plc.next_ns
 
     def power_on(self, t_ns: int, image: bytes) -> None:
+        """Mains on; a program there is starts by itself. `image`: as `end_load` gave it, empty for none."""
         if not image:
             return
         try:
@@ -92,20 +92,24 @@ class CardPlc:
         self._begin(t_ns, power_on=True)
 
     def start(self, t_ns: int) -> None:
+        """p1;1."""
         if not self._plc.running:
             self._begin(t_ns, power_on=False)
 
     def stop(self, t_ns: int) -> None:
+        """p1;2: at the end of the pass, outputs to 0."""
         if self._plc.running:
             self._plc.stop_at_end(t_ns)
 
     def look(self, t_ns: int) -> None:
+        """Something has happened: inputs, flags or data may have changed."""
         seen = _bytes(self.board.images)
         if self._plc.running and seen != self._seen:
             self._plc.touch(t_ns)
         self._seen = seen
 
     def advance(self, t_ns: int) -> None:
+        """Let time pass to t_ns, never beyond `next_ns`."""
         images = self.board.images
         self._outputs[:] = images.outputs
         self._plc.end_pass(t_ns, self._memory)
@@ -124,11 +128,13 @@ class CardPlc:
         self.board.keep_data()
 
     def begin_load(self) -> None:
+        """p1;100."""
         self._plc.clear()
         self.board.images.clear_outputs()
         self._download.clear()
 
     def load(self, offset: int, data: bytes) -> None:
+        """`a`: a part of the image."""
         if offset + len(data) > LONGEST_IMAGE:
             self._failed(f"an image of more than {LONGEST_IMAGE} bytes")
             return
@@ -136,6 +142,7 @@ class CardPlc:
         self._download[offset : offset + len(data)] = data
 
     def end_load(self) -> bytes | None:
+        """p1;101: the image to be kept, None if it is no program."""
         try:
             self._plc.load(bytes(self._download))
         except ImageError as error:
@@ -145,10 +152,12 @@ class CardPlc:
         return self._plc.image
 
     def entry(self, block: int) -> int | None:
-        program: Program | None = self._plc.program
+        """Where block OB `block` begins in the image; None if there is none."""
+        program: PlcProgram | None = self._plc.program
         return None if program is None else program.entries.get(("OB", block))
 
     def code(self, offset: int, count: int) -> bytes:
+        """Bytes of the image from there on, empty beyond its end."""
         part = self._plc.image[offset : offset + count]
         return part.ljust(count, b"\0") if part else b""
 
@@ -163,7 +172,7 @@ class CardPlc:
 
     # ---- FB 254 -----------------------------------------------------------------------------------------------------
 
-    def _extended(self, number: int, argument: int, memory: Memory) -> tuple[int, int]:
+    def _extended(self, number: int, argument: int, memory: PlcMemory) -> tuple[int, int]:
         """FB 254: accumulators 1 and 2 afterwards (6.1.3)."""
         axis = number - 0x110
         if 0 <= axis < SLOTS:
@@ -187,7 +196,7 @@ def _images(plc: CardPlc, mode: int) -> tuple[int, int]:
     if mode in (0, 1):
         plc.board.image_mode = mode
         plc.board.arrange_images()
-        plc.path.speeds_changed()
+        plc.interpolator.speeds_changed()
     return 2, mode
 
 

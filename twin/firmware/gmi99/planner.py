@@ -108,7 +108,7 @@ class Heading:
 
 
 @dataclass(frozen=True, eq=False)
-class Move:
+class PreparedMove:
     """A move ready to be joined: its pieces (none if it goes nowhere; one for a line; the chords of a circle) and its
     directions at the beginning and at the end (None if it goes nowhere)."""
 
@@ -135,7 +135,7 @@ def scale(override_percent: float | None = None, spindle_rpm: float | None = Non
     return override if spindle_rpm is None else override * spindle_rpm / 60.0
 
 
-def line(displacement: Sequence[int], feed: int | None, rules: Rules, *, per_revolution: bool = False) -> Move:
+def line(displacement: Sequence[int], feed: int | None, rules: Rules, *, per_revolution: bool = False) -> PreparedMove:
     """A straight move by so many increments of each slot.
 
     feed: f in Hz; None: rapid, G0. per_revolution: feed is in increments per revolution (G95), the plan is scaled by
@@ -155,7 +155,7 @@ def straight(
     per_revolution: bool = False,
     shortest_s: NDArray[np.float64] | None = None,
     corners: bool = True,
-) -> Move:
+) -> PreparedMove:
     """Pieces one after the other, as one move: `way` float64 [n, 6], increments, none of them all zeros.
 
     feed, per_revolution: see `line`. shortest_s: float64 [n], least time of each; 12 ms without. corners: whether the
@@ -176,8 +176,8 @@ def straight(
         _corners_hz(per_path, rules.jump_hz, rules.sharp_jump_hz, entry)
     pieces = Pieces(way, length, np.full(n, float(wanted)), limit, acceleration, entry)
     if not n:
-        return Move(pieces, None, None)
-    return Move(pieces, Heading(tuple(per_path[0].tolist())), Heading(tuple(per_path[-1].tolist())))
+        return PreparedMove(pieces, None, None)
+    return PreparedMove(pieces, Heading(tuple(per_path[0].tolist())), Heading(tuple(per_path[-1].tolist())))
 
 
 @njit(nogil=True, error_model="numpy")
@@ -230,14 +230,19 @@ def _corners_hz(per_path, jump_hz, sharp_hz, entry):
 
 
 def start(
-    moves: Sequence[Move], rules: Rules, *, scale: float = 1.0, ceiling_hz: float = math.inf, identity: object = 0
+    moves: Sequence[PreparedMove],
+    rules: Rules,
+    *,
+    scale: float = 1.0,
+    ceiling_hz: float = math.inf,
+    identity: object = 0,
 ) -> Joined:
     """The plan that makes these moves from standstill, joined. ceiling_hz: R while the PLC asks for it."""
     pieces = _together(moves, rules, None)
     return joined(pieces, PERIOD_NS, sine=rules.sine, scale=scale, ceiling=ceiling_hz, identity=identity)
 
 
-def more(plan: Joined, k: int, moves: Sequence[Move], rules: Rules, after: Heading | None) -> Joined:
+def more(plan: Joined, k: int, moves: Sequence[PreparedMove], rules: Rules, after: Heading | None) -> Joined:
     """The plan with these moves behind it, known at tick k.
 
     after: direction at the end of the last move planned so far, None if there is none.
@@ -245,7 +250,7 @@ def more(plan: Joined, k: int, moves: Sequence[Move], rules: Rules, after: Headi
     return plan.replanned(k, append=_together(moves, rules, after))
 
 
-def _together(moves: Sequence[Move], rules: Rules, heading: Heading | None) -> Pieces:
+def _together(moves: Sequence[PreparedMove], rules: Rules, heading: Heading | None) -> Pieces:
     """Their pieces, with the speeds at the corners between them."""
     parts: list[Pieces] = []
     for move in moves:

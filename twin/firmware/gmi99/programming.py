@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from enum import IntEnum
 
 from isel_twin.firmware.gmi99 import directly, images
 from isel_twin.firmware.gmi99.device import Card
@@ -10,20 +11,37 @@ from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
 from isel_twin.firmware.gmi99.settings import PROGRAMS
 from isel_twin.firmware.gmi99.waiting import Wait
 
-START, STOP, BEGIN, END, QUIET, LOUD = 1, 2, 100, 101, 110, 111
-PLC, AXIS_PROGRAM, PROGRAM, DIRECT, FLAG = 1, 4, 3, 10, 11
+
+class Of(IntEnum):
+    """P1 of `p`: what is programmed."""
+
+    PLC = 1
+    PROGRAM = 3
+    DIRECT = 10
+    FLAG = 11
+
+
+class Do(IntEnum):
+    """P2: what is done to it."""
+
+    START = 1
+    STOP = 2
+    BEGIN = 100
+    END = 101
+    QUIET = 110
+    LOUD = 111
 
 
 def programming(card: Card, instruction: Instruction) -> Generator[Wait, None, None] | None:
     """`p`: P1 says of what."""
     match instruction.p1:
-        case 1:
+        case Of.PLC:
             _plc(card, instruction.p2)
-        case 3:
+        case Of.PROGRAM:
             _program(card, instruction.p2, instruction.p3)
-        case 10:
+        case Of.DIRECT:
             return directly.direct(card, instruction)
-        case 11:
+        case Of.FLAG:
             set_flag_byte(card, instruction)
         case other:
             raise OutOfRangeError(f"there is no p{other} here")
@@ -40,19 +58,20 @@ def set_flag_byte(card: Card, instruction: Instruction) -> None:
 
 
 def _plc(card: Card, what: int) -> None:
-    if what == START:
-        card.plc.start(card.now_ns)
-    elif what == STOP:
-        card.plc.stop(card.now_ns)
-    elif what == BEGIN:
-        card.store.erase()
-        card.keep(programs=card.store.kept, plc="")
-        card.plc.begin_load()
-    elif what == END:
-        image = card.plc.end_load()
-        card.keep(plc=image.hex() if image is not None else "")
-    else:
-        raise OutOfRangeError(f"there is no p1;{what}")
+    match what:
+        case Do.START:
+            card.plc.start(card.now_ns)
+        case Do.STOP:
+            card.plc.stop(card.now_ns)
+        case Do.BEGIN:
+            card.store.erase()
+            card.keep(programs=card.store.kept, plc="")
+            card.plc.begin_load()
+        case Do.END:
+            image = card.plc.end_load()
+            card.keep(plc=image.hex() if image is not None else "")
+        case _:
+            raise OutOfRangeError(f"there is no p1;{what}")
 
 
 def plc_data(card: Card, instruction: Instruction) -> None:
@@ -61,18 +80,17 @@ def plc_data(card: Card, instruction: Instruction) -> None:
 
 
 def _program(card: Card, what: int, number: int) -> None:
-    if what in (START, BEGIN) and number >= PROGRAMS:
+    if what in (Do.START, Do.BEGIN) and number >= PROGRAMS:
         raise OutOfRangeError(f"there is no program {number}")
-    if what == START:
-        card.call(number)
-    elif what == STOP:
-        card.queue.leave()
-    elif what == BEGIN:
-        card.store.begin(number)
-        card.keep(programs=card.store.kept)
-    elif what == END:
-        pass  # ends a recording; without one it has nothing to end
-    elif what in (QUIET, LOUD):
-        pass  # whether the loss of contact is reported: the card has none
-    else:
-        raise OutOfRangeError(f"there is no p3;{what}")
+    match what:
+        case Do.START:
+            card.call(number)
+        case Do.STOP:
+            card.queue.leave()
+        case Do.BEGIN:
+            card.store.begin(number)
+            card.keep(programs=card.store.kept)
+        case Do.END | Do.QUIET | Do.LOUD:
+            pass  # an end without a recording; reports of lost contact, of which the card has none
+        case _:
+            raise OutOfRangeError(f"there is no p3;{what}")

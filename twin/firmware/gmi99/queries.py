@@ -16,8 +16,6 @@ VERSION = 488
 STATUS = b""
 """Answer in place of which the status record is sent (T3;0)."""
 
-WORDS = {0: "set position", 1: "image or version", 3: "status", 5: "parameter", 8: "zero point", 11: "counter input"}
-
 
 def answer(card: Card, instruction: Instruction) -> bytes | None:
     """Ident and value; STATUS for the status record; None if there is no such question."""

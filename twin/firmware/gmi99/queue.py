@@ -27,7 +27,7 @@ class _Running:
 
 
 class Queue:
-    """See the module."""
+    """Holds what waits and what is under way; sequencer.py moves it on."""
 
     def __init__(self, board: Board) -> None:
         self._board = board

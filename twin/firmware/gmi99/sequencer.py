@@ -13,7 +13,7 @@ from isel_twin.firmware.gmi99 import images
 from isel_twin.firmware.gmi99.commands import Kind, command_of
 from isel_twin.firmware.gmi99.device import Card
 from isel_twin.firmware.gmi99.instruction import Instruction, OutOfRangeError
-from isel_twin.firmware.gmi99.programming import BEGIN, END, PROGRAM
+from isel_twin.firmware.gmi99.programming import Do, Of
 
 MOVES = 100
 OTHERS = 100
@@ -21,7 +21,7 @@ _NOT_IN_PROGRAMS = "rs"
 
 
 class Sequencer:
-    """See the module."""
+    """Carries out commands in their order."""
 
     def __init__(self, card: Card) -> None:
         self._card = card
@@ -33,13 +33,13 @@ class Sequencer:
         waiting = self._card.queue.waiting
         moves = sum(entry.is_move for _, entry in waiting)
         if instruction.is_move:
-            return moves + self._card.path.host_moves >= MOVES
+            return moves + self._card.interpolator.host_moves >= MOVES
         return len(waiting) - moves >= OTHERS
 
     def put(self, data: bytes, instruction: Instruction) -> None:
         """A command of the host that there is room for."""
-        if instruction.code == ord("p") and instruction.p1 == PROGRAM and instruction.p2 in (BEGIN, END):
-            self._card.queue.recording = instruction.p2 == BEGIN
+        if _is_p(instruction, Of.PROGRAM) and instruction.p2 in (Do.BEGIN, Do.END):
+            self._card.queue.recording = instruction.p2 == Do.BEGIN
         self._card.queue.waiting.append((data, instruction))
 
     def put_drive(self, slot: int, *, run: bool) -> None:
@@ -75,17 +75,18 @@ class Sequencer:
             return True
         kind = command_of(instruction).kind(instruction)
         if kind is Kind.MOVE or kind is Kind.SYNCHRONOUS:
-            if not card.path.accepts or not card.drives.at_rest or (card.in_program and card.path.moves >= MOVES):
+            full = card.in_program and card.interpolator.moves >= MOVES
+            if full or not card.interpolator.accepts or not card.drives.at_rest:
                 return False
             queue.take()
             if kind is Kind.MOVE and not card.drives.ready:
                 card.refuse("a move while the indexer is not ready")
             elif kind is Kind.SYNCHRONOUS and instruction.code == ord("p"):  # outputs switch where they stand
-                card.path.on_the_way(lambda: self._begin(instruction))
+                card.interpolator.on_the_way(lambda: self._begin(instruction))
             else:
                 self._begin(instruction)
             return True
-        if not card.path.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
+        if not card.interpolator.at_rest or not card.drives.at_rest or card.images.flag(images.SYNCHRONISATION):
             return False
         queue.take()
         self._begin(instruction)
@@ -94,21 +95,21 @@ class Sequencer:
     def _return(self) -> bool:
         """A program has ended: go on with its caller; the main program is over when the last motion has ended."""
         card = self._card
-        if card.queue.depth == 1 and not (card.path.at_rest and card.drives.at_rest):
+        if card.queue.depth == 1 and not (card.interpolator.at_rest and card.drives.at_rest):
             return False
         card.queue.close()
         return True
 
     def _record(self, data: bytes, instruction: Instruction) -> None:
         card = self._card
-        is_p = instruction.code == ord("p")
-        if is_p and instruction.p1 == PROGRAM and instruction.p2 == END:
+        of_program = _is_p(instruction, Of.PROGRAM)
+        if of_program and instruction.p2 == Do.END:
             card.store.end()
             card.keep(programs=card.store.kept)
         elif (
             chr(instruction.code) in _NOT_IN_PROGRAMS
-            or (is_p and instruction.p1 == 1)
-            or (is_p and instruction.p1 == PROGRAM and instruction.p2 == BEGIN)
+            or _is_p(instruction, Of.PLC)
+            or (of_program and instruction.p2 == Do.BEGIN)
         ):
             card.store.error = True
         elif not card.store.record(data, instruction):
@@ -122,3 +123,7 @@ class Sequencer:
             return
         if steps is not None:
             self._card.queue.start(steps)
+
+
+def _is_p(instruction: Instruction, of: Of) -> bool:
+    return instruction.code == ord("p") and instruction.p1 == of

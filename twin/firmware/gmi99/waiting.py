@@ -21,7 +21,7 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Wait:
-    """See the module."""
+    """Until a condition holds or a time has come, whichever is first."""
 
     until: Callable[[], bool] = _never
     at_ns: int | None = None

@@ -16,7 +16,7 @@ from isel_twin.firmware.imc.moves import ANY_SPEED, speed
 from isel_twin.firmware.imc.ports import OUTPUT_PORTS
 from isel_twin.firmware.imc.replies import BAD_AXES, BAD_NUMBER, FAULT, Refusal
 from isel_twin.firmware.imc.safety import Event, State, circuits_closed, hood_safe, powered
-from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Program, Settings, default_settings
+from isel_twin.firmware.imc.settings import AXES, USER_INFO_LENGTH, Settings, StoredProgram, default_settings
 
 A_AXIS = 8
 
@@ -30,7 +30,7 @@ def check_axis_choice(device: Device, mask: int) -> None:
 
 
 def admit_initialisation(device: Device, mask: int) -> tuple[int]:
-    """The stages have power, or nothing speaks against switching it on (9)."""
+    """Refuse (9) unless the stages have power or it can be switched on."""
     if not powered(device.inputs) and not (circuits_closed(device.inputs) and hood_safe(device.inputs)):
         raise Refusal(FAULT)
     return (mask,)
@@ -55,7 +55,7 @@ def initialise(device: Device, mask: int) -> Activity:
 
 
 def check_axes(device: Device, mask: int) -> None:
-    """Masks of 2.2.19 to 2.2.22: 1..7, or A alone, and axes that are set only."""
+    """Masks of 2.2.19 to 2.2.22: 1..7, or A alone; only axes that are set."""
     if not 1 <= mask <= A_AXIS or mask & ~device.axes:
         raise Refusal(BAD_AXES)
 
@@ -89,13 +89,13 @@ def four_speeds(device: Device) -> tuple[Number, ...]:
 
 
 def default_speed_parameters(device: Device) -> tuple[Number, ...]:
-    """The same, but those of axes that are not set may be anything if the profile says so (F49)."""
+    """Four speeds; those of axes that are not set are not checked if the profile says so (F49)."""
     strict, axes = not device.profile.extra_values, device.axes or (1 << AXES) - 1
     return tuple(speed(device) if strict or axes >> axis & 1 else ANY_SPEED for axis in range(AXES))
 
 
 def set_default_speeds(device: Device, *speeds_hz: int) -> None:
-    """`@0Id`: what is no speed stays as it is."""
+    """`@0Id`: a number that is no speed changes nothing."""
     valid, now = speed(device), device.settings.reference_hz
     new = (hz if valid.low <= hz <= valid.high else was for hz, was in zip(speeds_hz, now, strict=True))
     device.set_settings(reference_hz=tuple(new))
@@ -247,7 +247,7 @@ def set_inverted(device: Device, mask: int) -> None:
 
 
 def set_swapped(device: Device, mask: int) -> None:
-    """`@0Ie`: where the switches of an axis lie is what the host has said last, whatever a motion has found (F21)."""
+    """`@0Ie`: which switch lies at which end. It replaces what a motion has found out (F21)."""
     device.limits.forget_found(device.settings.swapped ^ mask)
     device.set_settings(swapped=mask)
 
@@ -272,7 +272,7 @@ def set_user_info(device: Device, text: str) -> None:
 
 
 def load_settings(device: Device) -> None:
-    """`@0IL`: values from flash are in force, those set by `@0d`, `@0j` and `@0J` are not."""
+    """`@0IL`: load the values from flash; those set by `@0d`, `@0j` and `@0J` are dropped."""
     _put_in_force(device, device.flash.settings)
 
 
@@ -297,4 +297,4 @@ def _put_in_force(device: Device, settings: Settings) -> None:
 def erase(device: Device) -> Activity:
     """`@0k`: forget the stored program, whatever state it is in (2.2.17)."""
     yield Pause(device.profile.erase_ms * MILLISECOND_NS)
-    device.store(program=Program())
+    device.store(program=StoredProgram())

@@ -50,7 +50,7 @@ class Imc:
         self._events.clear()
 
     def _boot(self, now_ns: int) -> None:
-        """Everything as after power-on; inputs are what they are."""
+        """Set everything to its state after power-on; the inputs stay as they are."""
         self._lines = WaitingLines(self._profile.input_bytes)
         self._assembler = grammar.LineAssembler(self._profile.line_bytes)
         self._recorder: Recorder | None = None
@@ -66,7 +66,7 @@ class Imc:
             self._device.energise()
 
     def _keep_flash(self) -> None:
-        """What the device has written is there after the next start."""
+        """Take over what the device has written to its flash, for the next start."""
         self._flash = None if self._device.outputs["flash_fault"] else self._device.flash
 
     # ---- the border -------------------------------------------------------------------------------------------------
@@ -78,7 +78,6 @@ class Imc:
 
     @property
     def counts(self) -> Displacement:
-        """Counters X, Y, Z, A."""
         return self._device.counts
 
     @property
@@ -88,7 +87,6 @@ class Imc:
 
     @property
     def run(self) -> Motion | None:
-        """The step stream in execution."""
         return self._device.executor.motion
 
     @property
@@ -98,30 +96,28 @@ class Imc:
 
     @property
     def idle(self) -> bool:
-        """No command waits for its turn, none is carried out. Those held by a stop wait for the host."""
+        """True if no command waits or is carried out; commands held by a stop do not count, they wait for the host."""
         return self._supervisor.task is None and not self._lines
 
     @property
     def fault(self) -> bool:
-        """Replies tell every error."""
+        """Always False: replies tell every error."""
         return False
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """Mains on."""
         self._inputs = Inputs(levels)
         self._keep_flash()
         self._boot(t_ns)
         self._settle()
 
     def receive(self, t_ns: int, data: bytes) -> None:
-        """Bytes from the host."""
         self.advance(t_ns)
         for byte in data:
             if self._receive_byte(byte):
                 self._settle()
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """A level changes. It meets the motion whose pulses it follows, even if that ends at this instant."""
+        """The edge meets the motion that caused it, even if that motion ends at this instant."""
         device = self._device
         device.executor.now_ns = t_ns
         changed = device.inputs.set(terminal, level)
@@ -135,28 +131,25 @@ class Imc:
         self._settle()
 
     def advance(self, t_ns: int) -> None:
-        """Let time pass."""
         self._device.executor.now_ns = t_ns
         self._settle()
 
     def take(self) -> list[Event]:
-        """Events since the last call."""
         events = self._events[:]
         self._events.clear()
         return events
 
     def terminals(self) -> Mapping[str, tuple[str, ...]]:
-        """The port bits; see ports.py."""
         return TERMINALS
 
     def machine_overrides(self) -> Mapping[str, Any]:
-        """Pulses are for stepper motors; any stage of theirs will do."""
+        """The axes have stepper motors; the stages may be any."""
         return {"axes.all.drive": "stepper"}
 
     # ---- one instant ------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """Do everything that is due now: ends of runs and pauses, then the next lines."""
+        """Do all that is due now: ends of runs and pauses, then the next lines."""
         while True:
             if self._supervisor.due:
                 self._supervisor.tick()
@@ -197,7 +190,7 @@ class Imc:
         return True
 
     def _show(self) -> None:
-        """Tell what goes on. A lamp the host has switched by hand stays so until what it stands for changes."""
+        """Set lamps and outputs that show the state. A lamp the host has switched stays until its state changes."""
         supervisor = self._supervisor
         shown = {
             "moving": supervisor.moving,
@@ -213,7 +206,7 @@ class Imc:
     # ---- bytes and lines --------------------------------------------------------------------------------------------
 
     def _receive_byte(self, byte: int) -> bool:
-        """Take a byte; return whether it has any effect yet: a byte within a line has none."""
+        """Take a byte; return True if it has an effect now. A byte within a line has none."""
         if byte == grammar.STOP:
             if self._supervisor.stop():
                 self._lines.hold()
@@ -325,7 +318,7 @@ class Imc:
         self._supervisor.resume(answers=answers)
 
     def _start_key(self) -> None:
-        """The start key, which is heard at rest only; nobody is told if it does nothing (F33)."""
+        """The start key acts only at rest; no reply tells if it does nothing (F33)."""
         if self._supervisor.task is not None or self._recorder is not None:
             return
         try:
@@ -335,7 +328,7 @@ class Imc:
         effect()
 
     def _admit_program(self) -> tuple[int, settings.Modal]:
-        """The stored program may run: the axes, and the modal values it will have. Raises Refusal."""
+        """Check that the stored program may run; return its axes and modal values. Raises Refusal."""
         device, program = self._device, self._device.flash.program
         if program.state != settings.VALID:
             raise Refusal(INVALID_FIELD)
@@ -353,7 +346,7 @@ class Imc:
         signal_error(self._device, error=False)
         self._supervisor.start(run_program(self._device, commands.CNC), answers=answers, program=True)
 
-    def _require_sound(self, program: settings.Program) -> None:
+    def _require_sound(self, program: settings.StoredProgram) -> None:
         """Raise Refusal(G) unless this firmware would store every line: the image may come from another one."""
         try:
             for code, values in program.lines:

@@ -30,7 +30,7 @@ from isel_twin.firmware.imc.replies import (
 )
 from isel_twin.firmware.imc.safety import TRANSITIONS, State, hood_safe, powered
 from isel_twin.firmware.imc.safety import Event as SafetyEvent
-from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Program, Settings
+from isel_twin.firmware.imc.settings import AXES, Flash, Modal, Settings, StoredProgram
 from isel_twin.motion import Displacement, TimeLaw, trapezoid
 from isel_twin.motion.path import added
 
@@ -229,7 +229,7 @@ class Device:
 
     # ---- flash ------------------------------------------------------------------------------------------------------
 
-    def store(self, *, settings: Settings | None = None, program: Program | None = None) -> None:
+    def store(self, *, settings: Settings | None = None, program: StoredProgram | None = None) -> None:
         """Write the flash: new settings or a new program beside what it holds of the other."""
         self.flash = Flash(settings or self.flash.settings, program or self.flash.program)
         self.outputs["flash_fault"] = 0

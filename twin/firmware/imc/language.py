@@ -13,9 +13,9 @@ lines are read: the axes that are set, the device number, and a data field betwe
 twice: `_told` by what has been answered, which decides about answers, and `_ahead` by what has been sent, as if all of
 it were accepted, which explains commands. Both are the same whenever nothing is left to be answered.
 
-What is not known from the bytes alone: a byte for a stored program that waits for one is taken for the beginning of a
-line, and a character that a stored program sends for a reply code, if it is one. An answer that is lost on the way
-leaves its command to the answer after it, until a reset.
+Bytes alone do not tell everything: a byte for a stored program that waits for one is taken for the beginning of a line,
+and a character that a stored program sends is taken for a reply if it is a reply code. After a lost answer each answer
+is explained as that of the command before, until a reset.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dataclasses import replace
 
 from isel_twin.firmware.imc import commands, grammar, replies, retiming
 from isel_twin.firmware.imc.profile import Profile, load_profile
-from isel_twin.firmware.imc.reading import LF, OK, Form, Mode
+from isel_twin.firmware.imc.reading import LF, OK, AnswerForm, ReadingState
 from isel_twin.firmware.imc.wording import line_words
 from isel_twin.language import JobMove, Message, MoveSettings, Pieces, Ranges, encoded, integers, readable
 
@@ -67,10 +67,10 @@ class ImcLanguage:
         self._pieces = Pieces(ends=CR, alone=bytes(CONTROL), longest=LONGEST)
         self._begun = b""
         self._unanswered: deque[bytes] = deque(maxlen=MOST_UNANSWERED)
-        self._told, self._ahead = Mode(), Mode()
+        self._told, self._ahead = ReadingState(), ReadingState()
         self._answer = bytearray()
         self._answered = b""
-        self._form = Form()
+        self._form = AnswerForm()
 
     # ---- what a host says -------------------------------------------------------------------------------------------
 
@@ -133,7 +133,6 @@ class ImcLanguage:
         return iter([self._command(piece) for piece in self._pieces.cut(data)] if sent else self._answers(data))
 
     def rest(self, sent: bool) -> bytes:
-        """What has been begun and not ended."""
         return self._pieces.rest if sent else bytes(self._answer)
 
     def _command(self, piece: bytes) -> Message:
@@ -150,7 +149,7 @@ class ImcLanguage:
         return Message(piece, text, self._line(line.removesuffix(CR)), sent=True)
 
     def _line(self, line: bytes) -> str:
-        """A line begun and ended: remember that it wants an answer, and say what it means."""
+        """A whole line: remember that it wants an answer, and say what it means."""
         if not line.strip():
             return "an empty line, no command"
         if len(line) > self._line_bytes:
@@ -161,10 +160,10 @@ class ImcLanguage:
         return words
 
     def _reset(self) -> None:
-        """What was sent before is not answered any more; the axes are not set, the number is 0."""
+        """Lines sent before get no answer any more; no axes are set, the device number is 0."""
         self._begun = b""
         self._unanswered.clear()
-        self._told, self._ahead = Mode(), Mode()
+        self._told, self._ahead = ReadingState(), ReadingState()
 
     def _answers(self, data: bytes) -> list[Message]:
         messages = []
@@ -179,8 +178,8 @@ class ImcLanguage:
         return messages
 
     def _begin_answer(self, byte: int) -> None:
-        """Find out what the answer that begins with this byte is to, and how long it is."""
-        self._form, self._answered = Form(), b""
+        """Find the line that the answer beginning with this byte belongs to, and how long it is."""
+        self._form, self._answered = AnswerForm(), b""
         while self._unanswered:
             form = self._told.form(self._unanswered[0])
             if form is None:  # that line was for another device

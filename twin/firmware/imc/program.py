@@ -20,7 +20,7 @@ from isel_twin.firmware.imc.adjust import WHOLE_BYTE
 from isel_twin.firmware.imc.device import Device
 from isel_twin.firmware.imc.purpose import WAITING
 from isel_twin.firmware.imc.replies import BAD_NUMBER, INVALID_FIELD, MEMORY_FULL, Refusal
-from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, Program
+from isel_twin.firmware.imc.settings import EMPTY, INCOMPLETE, VALID, StoredProgram
 
 Line = tuple[str, tuple[int, ...]]
 DECISECOND_NS = 100 * MILLISECOND_NS
@@ -61,7 +61,7 @@ class Recorder:
         self._lines: list[Line] = []
         self._depth: list[int] = []
         self._used = 0
-        device.store(program=Program(INCOMPLETE, axes=device.axes))
+        device.store(program=StoredProgram(INCOMPLETE, axes=device.axes))
 
     def add(self, code: str, values: tuple[int, ...]) -> None:
         """Store a command. Raises Refusal: 6 memory full, 1 a branch before the beginning or loops too deep."""
@@ -82,11 +82,11 @@ class Recorder:
         for number, (code, values) in enumerate(self._lines):
             if number + (offset_of(code, values) or 0) > len(self._lines):
                 raise Refusal(BAD_NUMBER)
-        self._device.store(program=Program(VALID, tuple(self._lines), self._device.axes, self._device.modal))
+        self._device.store(program=StoredProgram(VALID, tuple(self._lines), self._device.axes, self._device.modal))
 
     def spoil(self) -> None:
         """An error: what has been stored so far is invalid."""
-        self._device.store(program=Program(INCOMPLETE, tuple(self._lines), self._device.axes))
+        self._device.store(program=StoredProgram(INCOMPLETE, tuple(self._lines), self._device.axes))
 
 
 def offset_of(code: str, values: tuple[int, ...]) -> int | None:

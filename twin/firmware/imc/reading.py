@@ -20,7 +20,7 @@ END_OF_FIELD = "9"
 
 
 @dataclass(frozen=True)
-class Form:
+class AnswerForm:
     """How long an answer is: the code and so many hexadecimal digits or lines; or lines and, `code_last`, the code."""
 
     digits: int = 0
@@ -30,7 +30,7 @@ class Form:
     """What an answer (without a code before it) to a query with these parameters means; None: it is only a code."""
 
     def whole(self, answer: bytes | bytearray) -> bool:
-        """Nothing more belongs to this answer."""
+        """True if the answer is complete."""
         if self.code_last:
             last = answer.rpartition(LF)[2]
             return len(last) == 1 and chr(last[0]) in replies.WORDS
@@ -39,13 +39,13 @@ class Form:
         return len(answer) > self.digits and answer.count(LF) >= self.lines
 
     def fits(self, byte: int) -> bool:
-        """The byte may be the next one of an answer begun."""
+        """True if the byte can continue an answer."""
         return not self.digits or chr(byte) in "0123456789ABCDEF"
 
 
 @dataclass
-class Mode:
-    """What changes how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
+class ReadingState:
+    """What decides how lines are read: axes set (a mask, 0: not known), device number, data field begun."""
 
     axes: int = 0
     number: int = 0
@@ -59,16 +59,16 @@ class Mode:
             return "", ""
         return None if parts is None else parts[1:]
 
-    def form(self, line: bytes) -> Form | None:
+    def form(self, line: bytes) -> AnswerForm | None:
         """How the line is answered; None: not at all."""
         if self.storing:
-            return Form()
+            return AnswerForm()
         parts = self.split(line)
         if parts is None:
             return None
         if parts[0] == "P":
-            return Form(digits=6 * (4 if self.axes & 8 else 3), words=_position_words)
-        return QUERIES.get(parts[0], Form())
+            return AnswerForm(digits=6 * (4 if self.axes & 8 else 3), words=_position_words)
+        return QUERIES.get(parts[0], AnswerForm())
 
     def follow(self, line: bytes, *, accepted: bool) -> None:
         """The line has been answered, or will be."""
@@ -128,12 +128,12 @@ def _lines_words(about: str) -> Callable[[str, str], str]:
     return words
 
 
-QUERIES: Mapping[str, Form] = {
-    "b": Form(digits=2, words=_byte_words("port")),
-    "D": Form(digits=2, words=_byte_words("diagnosis")),
-    "h": Form(code_last=True, words=_lines_words("limit switches, 1 struck")),
-    "H": Form(code_last=True, words=_lines_words("state")),
-    "U": Form(lines=1, words=_lines_words("answer")),
-    "V": Form(lines=2, words=_lines_words("version")),
+QUERIES: Mapping[str, AnswerForm] = {
+    "b": AnswerForm(digits=2, words=_byte_words("port")),
+    "D": AnswerForm(digits=2, words=_byte_words("diagnosis")),
+    "h": AnswerForm(code_last=True, words=_lines_words("limit switches, 1 struck")),
+    "H": AnswerForm(code_last=True, words=_lines_words("state")),
+    "U": AnswerForm(lines=1, words=_lines_words("answer")),
+    "V": AnswerForm(lines=2, words=_lines_words("version")),
 }
-"""Queries that answer with more than a code, by their own code; `@0P` needs to know the axes: `Mode.form`."""
+"""Queries that answer with more than a code, by their own code; `@0P` needs to know the axes: `ReadingState.form`."""

@@ -1,11 +1,11 @@
-"""Other settings for a job that exists: speeds stand in the moves, ramps in `@0j` and `@0J` before them.
+"""Bring other settings into a job: speeds stand in the moves, ramps in `@0j` and `@0J` before them.
 
     @0j300        -->  @0j800                    a line that sets a ramp gets the value of the next move
     @0M0,9000,... -->  @0J900                    what is not in force yet is set before the move
                        @0M0,22000,...            speeds from `rapid_hz` upwards; slower ones are feeds
 
 Ramps are in force until the next reset (2.2.15, 2.2.16), so a move that wants the same as the one before gets no line.
-A line with <254> in it may hold any byte, also a reset: what was in force before it is set again. So it is behind
+A line with <254> in it may hold any byte, also a reset, so after it ramps are set anew; the same after
 commands that put other defaults in force (`@0IJ`, `@0Ij`, `@0IL`, `@0IX`). Lines between `@0i` and `9` are a stored
 program, whose branches count lines; it stays as it is and travels with the ramps in force when it is started.
 """
@@ -33,7 +33,7 @@ FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))
 
 @dataclass(frozen=True)
 class _Told:
-    """A line as far as it matters here."""
+    """What a line means for speeds and ramps."""
 
     code: str = ""
     head: str = ""
@@ -90,7 +90,7 @@ def _value(settings: MoveSettings, code: str) -> int:
 
 
 def _faster(line: str, told: _Told, speed_hz: int, rapid_hz: int) -> str:
-    """A move with another speed at every way that is a rapid one."""
+    """The move with `speed_hz` in place of every rapid speed."""
     if told.code not in STRAIGHT or max(told.values[1::2], default=0) < rapid_hz:
         return line
     values = [speed_hz if at % 2 and value >= rapid_hz else value for at, value in enumerate(told.values)]
@@ -98,7 +98,7 @@ def _faster(line: str, told: _Told, speed_hz: int, rapid_hz: int) -> str:
 
 
 def _told(lines: Sequence[str]) -> Iterator[_Told]:
-    """Each line; those of a stored program and those that are no command tell nothing."""
+    """What each line means; lines of a stored program, and those that are no command, mean nothing."""
     storing = False
     for line in lines:
         text = line.strip()

@@ -51,7 +51,7 @@ class Settings:
 
 
 def default_settings(profile: Profile) -> Settings:
-    """What the device comes with (4.2.19)."""
+    """Factory settings (4.2.19)."""
     return Settings(
         reference_hz=profile.reference_hz,
         run_free_steps=profile.run_free_steps,
@@ -84,7 +84,7 @@ EMPTY, INCOMPLETE, VALID = "empty", "incomplete", "valid"
 
 
 @dataclass(frozen=True)
-class Program:
+class StoredProgram:
     """A stored program: lines of (code, values). `incomplete`: begun and not ended, or spoiled; only erasing helps."""
 
     state: str = EMPTY
@@ -98,7 +98,7 @@ class Flash:
     """Content of the flash."""
 
     settings: Settings
-    program: Program = field(default_factory=Program)
+    program: StoredProgram = field(default_factory=StoredProgram)
 
 
 def encode(flash: Flash) -> bytes:
@@ -137,7 +137,7 @@ setting of the profile, which may be another one at the next start; so for them 
 
 
 def decode(image: bytes) -> Flash | None:
-    """Content of a flash image; None if it cannot be read as a whole or holds what cannot be."""
+    """Content of a flash image; None if it is damaged or holds values that no command could have stored."""
     head, _, body = image.partition(b"\n")
     if head != MAGIC + b"%08x" % zlib.crc32(body):
         return None
@@ -147,7 +147,7 @@ def decode(image: bytes) -> Flash | None:
         lines = tuple((code, tuple(values)) for code, values in program["lines"])
         flash = Flash(
             _build(Settings, tree["settings"]),
-            Program(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
+            StoredProgram(program["state"], lines, program["axes"], _build(Modal, program["modal"])),
         )
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
@@ -176,7 +176,7 @@ def _possible(flash: Flash) -> bool:
 
 
 def _in_range(name: str, value: Any) -> bool:
-    """Whether the number or numbers of a value are what its command takes."""
+    """Whether the number or numbers of a value are within the range of the command that sets it."""
     ranges = RANGES[name]
     numbers = value if isinstance(value, tuple) else (value,)
     return (

@@ -1,4 +1,4 @@
-"""What may happen to a command or program in progress, and what it means. How it is done is the executor's business.
+"""What may happen to a command or program in progress, and what follows from it; the executor does it.
 
 One task at a time:
 
@@ -33,7 +33,7 @@ from isel_twin.motion import Displacement, Motion, StepRun
 
 @dataclass
 class Task:
-    """What is in progress. `answers`: its end is reported to the host, as a stop always is; `program`: stored."""
+    """What is in progress. `answers`: the host is told its end (a stop it is always told); `program`: a stored one."""
 
     answers: bool
     program: bool
@@ -83,7 +83,7 @@ class Supervisor:
         self._executor.forget()
 
     def discard(self) -> None:
-        """Reset: whatever there is ends at once and says nothing."""
+        """Reset: end and forget everything at once, without a reply."""
         self.task = self.parked = None
         self._executor.discard()
 
@@ -119,7 +119,7 @@ class Supervisor:
 
     @property
     def moving(self) -> bool:
-        """Axes are in motion, or stand still for a moment within a reference run."""
+        """True while axes move, the short rests within a reference run included."""
         return self._executor.motion is not None or isinstance(self._executor.purpose, Reference)
 
     def tick(self) -> None:

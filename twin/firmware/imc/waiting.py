@@ -6,9 +6,9 @@
                      v  |
                      held -------> dropped, if the rest of the stopped motion is forgotten
 
-A stop holds what has come before it; what comes after it is carried out at once. So nothing starts to move that was
-not asked for after the stop, and the position can be asked for. Memory is bounded: what does not fit is lost, and only
-counted.
+A stop holds what has come before it; what comes after it is carried out at once. So nothing starts
+to move that was not asked for after the stop, and the position can be asked for. Memory is bounded: lines that do not
+fit are lost and counted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections import deque
 
 
 class WaitingLines:
-    """See the module."""
+    """Lines in the order of their arrival, and before them those that are held."""
 
     def __init__(self, limit: int) -> None:
         """limit: bytes, line ends included, that may wait; twice as many may be held."""
@@ -30,7 +30,7 @@ class WaitingLines:
         """Lines lost and not answered yet."""
 
     def __bool__(self) -> bool:
-        """Is there anything that is not held?"""
+        """True if a line waits that is not held."""
         return bool(self._waiting or self.lost)
 
     def put(self, line: bytes) -> None:
@@ -73,5 +73,5 @@ class WaitingLines:
         return self._held[0] if self._held else None
 
     def drop_first_held(self) -> None:
-        """It has been answered."""
+        """Forget it: it has been answered."""
         self._held_bytes -= len(self._held.popleft()) + 1

@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 from isel_twin.firmware.imc import commands, moves
 from isel_twin.firmware.imc.query import AXIS_NAMES
-from isel_twin.firmware.imc.reading import END_OF_FIELD, Mode, numbers, plain, stored
+from isel_twin.firmware.imc.reading import END_OF_FIELD, ReadingState, numbers, plain, stored
 
 FLOW: Mapping[str, str] = {"i": "store a program: the lines that follow", "S": "go on, or start the stored program"}
 """`@0i` (2.2.13) and `@0S` (2.2.23), which concern the flow of commands and stand in no table."""
 
 Details = Callable[[Sequence[int], int], str | None]
-"""(parameters, axes set) -> what they say, to stand after the command's purpose; None: not so many are expected."""
+"""(parameters, axes set) -> the parameters in words, behind the command's purpose; None: their number is wrong."""
 
 
-def line_words(line: bytes, mode: Mode) -> str:
+def line_words(line: bytes, mode: ReadingState) -> str:
     """A line in words."""
     if mode.storing and not line.lstrip().startswith(b"@"):
         code, text = stored(line)
@@ -40,7 +40,7 @@ def line_words(line: bytes, mode: Mode) -> str:
 
 
 def _parameters(details: Details | None, text: str, axes: int) -> str:
-    """The parameters in words if they are as expected, as they are if not."""
+    """The parameters in words, or as they stand if they are not as expected."""
     values = numbers(text)
     if values == []:
         return ""

@@ -30,7 +30,7 @@ def create(name: str, *, flash: bytes | None, settings: Mapping[str, Any]) -> Is
     """Entry point of `isel_twin.controllers`. The interface keeps nothing without power, so there is no flash image.
 
     Settings: `frequency_error_ppm`, output frequency over nominal in millionths, -50000 .. 50000 (default 0); others
-    are none of its business. Raises ValueError for a wrong value.
+    are ignored. Raises ValueError for a wrong value.
     """
     error_ppm = settings.get("frequency_error_ppm", 0)
     if isinstance(error_ppm, bool) or not isinstance(error_ppm, int) or abs(error_ppm) > ERROR_LIMIT_PPM:

@@ -1,7 +1,6 @@
-"""What the iSMIF's stored commands do, and what they do it with: settings, counters, signals, the reference input.
+"""What the iSMIF's stored commands do, and the settings, counters, signals and reference input they work on.
 
-A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13), as
-`_reference_axis` says it again in Python:
+A command that takes time is an activity (`isel_twin.firmware.activity`). The reference run of an axis (6.13):
 
     position   switch  |  travel ->
                #########
@@ -25,7 +24,7 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import CounterSet, Event, Output, Remark
 from isel_twin.firmware.activity import Activity, Ended, Pause, Travel, Unfinished
 from isel_twin.firmware.executor import Executor, Parked
-from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Command, Target
+from isel_twin.firmware.ismif.commands import STEPS_LIMIT, Instruction, Target
 from isel_twin.firmware.ismif.configuration import SETTINGS, Configuration
 from isel_twin.firmware.ismif.moves import FullSteps, ramp
 from isel_twin.motion import line
@@ -59,7 +58,7 @@ class Failure(Unfinished):
 
 
 class Actions:
-    """See the module. Counters count half steps of the stage, whatever F says (S4)."""
+    """The interface as a machine. Counters count half steps of the stage, whatever F says (S4)."""
 
     def __init__(self, events: list[Event], error_ppm: int) -> None:
         """events: where everything that happens is noted; error_ppm: how far the output frequency is off (S5)."""
@@ -71,19 +70,19 @@ class Actions:
         self._known = [False for _ in AXES]
         self._pen = 0
 
-    def carry_out(self, command: Command) -> Activity | None:
+    def carry_out(self, instruction: Instruction) -> Activity | None:
         """Do what a stored command says, or return the activity that does."""
-        match command.code:
+        match instruction.code:
             case "L":
-                return self._vector(*command.arguments)
+                return self._vector(*instruction.arguments)
             case "$H":
-                return self._reference_run(*command.arguments)
+                return self._reference_run(*instruction.arguments)
             case "W":
-                return self._wait(*command.arguments)
+                return self._wait(*instruction.arguments)
             case "A":
-                self._set_signal(*command.arguments)
+                self._set_signal(*instruction.arguments)
             case code if code in SETTINGS:
-                self._configure(command)
+                self._configure(instruction)
         return None
 
     # ---- what takes time --------------------------------------------------------------------------------------------
@@ -130,7 +129,7 @@ class Actions:
         self._known[axis] = True
 
     def _travel(self, steps: tuple[int, int, int], index: int, search: Search | None = None) -> Activity:
-        """Along a straight line of `steps`, or to the change of the input. Raises Failure if that does not come."""
+        """Move straight by `steps`, with `search` to the change of the input. Raises Failure if that does not come."""
         settings = self.configuration
         straight = line((*steps, 0))
         path = FullSteps(straight) if settings.half_steps == 2 else straight
@@ -164,7 +163,7 @@ class Actions:
             self.settle()
 
     def settle(self) -> None:
-        """A motion that has been stopped or cut and has nothing left to make is over in this very call."""
+        """End a motion that has been stopped or cut and has no tick left, within this call."""
         if self.executor.stopping and self.executor.due:
             self.executor.tick()
 
@@ -194,11 +193,11 @@ class Actions:
         self._put("power_request", 1)
         self._put("power_request", 0)
 
-    def _configure(self, command: Command) -> None:
-        self.configuration.set(command)
-        if command.code in ("T", "F"):
+    def _configure(self, instruction: Instruction) -> None:
+        self.configuration.set(instruction)
+        if instruction.code in ("T", "F"):
             self._put_drive_signals()
-        elif command.code == "Z":
+        elif instruction.code == "Z":
             self._set_pen(0)
 
     def _set_signal(self, on: int) -> None:
@@ -243,7 +242,7 @@ class Actions:
 
 
 def failed(parked: Parked) -> bool:
-    """Has this command been set aside with a search at the end of its way, and nothing found?"""
+    """True if this command was set aside in a search that has come to the end of its way without finding the switch."""
     request, result = parked.request, parked.result
     return (
         isinstance(request, Travel)

@@ -1,10 +1,10 @@
 """The iSMIF's command language: one line of text becomes one command, or is refused.
 
-Goal: what a line means is decided here and nowhere else; what a command does is not this module's business. All twenty
-commands of the manual stand in `FORMS`, with their parameters:
+What a line means is decided here and nowhere else. All twenty commands of the manual stand in `COMMANDS`, with their
+parameters:
 
-    #E25,400 + CR   ->   Command("#E", (25, 400))
-    L1,x-50,Y100    ->   Command("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
+    #E25,400 + CR   ->   Instruction("#E", (25, 400))
+    L1,x-50,Y100    ->   Instruction("L", (1, Target(axis=0, relative=True, steps=-50), Target(1, False, 100)))
 
 A line that begins with @ is a master command and is carried out at once; every other one goes into the job memory
 (section 5.2). Letters are told apart by case, as printed: only the axes of a vector may be small, and then mean a
@@ -37,7 +37,7 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True)
 class Target:
-    """Where a vector takes one axis (0 X .. 2 Z): `steps` from the zero point, or from where it stands if relative."""
+    """Where a vector takes an axis (0 X .. 2 Z): `steps` from the zero point, or from the position if relative."""
 
     axis: int
     relative: bool
@@ -45,8 +45,8 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Command:
-    """A command with its parameters read and checked; `code` is a key of FORMS."""
+class Instruction:
+    """A command with its parameters read and checked; `code` is a key of COMMANDS."""
 
     code: str
     arguments: tuple[Any, ...] = ()
@@ -58,8 +58,8 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Form:
-    """What a command looks like: section of the manual, meaning, and a reader for each comma-separated parameter.
+class Command:
+    """A row of the table: section of the manual, meaning, and a reader for each comma-separated parameter.
 
     The last reader takes up to `repeat` parameters.
     """
@@ -70,24 +70,24 @@ class Form:
     repeat: int = 1
 
 
-def parse(line: bytes) -> Command:
+def parse(line: bytes) -> Instruction:
     """Read one line without its end. Raises CommandError if it is not a command of the manual."""
     text = line.decode("latin-1").replace(" ", "")
     code = text[: 2 if text[:1] in ("@", "#", "$") else 1]
-    form = FORMS.get(code)
-    if form is None:
+    command = COMMANDS.get(code)
+    if command is None:
         raise CommandError(f"unknown command {code!r}")
     rest = text[len(code) :]
     parts = rest.split(",") if rest else []
-    readers = form.readers
-    if not len(readers) <= len(parts) <= len(readers) + form.repeat - 1:
+    readers = command.readers
+    if not len(readers) <= len(parts) <= len(readers) + command.repeat - 1:
         raise CommandError(f"{code}: {len(parts)} parameters")
     readers += readers[-1:] * (len(parts) - len(readers))
-    command = Command(code, tuple(reader(part) for reader, part in zip(readers, parts, strict=True)))
-    targets = [argument.axis for argument in command.arguments if isinstance(argument, Target)]
+    instruction = Instruction(code, tuple(reader(part) for reader, part in zip(readers, parts, strict=True)))
+    targets = [argument.axis for argument in instruction.arguments if isinstance(argument, Target)]
     if len(set(targets)) < len(targets):
         raise CommandError(f"{code}: the same axis twice")
-    return command
+    return instruction
 
 
 def _number(low: int, high: int) -> Callable[[str], int]:
@@ -125,26 +125,26 @@ _index = _number(0, TABLE_SIZE - 1)
 _word = _number(0, WORD_LIMIT)
 _switch = _number(0, 1)
 
-FORMS: dict[str, Form] = {
-    "@R": Form("6.1", "reset"),
-    "@V": Form("6.2", "ask for the version"),
-    "@X": Form("6.3", "ask for the status"),
-    "@L": Form("6.4", "ask for the position of an axis", (_axis,)),
-    "T": Form("6.5", "drive signals: 0 PBL, 1 clock and direction", (_switch,)),
-    "F": Form("6.6", "0 half steps, 1 full steps", (_switch,)),
-    "Z": Form("6.7", "Z axis: 1 a motor, 2 a plotter's relay", (_number(1, 2),)),
-    "#S": Form("6.8", "start speed in Hz", (_speed,)),
-    "#E": Form("6.9", "end speed in Hz at an index of the table", (_index, _speed)),
-    "#R": Form("6.10", "ramp length in ms", (_word,)),
-    "#D": Form("6.11", "reference run: direction and three speeds", (_axis, _switch, _index, _index, _index)),
-    "#O": Form("6.12", "offset after the reference run in steps", (_axis, _word)),
-    "$H": Form("6.13", "reference run of the axes in the order given", (_axes,)),
-    "L": Form("6.14", "vector", (_index, _target), repeat=3),
-    "@B": Form("6.15", "stop the axes with a ramp"),
-    "@S": Form("6.16", "stop the axes at once"),
-    "@A": Form("6.17", "pause"),
-    "@C": Form("6.18", "end the pause"),
-    "A": Form("6.19", "signal on pin 12", (_switch,)),
-    "W": Form("6.20", "wait, in ms", (_word,)),
+COMMANDS: dict[str, Command] = {
+    "@R": Command("6.1", "reset"),
+    "@V": Command("6.2", "ask for the version"),
+    "@X": Command("6.3", "ask for the status"),
+    "@L": Command("6.4", "ask for the position of an axis", (_axis,)),
+    "T": Command("6.5", "drive signals: 0 PBL, 1 clock and direction", (_switch,)),
+    "F": Command("6.6", "0 half steps, 1 full steps", (_switch,)),
+    "Z": Command("6.7", "Z axis: 1 a motor, 2 a plotter's relay", (_number(1, 2),)),
+    "#S": Command("6.8", "start speed in Hz", (_speed,)),
+    "#E": Command("6.9", "end speed in Hz at an index of the table", (_index, _speed)),
+    "#R": Command("6.10", "ramp length in ms", (_word,)),
+    "#D": Command("6.11", "reference run: direction and three speeds", (_axis, _switch, _index, _index, _index)),
+    "#O": Command("6.12", "offset after the reference run in steps", (_axis, _word)),
+    "$H": Command("6.13", "reference run of the axes in the order given", (_axes,)),
+    "L": Command("6.14", "vector", (_index, _target), repeat=3),
+    "@B": Command("6.15", "stop the axes with a ramp"),
+    "@S": Command("6.16", "stop the axes at once"),
+    "@A": Command("6.17", "pause"),
+    "@C": Command("6.18", "end the pause"),
+    "A": Command("6.19", "signal on pin 12", (_switch,)),
+    "W": Command("6.20", "wait, in ms", (_word,)),
 }
 """Every command of the manual by its code."""

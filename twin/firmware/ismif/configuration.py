@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from isel_twin.firmware.ismif.commands import TABLE_SIZE, Command
+from isel_twin.firmware.ismif.commands import TABLE_SIZE, Instruction
 
 SETTINGS = ("T", "F", "Z", "#S", "#E", "#R", "#D", "#O")
 """Commands that change the configuration and do nothing else."""
@@ -23,7 +23,7 @@ class ReferenceSettings:
 
 @dataclass
 class Configuration:
-    """The settings; they keep nothing without power (S13)."""
+    """The settings; they are lost without power (S13)."""
 
     clock: bool = False
     full_step: bool = False
@@ -38,8 +38,8 @@ class Configuration:
         """Half steps of the stage in one step of a command: 2 for full steps out of the pattern generator (S4)."""
         return 2 if self.full_step and not self.clock else 1
 
-    def set(self, command: Command) -> None:
-        """Carry out one of SETTINGS."""
+    def set(self, command: Instruction) -> None:
+        """Carry out one of the commands SETTINGS."""
         match command.code, command.arguments:
             case "T", (clock,):
                 self.clock = clock == 1

@@ -5,7 +5,7 @@
     pin 11 ----------------------------^
     clock -----> ends of motions and waiting times
 
-The status (6.3) is read off the state, it is not kept beside it. Sections are those of the manual; S1, S2 ... are in
+The status (6.3) is computed from the state, not kept beside it. Sections are those of the manual; S1, S2 ... are in
 docs/decisions.md.
 """
 
@@ -59,7 +59,6 @@ class Ismif:
 
     @property
     def run(self) -> Motion | None:
-        """The motion in execution."""
         return self._executor.motion
 
     @property
@@ -69,12 +68,12 @@ class Ismif:
 
     @property
     def idle(self) -> bool:
-        """Nothing moves and nothing will before the host or the operator does something; a pause counts as idle."""
+        """True if nothing moves or will move before host or operator act; a pause counts as idle."""
         return self.run is None and self._jobs.idle
 
     @property
     def fault(self) -> bool:
-        """The third character of the status, which no answer but that of `@X` shows (S15)."""
+        """The third character of the status: only `@X` asks for it (S15)."""
         return self._jobs.error
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
@@ -106,7 +105,6 @@ class Ismif:
         self._jobs.work()
 
     def take(self) -> list[Event]:
-        """Events since the last call."""
         events = self._events[:]
         self._events.clear()
         return events

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from isel_twin.firmware.activity import Unfinished
 from isel_twin.firmware.ismif.actions import Actions, Failure, Standing, failed
-from isel_twin.firmware.ismif.commands import LINE_LIMIT, Command, CommandError, parse
+from isel_twin.firmware.ismif.commands import LINE_LIMIT, CommandError, Instruction, parse
 from isel_twin.firmware.ismif.memory import ROOM, Entry, JobMemory, ReceiveQueue
 
 ACKNOWLEDGED, READY, FULL = b"", b"\x02", b"\x03"
@@ -25,7 +25,7 @@ class Halted(Unfinished):
 
 
 class Jobs:
-    """See the module; `reply(data)` sends a reply and its CR to the host."""
+    """Stores and carries out commands; `reply(data)` sends a reply and its CR to the host."""
 
     def __init__(self, actions: Actions, reply: Callable[[bytes], None]) -> None:
         self.error = False
@@ -71,7 +71,7 @@ class Jobs:
             if line:
                 self._reply(FULL if self._memory.full else ACKNOWLEDGED)
 
-    def _checked(self, line: bytes) -> Command | None:
+    def _checked(self, line: bytes) -> Instruction | None:
         """The command to store; None for an empty line and in a void job. A wrong command voids its job (S1)."""
         command = None
         try:
@@ -147,12 +147,12 @@ class Jobs:
             self._actions.settle()
 
     def _stands(self) -> None:
-        """A search that came to the end of its way while it slowed down has failed, in the pause or not."""
+        """The pause has been reached. A search that came to the end of its way while it slowed down has failed."""
         if self._executor.parked is not None and failed(self._executor.parked):
             self._executor.resume()
 
     def halt(self) -> None:
-        """6.15: this motion is over, the next command follows; a waiting time of the job is not a motion."""
+        """6.15: end this motion and go on with the next command. A waiting time is no motion and stays."""
         parked = self._executor.parked
         purpose = self._executor.purpose if parked is None else parked.request.purpose
         if purpose is Standing.WAITING:
@@ -178,16 +178,16 @@ class Jobs:
 
     @property
     def in_progress(self) -> bool:
-        """Something released has not been carried out yet."""
+        """A released command has not been carried out yet."""
         return self._entry is not None or self._memory.released > 0
 
     @property
     def idle(self) -> bool:
-        """Nothing will happen before the host or the operator does something; a pause counts as idle."""
+        """True if nothing will happen before host or operator act; a pause counts as idle."""
         return self.paused or not (self.in_progress or self._waiting_lines)
 
 
-def read(line: bytes) -> Command:
+def read(line: bytes) -> Instruction:
     """Read a line; one that has reached LINE_LIMIT has lost its end. Raises CommandError."""
     if len(line) >= LINE_LIMIT:
         raise CommandError(f"a line of {LINE_LIMIT} bytes or more")

@@ -21,11 +21,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from isel_twin.firmware.ismif.commands import (
     AXIS_LETTERS,
-    FORMS,
+    COMMANDS,
     LINE_LIMIT,
     SPEEDS_HZ,
-    Command,
     CommandError,
+    Instruction,
     Target,
     parse,
 )
@@ -145,7 +145,7 @@ def _line_words(line: bytes, starts: bool) -> str:
     return f"{words}; start the job" if starts else words
 
 
-def _command_words(command: Command) -> str:
+def _command_words(command: Instruction) -> str:
     match command.code, command.arguments:
         case "@L", (axis,):
             return f"ask for the position of {AXIS_LETTERS[axis]}"
@@ -174,7 +174,7 @@ def _command_words(command: Command) -> str:
             return f"pin 12: {'on' if on else 'off'}"
         case "W", (ms,):
             return f"wait {ms} ms"
-    return FORMS[command.code].meaning
+    return COMMANDS[command.code].meaning
 
 
 def _target(target: Target) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from isel_twin.firmware.ismif.commands import LINE_LIMIT, Command
+from isel_twin.firmware.ismif.commands import LINE_LIMIT, Instruction
 
 SIZE = 65_536
 """Bytes (technical data: 64 KB)."""
@@ -35,7 +35,7 @@ GAP = (None, False)
 class Entry:
     """A stored command (None: only the end of a job), its length on the line, and whether a job ends with it."""
 
-    command: Command | None
+    command: Instruction | None
     size: int
     ends_job: bool
 

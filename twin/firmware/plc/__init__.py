@@ -16,8 +16,8 @@ accumulators of 16 bits. The machine codes are those of general knowledge of S5;
 document, so that assembler and processor need only agree with each other.
 """
 
-from isel_twin.firmware.plc.image import Block, ImageError, Program
-from isel_twin.firmware.plc.memory import Memory, Rights
+from isel_twin.firmware.plc.image import ImageError, PlcBlock, PlcProgram
+from isel_twin.firmware.plc.memory import PlcMemory, Rights
 from isel_twin.firmware.plc.plc import INSTRUCTION_NS, Plc
 
-__all__ = ["INSTRUCTION_NS", "Block", "ImageError", "Memory", "Plc", "Program", "Rights"]
+__all__ = ["INSTRUCTION_NS", "ImageError", "Plc", "PlcBlock", "PlcMemory", "PlcProgram", "Rights"]

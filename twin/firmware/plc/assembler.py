@@ -18,10 +18,9 @@ from dataclasses import dataclass, field
 
 from isel_twin.firmware.plc.codes import BLOCK_TYPES, ENDS, FORMS, Form, Instruction, encode
 from isel_twin.firmware.plc.elements import MOST, bcd, from_bcd
-from isel_twin.firmware.plc.image import Block, ImageError, Program
+from isel_twin.firmware.plc.image import ImageError, PlcBlock, PlcProgram
 from isel_twin.firmware.plc.processor import instructions_by_word
 
-_BLOCK_WORDS = {"OB": "organisation", "PB": "program", "FB": "function", "SB": "step"}
 _LABEL = re.compile(r"([A-Z_][A-Z0-9_]*)\s*:(?!=)\s*(.*)", re.DOTALL)
 _MNEMONICS = sorted({mnemonic for mnemonic, _ in FORMS}, key=len, reverse=True)
 _AREAS = {m: sorted({a for n, a in FORMS if n == m}, key=len, reverse=True) for m in _MNEMONICS}
@@ -49,9 +48,9 @@ class _Open:
     words: int = 0
 
 
-def assemble(text: str) -> Program:
+def assemble(text: str) -> PlcProgram:
     """The program of a text. Raises AssemblyError."""
-    blocks: list[Block] = []
+    blocks: list[PlcBlock] = []
     block: _Open | None = None
     number = 0
     for number, line in enumerate(text.splitlines(), start=1):
@@ -81,7 +80,7 @@ def assemble(text: str) -> Program:
     if not blocks:
         raise AssemblyError(max(number, 1), "no block; a program begins with a line such as OB 1")
     try:
-        return Program.of(blocks)
+        return PlcProgram.of(blocks)
     except ImageError as error:
         raise AssemblyError(number, str(error)) from None
 
@@ -94,7 +93,7 @@ def _header(line: int, source: str) -> _Open:
     return _Open(match[1], int(match[2]), line)
 
 
-def _closed(block: _Open) -> Block:
+def _closed(block: _Open) -> PlcBlock:
     code, word = b"", 0
     for line, instruction, label in block.items:
         if label:
@@ -107,7 +106,7 @@ def _closed(block: _Open) -> Block:
             instruction = Instruction(instruction.form, distance)
         code += encode(instruction)
         word += instruction.words
-    return Block(block.kind, block.number, code)
+    return PlcBlock(block.kind, block.number, code)
 
 
 def _instruction(line: int, source: str) -> tuple[Instruction, str]:
@@ -189,12 +188,12 @@ def _constant(line: int, source: str, area: str, operand: str) -> int:
     raise AssemblyError(line, f"{source!r}: {operand!r}; allowed: {allowed}")
 
 
-def disassemble(program: Program) -> str:
+def disassemble(program: PlcProgram) -> str:
     """The text of a program: assembled again it gives the same bytes."""
     return "".join(f"{line}\n" for block in program.blocks for line in _listing(block))
 
 
-def explain(program: Program) -> Sequence[tuple[str, str]]:
+def explain(program: PlcProgram) -> Sequence[tuple[str, str]]:
     """The lines of `disassemble`, each with what it does in a few words."""
     rows: list[tuple[str, str]] = []
     for block in program.blocks:
@@ -211,7 +210,7 @@ def explain(program: Program) -> Sequence[tuple[str, str]]:
     return rows
 
 
-def _listing(block: Block) -> Iterator[str]:
+def _listing(block: PlcBlock) -> Iterator[str]:
     """The lines of a block; raises ImageError for words that are no instruction."""
     instructions = instructions_by_word(block)
     seconds = {word + 1 for word, i in enumerate(instructions) if i is not None and i.words == 2}

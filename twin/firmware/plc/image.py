@@ -29,7 +29,7 @@ class ImageError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class PlcBlock:
     """A block: kind (OB, PB, FB, SB), number 0 to 255, and its code."""
 
     kind: str
@@ -43,13 +43,13 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class PlcProgram:
     """The blocks of a PLC program, in the order of the image."""
 
-    blocks: tuple[Block, ...]
+    blocks: tuple[PlcBlock, ...]
 
     @classmethod
-    def of(cls, blocks: Iterable[Block]) -> Program:
+    def of(cls, blocks: Iterable[PlcBlock]) -> PlcProgram:
         """A program of blocks. Raises ImageError for one that is there twice, and for more than an image holds."""
         program = cls(tuple(blocks))
         names = [block.name for block in program.blocks]
@@ -62,7 +62,7 @@ class Program:
         return program
 
     @classmethod
-    def read(cls, image: bytes) -> Program:
+    def read(cls, image: bytes) -> PlcProgram:
         """The program of an image. Raises ImageError: magic, bounds, an end of each block."""
         if image[: len(MAGIC)] != MAGIC or len(image) <= len(MAGIC):
             raise ImageError("no image of a PLC program: it begins with 53 35 01 and the number of blocks")
@@ -80,7 +80,7 @@ class Program:
             code = image[offset : offset + length]
             if not code.endswith(_END_CODES):
                 raise ImageError(f"{_KINDS[kind]} {name} does not end with BE")
-            blocks.append(Block(_KINDS[kind], name, code))
+            blocks.append(PlcBlock(_KINDS[kind], name, code))
         return cls.of(blocks)
 
     @property
@@ -103,6 +103,6 @@ class Program:
         )
         return MAGIC + bytes((len(self.blocks),)) + b"".join(heads) + b"".join(block.code for block in self.blocks)
 
-    def block(self, kind: str, number: int) -> Block | None:
+    def block(self, kind: str, number: int) -> PlcBlock | None:
         """The block of that name, None if there is none."""
         return next((block for block in self.blocks if (block.kind, block.number) == (kind, number)), None)

@@ -13,7 +13,7 @@ DATA_BYTES: Final = 256
 
 
 @dataclass(slots=True)
-class Memory:
+class PlcMemory:
     """Bytes by area, named as in programs. Words have their low byte first: MW n = MB n + 256 MB(n + 1)."""
 
     e: bytearray = field(default_factory=lambda: bytearray(IMAGE_BYTES))
@@ -25,9 +25,9 @@ class Memory:
     d: bytearray = field(default_factory=lambda: bytearray(DATA_BYTES))
     """Data words; DW n are bytes 2 n (DR, low) and 2 n + 1 (DL, high)."""
 
-    def copy(self) -> Memory:
-        """Another one with the same bytes."""
-        return Memory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
+    def copy(self) -> PlcMemory:
+        """A copy with bytes of its own."""
+        return PlcMemory(bytearray(self.e), bytearray(self.a), bytearray(self.m), bytearray(self.d))
 
     def areas(self) -> Iterator[bytearray]:
         """The areas that a program may write, outputs, flags, data: always in this order."""
@@ -42,7 +42,7 @@ class Rights:
     may_reset: bytes = b"\xff" * FLAG_BYTES
 
     def allowed(self, number: int, before: int, wanted: int) -> int:
-        """The flag byte `number`, which was `before`, after somebody has wanted it to be `wanted`."""
+        """The flag byte `number` after a program has tried to change it from `before` to `wanted`."""
         set_bits = wanted & ~before & self.may_set[number]
         reset_bits = before & ~wanted & self.may_reset[number]
         return (before | set_bits) & ~reset_bits & 0xFF

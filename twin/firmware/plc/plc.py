@@ -7,9 +7,9 @@
 Only what a pass has *changed* is carried over: a flag that a host sets while a pass runs is not undone by a program
 that has seen it as it was before. At the end outputs go out, inputs come in (manual of the card, section 6).
 
-A pass that changes nothing, and asks for nothing that changes by itself, is followed by passes that do the same, until
-somebody touches the memory or a timer runs out. They are not made: the PLC sleeps through them and wakes on the grid
-that they would have made, so that it costs nothing and differs in nothing.
+A pass that changes nothing, and asks for nothing that changes by itself, would be repeated unchanged until somebody
+touches the memory or a timer runs out. The PLC skips those passes and wakes on the grid they would have had: the result
+is the same and costs nothing.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.base.units import MICROSECOND_NS
-from isel_twin.firmware.plc.image import ImageError, Program
-from isel_twin.firmware.plc.memory import Memory, Rights
+from isel_twin.firmware.plc.image import ImageError, PlcProgram
+from isel_twin.firmware.plc.memory import PlcMemory, Rights
 from isel_twin.firmware.plc.processor import Elements, Function, Halt, Processor
 
 INSTRUCTION_NS: Final = 45 * MICROSECOND_NS
@@ -35,14 +35,14 @@ AT_POWER_ON: Final = ("OB", 22)
 
 @dataclass(slots=True)
 class _Made:
-    """A pass that has been made and is not over yet: the memory it began with, and as it left it."""
+    """A pass that has been computed and lasts until later: the memory it began with, and as it left it."""
 
-    before: Memory
-    after: Memory
+    before: PlcMemory
+    after: PlcMemory
     begin_ns: int
     end_ns: int
     repeats: bool
-    """Another one would do just the same."""
+    """The next pass would do just the same."""
 
 
 class Plc:
@@ -53,7 +53,7 @@ class Plc:
         multiple of it, at least one."""
         self._rights, self._functions, self._shortest_ns = rights, functions, shortest_ns
         self.image = b""
-        """Of the program; empty: there is none."""
+        """Image of the program; empty: none."""
         self._processor: Processor | None = None
         self._elements = Elements()
         self._made: _Made | None = None
@@ -63,9 +63,9 @@ class Plc:
         """Why it has stopped by itself; empty if it has not."""
 
     @property
-    def program(self) -> Program | None:
+    def program(self) -> PlcProgram | None:
         """The program that is loaded."""
-        return Program.read(self.image) if self.image else None
+        return PlcProgram.read(self.image) if self.image else None
 
     @property
     def running(self) -> bool:
@@ -74,7 +74,7 @@ class Plc:
 
     @property
     def next_ns(self) -> int | None:
-        """End of the pass that runs; None at rest, and while nothing that it could do would differ."""
+        """End of the pass that runs; None at rest, and while passes would only repeat the last one."""
         made = self._made
         if made is None:
             return None
@@ -85,7 +85,7 @@ class Plc:
 
     def load(self, image: bytes) -> None:
         """Take a program over, at rest. Raises ImageError and changes nothing if it is none."""
-        program = Program.read(image)
+        program = PlcProgram.read(image)
         if program.block(*CYCLIC) is None:
             raise ImageError("there is no OB 1")
         self.stop()
@@ -96,7 +96,7 @@ class Plc:
         self.stop()
         self.image, self._processor = b"", None
 
-    def start(self, t_ns: int, memory: Memory, power_on: bool = False) -> bool:
+    def start(self, t_ns: int, memory: PlcMemory, power_on: bool = False) -> bool:
         """Begin with the start-up block, if there is one, and the first pass; False if there is no program."""
         if self._processor is None:
             return False
@@ -114,7 +114,7 @@ class Plc:
         self._stops = True
 
     def touch(self, t_ns: int) -> None:
-        """Inputs, flags or data are changed by somebody else at t_ns, or may be: the next pass sees them."""
+        """Somebody else may have changed inputs, flags or data at t_ns: the next pass sees it."""
         made = self._made
         if made is not None and made.repeats and not self._touched and t_ns >= made.end_ns:  # those slept through
             length = made.end_ns - made.begin_ns
@@ -122,7 +122,7 @@ class Plc:
             made.begin_ns, made.end_ns = begin, begin + length
         self._touched = True
 
-    def end_pass(self, t_ns: int, memory: Memory) -> bool:
+    def end_pass(self, t_ns: int, memory: PlcMemory) -> bool:
         """At `next_ns`: write what the pass has changed to `memory`; whether anything is different now.
 
         Exchange outputs and inputs after it, then call `begin_pass`.
@@ -135,7 +135,7 @@ class Plc:
             self._made = None
         return changed
 
-    def begin_pass(self, t_ns: int, memory: Memory) -> None:
+    def begin_pass(self, t_ns: int, memory: PlcMemory) -> None:
         """After `end_pass`, at the same time: the next one, if it has not stopped."""
         if self._made is not None:
             self._begin(t_ns, memory)
@@ -145,7 +145,7 @@ class Plc:
         length = made.end_ns - made.begin_ns
         return max(made.end_ns, made.begin_ns - (made.begin_ns - t_ns) // length * length)
 
-    def _begin(self, t_ns: int, memory: Memory, start_up: tuple[str, int] | None = None) -> None:
+    def _begin(self, t_ns: int, memory: PlcMemory, start_up: tuple[str, int] | None = None) -> None:
         assert self._processor is not None
         self._touched = False
         before, after = memory.copy(), memory.copy()
@@ -162,8 +162,8 @@ class Plc:
         repeats = repeats and all(a == b for a, b in zip(before.areas(), after.areas(), strict=True))
         self._made = _Made(before, after, t_ns, t_ns + max(length, self._shortest_ns), repeats)
 
-    def _carry_over(self, made: _Made, memory: Memory) -> bool:
-        """Write what the pass has changed; whether anything is different now."""
+    def _carry_over(self, made: _Made, memory: PlcMemory) -> bool:
+        """Write what the pass has changed; return whether the memory is different now."""
         changed = False
         for before, after, now in zip(made.before.areas(), made.after.areas(), memory.areas(), strict=True):
             if before == after:

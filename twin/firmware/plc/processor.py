@@ -22,8 +22,8 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.plc.codes import Instruction, decode
 from isel_twin.firmware.plc.elements import Counter, Timer
-from isel_twin.firmware.plc.image import Block, Program
-from isel_twin.firmware.plc.memory import Memory
+from isel_twin.firmware.plc.image import PlcBlock, PlcProgram
+from isel_twin.firmware.plc.memory import PlcMemory
 
 DEEPEST_CALLS: Final = 16
 """Blocks that may be open at once (manual of the card: a stack of 16 levels)."""
@@ -32,7 +32,7 @@ MOST_INSTRUCTIONS: Final = 20_000
 """Of a pass, 0.9 s of virtual time: a program that takes more does not come to an end, and the PLC stops."""
 ELEMENTS: Final = 32
 
-Function: TypeAlias = Callable[[int, int, Memory], tuple[int, int]]
+Function: TypeAlias = Callable[[int, int, PlcMemory], tuple[int, int]]
 """A built-in function block: accumulators 1 and 2 and the memory it is called with; the accumulators afterwards."""
 
 
@@ -51,7 +51,7 @@ class Elements:
 class Processor:
     """Executes the blocks of a program."""
 
-    def __init__(self, program: Program, functions: Mapping[int, Function]) -> None:
+    def __init__(self, program: PlcProgram, functions: Mapping[int, Function]) -> None:
         """functions: built-in FBs by number; they go before blocks of that name."""
         self._functions = functions
         self._blocks: dict[tuple[str, int], list[Instruction | None]] = {}
@@ -62,14 +62,14 @@ class Processor:
         """Whether there is such a block."""
         return (kind, number) in self._blocks
 
-    def run(self, kind: str, number: int, memory: Memory, elements: Elements, now_ns: int) -> Pass:
+    def run(self, kind: str, number: int, memory: PlcMemory, elements: Elements, now_ns: int) -> Pass:
         """One pass from that block on, at now_ns. Writes `memory` and `elements`. Raises Halt."""
         run = Pass(self._blocks, self._functions, memory, elements, now_ns)
         run.call(kind, number)
         return run
 
 
-def instructions_by_word(block: Block) -> list[Instruction | None]:
+def instructions_by_word(block: PlcBlock) -> list[Instruction | None]:
     """The instruction that begins at each word of a block; None at second words and where there is none."""
     found: list[Instruction | None] = []
     while 2 * len(found) < len(block.code):
@@ -81,22 +81,22 @@ def instructions_by_word(block: Block) -> list[Instruction | None]:
 
 
 class Pass:
-    """A pass while it is made, and what it tells afterwards."""
+    """A pass while it is computed, and what is known of it afterwards."""
 
     def __init__(
         self,
         blocks: Mapping[tuple[str, int], list[Instruction | None]],
         functions: Mapping[int, Function],
-        memory: Memory,
+        memory: PlcMemory,
         elements: Elements,
         now_ns: int,
     ) -> None:
         self.executed = 0
         """Instructions."""
         self.changed = False
-        """A timer or counter is not what it was: the next pass may differ."""
+        """A timer or counter has changed: the next pass may differ."""
         self.live = False
-        """It has asked for something that changes by itself: a built-in function, what is left of a timer."""
+        """It has used something that changes by itself: a built-in function, the rest of a timer."""
         self._blocks, self._functions = blocks, functions
         self._memory, self._elements, self._now_ns = memory, elements, now_ns
         self._accumulator = (0, 0)
@@ -232,7 +232,7 @@ class Pass:
         self._join("O" if joined_by_or else "U", value)
 
     def _or(self) -> None:
-        """`O` alone: what is so far, or the group that follows."""
+        """`O` alone: the result so far, or the group that follows."""
         if not self._first:
             self._earlier, self._group = self._earlier or self._group, True
             self._vke = self._earlier

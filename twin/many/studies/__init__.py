@@ -3,7 +3,6 @@
     plan.py         what stays the same, what varies: a TOML file, checked when it is read
     points.py       grid, samples and seeds: the points of a plan
     row.py          one point, one row: a function that runs anywhere
-    run.py          work on whatever there is: here, processes, a dask cluster
     table.py        rows as they come, in a Parquet file that is whole at any time
     sensitivity.py  what the outcome depends on, from the rows
 

@@ -48,7 +48,7 @@ from isel_twin.jobs.checks.job import Bounds
 from isel_twin.jobs.job import JobError, check_controller, decode_job
 from isel_twin.language import SETTINGS_RANGES, create_language
 from isel_twin.machine import LEVELS, Machine, load_machine
-from isel_twin.many.studies.row import OUTCOMES, Work, machine_digest
+from isel_twin.many.studies.row import OUTCOMES, Work
 from isel_twin.version import VERSION
 from isel_twin.wiring import EVENT_KEYS
 from isel_twin.wiring.scenario import TIME_KEYS
@@ -242,12 +242,9 @@ def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinS
         job_name=content.get("job", "moves"),
         job=_job(folder / content["job"], call.controller) if "job" in content else "",
         moves=tuple(_triple(target, place.at("moves")) for target in moves),
-        machine=called,
-        machine_digest=machine_digest(machine),
-        controller=call.controller,
-        plant=call.plant,
+        spec=call.with_(scenario=None),
+        machine_digest=machine.digest,
         events=() if scenario is None else tuple(_events(scenario)),
-        start_mm=start_mm,
         perturbed=perturbed,
         bounds=Bounds(may_strike=tuple(may_strike), **bounds),
     )

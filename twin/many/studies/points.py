@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.errors import CallError
+from isel_twin.core.spec import TwinSpec
 from isel_twin.many.studies.plan import Plan, between
 from isel_twin.many.studies.row import Point
 
@@ -57,8 +58,11 @@ def unit_samples(plan: Plan) -> NDArray[np.float64]:
 
 def all_points(plan: Plan) -> Iterator[Point]:
     """All of them in their order, also those that stand twice."""
-    same = dataclasses.replace(plan.work, parameters=(), job_name="", machine="")  # names may change, content counts
-    digest = hashlib.sha256(_canonical(dataclasses.asdict(same)))
+    spec = plan.work.spec
+    same = dataclasses.asdict(dataclasses.replace(plan.work, parameters=(), job_name="", spec=TwinSpec()))
+    del same["spec"]  # names of jobs and machines may change, content counts
+    same |= {"machine": "", "controller": spec.controller, "plant": spec.plant, "start_mm": spec.start_mm}
+    digest = hashlib.sha256(_canonical(same))
     axes = [parameter.values if parameter.values else (None,) for parameter in plan.parameters]
     samples = [_sample(plan, unit) for unit in unit_samples(plan)]
     for number, (values, sample, seed) in enumerate(

@@ -13,16 +13,11 @@ is not there, no memory) is raised.
 from __future__ import annotations
 
 import copy
-import dataclasses
-import hashlib
-import json
 import logging
 import math
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.axes import CARRIAGES
@@ -70,13 +65,11 @@ class Work:
     """Text of the job with its placeholders; "" if there are moves."""
     moves: tuple[tuple[float, float, float], ...] = ()
     """Targets in mm, after a reference run."""
-    machine: str = "4030"
+    spec: TwinSpec = field(default_factory=TwinSpec)
+    """The twin of all rows, but for its seed, events and overrides."""
     machine_digest: str = ""
-    controller: str = "imc-s8"
-    plant: str = "mujoco"
     events: tuple[Mapping[str, Any], ...] = ()
     """Tables of the scenario."""
-    start_mm: tuple[float, float, float] | None = None
     perturbed: bool = False
     """Each seed has a slightly different machine, as repetitions of `isel-twin run --robust` have."""
     bounds: Bounds = field(default_factory=Bounds)
@@ -110,11 +103,8 @@ def compute(work: Work, point: Point) -> dict[str, Any]:
     _check(work)
     nothing: dict[str, Any] = dict.fromkeys(OUTCOMES)
     try:
-        with _quietly(), tempfile.TemporaryDirectory() as folder:
-            try:
-                found = _made(work, point, Path(folder))
-            except ValueError as error:  # a place in a file that nobody else sees is nothing to tell
-                raise ValueError(str(error).replace(str(Path(folder)), "").lstrip("/\\")) from error
+        with _quietly():
+            found = _made(work, point)
     except (OSError, MemoryError, MismatchError):
         raise
     except ValueError as error:
@@ -124,49 +114,36 @@ def compute(work: Work, point: Point) -> dict[str, Any]:
     return {**nothing, **found}
 
 
-def machine_digest(machine: Machine) -> str:
-    """What tells one machine from another: its numbers and its model, wherever their files stand."""
-    fixture = machine.fixture_file.read_bytes().hex() if machine.fixture_file is not None else ""
-    tree = {**machine.tree, "model": machine.model_file.read_bytes().hex(), "fixture": fixture}
-    return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
-
-
 def _check(work: Work) -> None:
-    from isel_twin.machine import load_machine
     from isel_twin.version import VERSION
 
     if work.version != VERSION:
         raise MismatchError(f"isel-twin {VERSION} computes there, {work.version} asks")
     if work.machine_digest:
+        name = work.spec.machine_name
         try:
-            there = machine_digest(load_machine(work.machine))
+            there = work.spec.as_built.digest
         except ValueError as error:
-            raise MismatchError(f"the machine {work.machine} cannot be read there: {one_line(str(error))}") from None
+            raise MismatchError(f"the machine {name} cannot be read there: {one_line(str(error))}") from None
         if there != work.machine_digest:
-            raise MismatchError(f"the machine {work.machine} is another one there")
+            raise MismatchError(f"the machine {name} is another one there")
 
 
-def _made(work: Work, point: Point, folder: Path) -> dict[str, Any]:
+def _made(work: Work, point: Point) -> dict[str, Any]:
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.job import check_conditions
     from isel_twin.jobs.playing import played
-    from isel_twin.jobs.robust import called_machine, perturbation
+    from isel_twin.jobs.robust import perturbation
     from isel_twin.jobs.verdict import whole_slips
 
     given = dict(zip(work.parameters, point.values, strict=True))
-    call = TwinSpec(
-        machine=work.machine,
-        controller=work.controller,
-        plant=work.plant,
-        seed=point.seed,
-        scenario=_scenario(work, _of(given, "scenario"), folder),
-        overrides={},
-        start_mm=work.start_mm,
-    )
-    call = dataclasses.replace(call, overrides=_overrides(call, _of(given, "machine")))
+    call = work.spec.with_(seed=point.seed)
+    call = call.with_(overrides=_overrides(call, _of(given, "machine")))
     if work.perturbed:
-        seed, _, overrides = perturbation(called_machine(call), 0, point.seed)
-        call = dataclasses.replace(call, seed=seed, overrides={**call.overrides, **overrides})
+        seed, _, overrides = perturbation(call.fitted(), 0, point.seed)
+        call = call.with_(seed=seed, overrides={**call.overrides, **overrides})
+    if work.events:
+        call = call.with_events(_events(work, _of(given, "scenario")))
     lines = _lines(work, given, call)
     twin = call.build()
     check_conditions(lines, twin)
@@ -211,12 +188,10 @@ def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[s
 
 def _overrides(call: TwinSpec, given: Sequence[tuple[str, str, Any]]) -> dict[str, Any]:
     """Overrides of the machine: plain values first, then multiples of what the machine then has."""
-    from isel_twin.jobs.robust import called_machine
-
     overrides = {key: value for key, unit, value in given if unit != "times"}
     factors = [(key, value) for key, unit, value in given if unit == "times"]
     if factors:
-        tree = called_machine(dataclasses.replace(call, overrides=overrides)).tree
+        tree = call.with_(overrides=overrides).fitted().tree
         for key, factor in factors:
             for name in _each_axis(key):
                 overrides[name] = overrides.get(name, _value(tree, name)) * factor
@@ -241,12 +216,11 @@ def _value(tree: Any, key: str) -> float:
 
 def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec) -> list[Line]:
     from isel_twin.jobs.job import parse_job
-    from isel_twin.jobs.robust import called_machine
     from isel_twin.language import create_language
 
     if work.moves:
         settings = {key: value for key, _, value in _of(given, "settings")}
-        return _moves(work, settings, called_machine(call))
+        return _moves(work, settings, call.fitted())
     lines = work.job_lines
     words = []
     for key, _, value in _of(given, "job"):
@@ -257,7 +231,7 @@ def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec
     text = "\n".join(lines)
     for placeholder, word in words:
         text = text.replace(placeholder, word)
-    parsed = parse_job(text, create_language(work.controller), work.controller)
+    parsed = parse_job(text, create_language(work.spec.controller), work.spec.controller)
     if not parsed:
         raise ValueError(f"{work.job_name}: there is no command in it")
     return parsed
@@ -275,7 +249,7 @@ def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Li
     from isel_twin.jobs.job import Line
     from isel_twin.language import MoveSettings, create_language, needed, readable
 
-    language = needed(create_language(work.controller), work.controller)
+    language = needed(create_language(work.spec.controller), work.spec.controller)
     how = MoveSettings(**settings)
     frames = list(language.reference())
     for target_mm in work.moves:
@@ -290,10 +264,8 @@ def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Li
 # ---- scenario --------------------------------------------------------------------------------------------------------
 
 
-def _scenario(work: Work, given: Sequence[tuple[str, str, Any]], folder: Path) -> Path | None:
-    """The scenario of this point as a file in the folder; None: nothing happens."""
-    if not work.events:
-        return None
+def _events(work: Work, given: Sequence[tuple[str, str, Any]]) -> list[dict[str, Any]]:
+    """The tables of the scenario of this point."""
     events = [copy.deepcopy(dict(event)) for event in work.events]
     by_name = {str(number): event for number, event in enumerate(events, 1)}
     by_name |= {str(event["name"]): event for event in events if "name" in event}
@@ -316,23 +288,7 @@ def _scenario(work: Work, given: Sequence[tuple[str, str, Any]], folder: Path) -
         inner[last] = value
     if happening is not None:
         events = [event for event in events if "name" not in event or event["name"] in happening]
-    file = folder / "scenario.toml"
-    lines = [line for event in events for line in ("[[event]]", *(f"{_key(k)} = {_toml(v)}" for k, v in event.items()))]
-    file.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    return file
-
-
-def _key(name: str) -> str:
-    return json.dumps(name, ensure_ascii=False)
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML writes it: numbers, texts, switches, lists and tables in line."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_toml(inner)}" for key, inner in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
+    return events
 
 
 @contextmanager

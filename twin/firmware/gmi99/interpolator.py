@@ -39,7 +39,7 @@ class OntoSwitchError(Exception):
 
 @dataclass(frozen=True)
 class _Mark:
-    """What happens when so many pieces of the plan have been made: a move has ended, an output is switched."""
+    """What happens when so many pieces of the plan are made: a move ends (no `act`), an output is switched."""
 
     pieces: int
     act: Callable[[], None] | None
@@ -54,8 +54,8 @@ class _Circle:
     centre: dict[int, int] | None = None
 
 
-class Path:
-    """See the module."""
+class Interpolator:
+    """Makes set points of moves, one motion after the other."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -91,7 +91,7 @@ class Path:
 
     @property
     def accepts(self) -> bool:
-        """Moves can be planned; not while the motion is being broken off."""
+        """True if moves can be planned: not while the motion is being broken off."""
         return not self._breaking
 
     @property
@@ -176,7 +176,7 @@ class Path:
                 way[axis] = way[source]
         return tuple(way)
 
-    def _append(self, made: planner.Move, start: Position, way: Position, *, from_host: bool) -> None:
+    def _append(self, made: planner.PreparedMove, start: Position, way: Position, *, from_host: bool) -> None:
         rules = self.rules()
         if self._plan is None:
             onto = self._board.struck_ahead(way)
@@ -257,7 +257,7 @@ class Path:
             self._replace(self._plan.stopped(self._tick()))
 
     def cut(self) -> None:
-        """End at once: the set points made are the last."""
+        """End at once: no set point follows."""
         self._circle = None
         self._marks.clear()
         if self.run is not None:
@@ -265,7 +265,7 @@ class Path:
         self._forget()
 
     def release(self) -> SetPointRun:
-        """Hand the motion in execution over to whoever ends it otherwise, and forget the plan."""
+        """Give the motion in execution to the caller, who ends it in another way, and forget the plan."""
         assert self.run is not None
         run, self._board.path_run = self.run, None
         self._circle = None
@@ -297,7 +297,7 @@ class Path:
         self._board.path_run = SetPointRun(self._plan, planner.PERIOD_NS, self.grid_ns(self._board.now_ns))
 
     def _go_on(self, scale: float, ceiling: float) -> None:
-        """What was held goes on as another motion."""
+        """Go on with what was held, as another motion."""
         assert self._plan is not None
         self._serial += 1
         rest = self._plan.remainder(self._serial)
@@ -315,7 +315,7 @@ class Path:
     def _forget(self) -> None:
         self._plan = self._heading = None
         self._breaking = False
-        while self._marks:  # of moves that went nowhere behind the last one that did
+        while self._marks:  # acts behind the last move
             mark = self._marks.popleft()
             if mark.act is not None:
                 mark.act()

@@ -1,0 +1,151 @@
+"""The twin of another time: `Twin.save` and `Twin.restore`; what a state is stands in state.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NoReturn
+
+from isel_twin.controller import Controller
+from isel_twin.core.assembly import Plans
+from isel_twin.core.observers import Observers
+from isel_twin.core.position import Position
+from isel_twin.core.sampling import Sampler
+from isel_twin.core.spec import TwinSpec
+from isel_twin.core.state import BY_CHANCE, Kind, StateError, TwinState, pack, unpack
+from isel_twin.core.told import Told
+from isel_twin.machine import Machine
+from isel_twin.motion import Stream
+from isel_twin.plant import Plant
+from isel_twin.wiring import SerialLine, Wiring
+
+_OWN = ("remarks", "_restarts", "_least_margin", "_sense", "_untold", "_levels")
+"""Attributes of a twin that a state holds beside those it names."""
+
+
+class Saved:
+    """The part of a `Twin` that is saved and restored."""
+
+    origin: TwinSpec
+    controller_name: str
+    machine: Machine
+    time_ns: int
+    flash: bytes | None
+    on_flash: Callable[[bytes], None] | None
+    _plans: Plans
+    _controller: Controller
+    _told: Told
+    _plant: Plant
+    _position: Position
+    _line: SerialLine
+    _wiring: Wiring
+    _stream: Stream
+    _sampler: Sampler | None
+    _observers: Observers[Any]
+    _settling: bool
+    _due_ns: int
+
+    def _note(self, kind: str, what: Any) -> None:
+        """Tell the listeners."""
+        raise NotImplementedError
+
+    def _tell(self) -> None:
+        """Let the controller know of the time that has passed, if it does not yet."""
+        raise NotImplementedError
+
+    def _adopt(self, controller: Controller) -> None:
+        """This is the controller from now on."""
+        raise NotImplementedError
+
+    def _next_due_ns(self) -> int:
+        """When the twin has to settle next; far away if nobody knows of anything."""
+        raise NotImplementedError
+
+    def save(self) -> TwinState:
+        """All that decides what the twin will do, at this instant, in mid-motion too; see state.py.
+
+        Raises StateError (ValueError) with one line for a controller that cannot be saved now (told.py), and
+        for an observer or a listener, who are told of something in the middle of it.
+        """
+        self._check_between()
+        self._tell()
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        own = {name: getattr(self, name) for name in _OWN}
+        return TwinState(
+            kind=self._kind,
+            origin={name: getattr(self.origin, name) for name in BY_CHANCE},
+            time_ns=self.time_ns,
+            flash=self.flash,
+            life=self._told.save(),
+            parts=pack(own, self._parts, self._known),
+            plant=self._plant.save(),
+        )
+
+    def restore(self, state: TwinState) -> None:
+        """Be the twin that was saved: from here on the same calls give the same bits as they did there.
+
+        It may have been this twin, or another one built alike, whatever their seeds. Observers look at once, and go on
+        with their grids. Listeners are told `restored` before anything happens; who cannot go back (a recording) raises
+        ValueError then, and nothing happens. Raises StateError (ValueError) with one line for a state of another
+        machine, controller, plant or scenario.
+        """
+        self._check_between()
+        self._kind.check(state)
+        self._note("restored", state.time_ns)
+        if self._sampler is not None:
+            self._sampler.hand_on()
+        self._told.restore(state.life, self._plans.new_controller, self._position)
+        self._adopt(self._told.controller)
+        for name, value in unpack(state.parts, self._parts, self._known).items():
+            setattr(self, name, value)
+        self._plant.restore(state.plant)
+        self.time_ns = state.time_ns
+        self.origin = replace(self.origin, **state.origin)
+        if self._sampler is not None:
+            self._sampler.begin_anew()
+        flash, self.flash = self.flash, state.flash
+        if self.flash is not None and self.flash != flash and self.on_flash is not None:
+            self.on_flash(self.flash)
+        self._settling = True
+        try:
+            self._observers.restored(self, self._wiring.changes)
+        finally:
+            self._settling = False
+        self._due_ns = self._next_due_ns()
+
+    def _check_between(self) -> None:
+        if self._settling:
+            raise StateError("a twin is saved and restored between two calls, not by an observer or listener of one")
+
+    @cached_property
+    def _kind(self) -> Kind:
+        return Kind.of(
+            self.controller_name, self.machine, self.origin.plant, len(self._controller.counts), self._plans.events
+        )
+
+    @property
+    def _parts(self) -> dict[str, object]:
+        """What has a state of its own beside controller and plant."""
+        return {"position": self._position, "line": self._line, "wiring": self._wiring, "stream": self._stream}
+
+    @property
+    def _known(self) -> dict[str, object]:
+        """What every twin built like this has, by name."""
+        machine = self.machine
+        return {
+            **self._parts,
+            "controller": self._controller,
+            "run": self._controller.run,
+            "plant": self._plant,
+            "machine": machine,
+            "contacts": machine.contacts,
+            "switches": machine.switches,
+            "heated": tuple(axis.stage for axis in machine.axes),
+            "events": self._plans.events,
+        }
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
+        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")
