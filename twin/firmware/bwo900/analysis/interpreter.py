@@ -32,7 +32,7 @@ from isel_twin.firmware.bwo900.analysis.output import Output
 from isel_twin.firmware.bwo900.analysis.reader import Reader
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level, Stack
-from isel_twin.firmware.bwo900.analysis.supervision import Keeping, Supervision
+from isel_twin.firmware.bwo900.analysis.supervision import OFF, ON, Supervision
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
@@ -239,7 +239,7 @@ class Interpreter:
             raise
         if self._watched and self._waiting is None:
             self._waiting = Waiting.EXECUTION
-        if self._supervision.keeping is Keeping.ON and self._stays():
+        if self._supervision.keeping is ON and self._stays():
             return Waiting.PASS
         return self._ready.popleft() if self._ready else self._output.empty(block)
 
@@ -271,7 +271,9 @@ class Interpreter:
     def _execute(self, block: ProgramBlock) -> None:
         """One block, in the manual's order."""
         level = self.stack.top
-        if self._supervision.call(whole(self._values.of(number)) for number in block.calls):
+        if (block.calls or self._supervision.keeping is not OFF) and self._supervision.call(
+            whole(self._values.of(number)) for number in block.calls
+        ):
             self._waiting = Waiting.BEGINNING
         later = self._values.assign(block)
         jump = self._values.jump(block)
