@@ -91,14 +91,14 @@ def drive(
     files = Files(steps, vcd, trace, report, record, interval)
     files.check(capture, scenario)
     overrides = parse_overrides(set)
-    call = TwinSpec(machine, "drive", plant, seed, scenario, overrides=overrides, start_mm=_start(start))
+    call = TwinSpec(machine, plant=plant, seed=seed, scenario=scenario, overrides=overrides, start_mm=_start(start))
     reading = {"edge": edge, "time_unit": time_unit, "sample_rate_hz": sample_rate, "reverse": reverse}
     ticks = _read(capture, map, limits_us, reading)
     if files.sampled and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
         from isel_twin.capture.play import Strikes, lines_of, play
-        from isel_twin.capture.player import Player
+        from isel_twin.capture.player import NAME, Player
         from isel_twin.core.warm import told_of_compiling
         from isel_twin.jobs.playing import followed
         from isel_twin.machine import load_machine
@@ -107,7 +107,7 @@ def drive(
             as_built = load_machine(machine)
         allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
         player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
-        twin = call.with_(flash=None if record is None else player.image()).build(controller=player)
+        twin = call.with_(controller=NAME, flash=None if record is None else player.image()).build(controller=player)
         stack.enter_context(told_of_compiling())
         strikes = Strikes(twin)
         writing = files.begin(twin, {"capture": str(capture)}, stack)

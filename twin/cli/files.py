@@ -58,13 +58,13 @@ class Files:
 
     def check(self, *kept: Path | None) -> None:
         """Raise CallError unless all of them can be written, without replacing a file that the call needs (`kept`)."""
+        check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
         self.kinds()
         if self.report is not None and self.report.suffix.lower() == ".png" and find_spec("matplotlib") is None:
             raise CallError(
                 f"report {self.report}: a picture needs matplotlib: pip install 'isel-twin[report]'", option=True
             )
         check_record(self.record)
-        check_writable(self.steps, self.vcd, self.trace, self.report, self.record, kept=kept)
 
     def kinds(self) -> tuple[str, str, str]:
         """The kinds of steps, vcd and trace, as their names say. Raises CallError."""

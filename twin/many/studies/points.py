@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from isel_twin.base.errors import CallError
 from isel_twin.core.spec import TwinSpec
-from isel_twin.many.studies.plan import Plan, between
+from isel_twin.many.studies.parameters import between
+from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.row import Point
 
 
