@@ -22,7 +22,7 @@ from isel_twin.core.twin import Twin
 
 
 def error_mm(twin: Twin, steps_per_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """float64 [3], true carriage position minus counter, in mm, now. steps_per_mm: of the twin, if known."""
+    """float64 [3], true carriage position minus counter, in mm, now."""
     return twin.position_mm - twin.counts[:3] / (_steps_per_mm(twin) if steps_per_mm is None else steps_per_mm)
 
 
@@ -46,7 +46,6 @@ class Watch:
         return error_mm(self._twin, self._steps_per_mm)
 
     def leave(self) -> None:
-        """No more samples."""
         if self.in_loop:
             self._twin.sample_no_more(self._take)
             self.in_loop = False

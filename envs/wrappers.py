@@ -21,8 +21,7 @@ from isel_twin.envs.tuning import JobTuning
 from isel_twin.envs.variations import VARIATIONS
 from isel_twin.machine import Machine, load_machine, with_overrides
 
-_DRAWS = 0x5242
-"""Separates the random numbers of `Randomised` from those that the environment draws from the same seed."""
+_DRAWS = 0x5242  # separates the random numbers of `Randomised` from those that the environment draws from the same seed
 
 Observations = gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]
 
@@ -110,7 +109,6 @@ class Randomised(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDA
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Draw a machine and begin an episode on it."""
         if seed is not None:
             self._random = np.random.default_rng([seed, _DRAWS])
         elif self._random is None:
@@ -153,7 +151,6 @@ class AlongPath(gymnasium.Wrapper[NDArray[np.float64], NDArray[np.float32], NDAr
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Begin at the start of the path."""
         self._way_mm = 0.0
         return self.env.reset(seed=seed, options=options)
 

@@ -1,6 +1,6 @@
 """A twin behind ports, in real time.
 
-borders.py         what a served line is made of: twin, line, endpoint, who listens
+borders.py         what the parts of a served line need of each other
 server.py          one twin behind some endpoints: the loop
 pacing.py          virtual time against wall time
 loop.py            how the loop sleeps and is woken

@@ -13,25 +13,22 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 
+from isel_twin.bridge.serve.borders import WireTap
 from isel_twin.bridge.serve.loop import FileWatch
-from isel_twin.bridge.serve.server import Server
+from isel_twin.bridge.serve.server import Guest
 from isel_twin.recordings.recording import FileRecording
 
-FLUSH_S = 0.5
-"""Wall time for which what has been recorded stays in memory."""
+FLUSH_S = 0.5  # wall time for which what has been recorded stays in memory
 
 _TIME_KEYS = frozenset(("pause", "resume", "speed", "step"))
 
 
-class Freshness:
+class Freshness(Guest):
     """A guest of the server that hands a recording to the operating system every FLUSH_S, if there is anything."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
         self._since_s: float | None = None
-
-    def attach(self, server: Server) -> None:
-        """Nothing to do: the recording knows its twin."""
 
     def watches(self) -> Iterable[FileWatch]:
         return ()
@@ -54,23 +51,14 @@ class Freshness:
         self._recording.flush()
 
 
-class TimeTap:
-    """A wire tap that writes down what is done to virtual time; bytes and the rest the twin tells by itself."""
+class TimeTap(WireTap):
+    """Writes down what is done to virtual time; bytes and the rest the twin records itself."""
 
     def __init__(self, recording: FileRecording) -> None:
         self._recording = recording
-
-    def carry(self, time_ns: int, data: bytes, sent: bool) -> None:
-        """Nothing to do: the twin records its bytes."""
-
-    def look(self, time_ns: int) -> None:
-        """Nothing to do."""
 
     def act(self, time_ns: int, text: str) -> None:
         with suppress(ValueError):
             request = json.loads(text)
             if isinstance(request, dict) and _TIME_KEYS & request.keys():
                 self._recording.tell_time(text)
-
-    def close(self) -> None:
-        """Nothing to do."""

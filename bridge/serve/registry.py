@@ -31,7 +31,7 @@ _numbers = itertools.count()
 
 
 def folder() -> Path:
-    """Where this user's servers are written down. It need not exist."""
+    """Where this user's servers are written down; it may be missing."""
     for variable in ("XDG_RUNTIME_DIR", "LOCALAPPDATA"):
         if (place := os.environ.get(variable)) and os.path.isdir(place):
             return Path(place, "isel-twin", "ports")

@@ -111,7 +111,6 @@ for _stand, _name in ((VirtualDate, "date"), (VirtualDatetime, "datetime")):
 
 
 def stand_ins() -> list[tuple[Any, Any]]:
-    """Each function of `time` that has to do with the present, and what stands in for it."""
     pairs: list[tuple[Any, Any]] = [(time.sleep, StandIn(time.sleep, _sleep))]
     for name, zero_ns in _ZERO_NS.items():
         for suffix in ("", "_ns"):

@@ -15,34 +15,23 @@ from isel_twin.many.studies.row import OUTCOMES, Work
 from isel_twin.wiring import EVENT_KEYS
 from isel_twin.wiring.scenario import TIME_KEYS
 
-TIMES = "times"
-"""Unit of a value that multiplies what the file has."""
-EVENTS = "events"
-"""The parameter of [scenario] that says which of the named events happen, with blanks between them."""
-_FORM = ("values", "low", "high", "steps", "unit", "name", "log", "whole")
-"""Keys of a parameter."""
+TIMES = "times"  # unit of a value that multiplies what the file has
+EVENTS = "events"  # the parameter of [scenario] that says which of the named events happen, with blanks between them
+_FORM = ("values", "low", "high", "steps", "unit", "name", "log", "whole")  # keys of a parameter
 _STEPS = Limits("steps", 2, 100_000, whole=True)
 _ANY = Limits("", -1e300, 1e300)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*")
 _COLUMN = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
-_OWN = ("row", "point", "seed", *OUTCOMES)
-"""Columns that every table has."""
+_OWN = ("row", "point", "seed", *OUTCOMES)  # columns that every table has
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Something that varies."""
-
     section: str
-    """One of SECTIONS."""
     key: str
-    """Within it."""
     name: str
-    """Of its column."""
-    unit: str = ""
-    """As the file of the machine has it; TIMES: a factor; "": none."""
-    values: tuple[Any, ...] = ()
-    """All of one kind; none: it is sampled between `low` and `high`."""
+    unit: str = ""  # as the file of the machine has it; TIMES: a factor; "": none
+    values: tuple[Any, ...] = ()  # all of one kind; none: it is sampled between `low` and `high`
     low: float = 0.0
     high: float = 0.0
     log: bool = False

@@ -58,10 +58,8 @@ from isel_twin.many.studies.parameters import (
 from isel_twin.many.studies.row import Work
 from isel_twin.version import VERSION
 
-SECTIONS = ("machine", "settings", "job", "scenario")
-"""Of a plan, beside [sweep]: whose parameters vary."""
-MOST_POINTS = 1_000_000
-"""Rows of a table at most."""
+SECTIONS = ("machine", "settings", "job", "scenario")  # of a plan, beside [sweep]: whose parameters vary
+MOST_POINTS = 1_000_000  # rows of a table at most
 
 _WORDS = ("machine", "controller", "plant", "scenario", "job")
 _NUMBERS: Mapping[str, Limits] = {
@@ -74,7 +72,6 @@ _NUMBERS: Mapping[str, Limits] = {
 }
 _OTHERS = ("moves", "seeds", "start_mm", "may_strike", "perturbed", "sampling")
 KEYS = (*_WORDS, *_NUMBERS, *_OTHERS)
-"""Of the table [sweep]."""
 SAMPLINGS = ("sobol", "saltelli")
 _SEED = Limits("", 0, 2**63, whole=True)
 _SEEDS = Limits("seeds", 1, 1_000_000, whole=True)
@@ -86,15 +83,11 @@ class PlanError(FileError):
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan that has been read."""
-
     file: Path
     text: str
-    call: TwinSpec
-    """The twin of all rows, but for what varies; its scenario is the file itself."""
+    call: TwinSpec  # the twin of all rows, but for what varies; its scenario is the file itself
     work: Work
     parameters: tuple[Parameter, ...] = ()
-    """In the order of the file."""
     samples: int = 1
     sampling: str = "sobol"
     sample_seed: int = 0
@@ -155,7 +148,6 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work]:
-    """What stays the same."""
     known(content, KEYS, place)
     for key in _WORDS:
         text(content.get(key, ""), place.at(key))

@@ -85,7 +85,6 @@ def points(plan: Plan) -> list[Point]:
 
 
 def _sample(plan: Plan, unit: NDArray[np.float64]) -> tuple[float, ...]:
-    """One value for each sampled parameter."""
     sampled = [parameter for parameter in plan.parameters if parameter.sampled]
     return tuple(between(parameter, float(part)) for parameter, part in zip(sampled, unit, strict=True))
 
