@@ -67,8 +67,7 @@ def sweep(
         from isel_twin.many.studies.sensitivity import check_picture
 
         check_picture(sensitivity, read)
-    call = read.call
-    check_writable(file, journal_of(file), sensitivity, kept=(plan, call.scenario))
+    check_writable(file, journal_of(file), sensitivity, kept=(plan, read.call.scenario))
     _try_out(read)
     with Table(file, read, wanted) as table:
         code = _fill(table, read, _crew(workers, cluster, len(table.missing())), json)

@@ -4,8 +4,6 @@
     .vcd        a value change dump for waveform viewers    vcd.py
     .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
     .csv        the same as text                            csv.py
-
-Each module is imported only when it is needed.
 """
 
 from __future__ import annotations
