@@ -1,9 +1,9 @@
 """One way to write a trace, of a twin or of a recording: the suffix of the file says which.
 
-    .npz        the step stream, exactly                    npz.py
-    .vcd        a value change dump for waveform viewers    vcd.py
-    .parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
-    .csv        the same as text                            csv.py
+.npz        the step stream, exactly                    npz.py
+.vcd        a value change dump for waveform viewers    vcd.py
+.parquet    the samples of a recorder as a table        parquet.py, with pyarrow (the extra `trace`)
+.csv        the same as text                            csv.py
 """
 
 from __future__ import annotations
