@@ -45,11 +45,8 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 
-SUB_STEP_S = 25e-6
-"""Sub-step of the bench, the same as the machine's."""
-
-START_RPM = 60.0
-"""Speed from which the bench accelerates."""
+SUB_STEP_S = 25e-6  # sub-step of the bench, the same as the machine's
+START_RPM = 60.0  # speed from which the bench accelerates
 
 
 def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:

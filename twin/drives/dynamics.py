@@ -54,15 +54,10 @@ from isel_twin.drives.shaft import STEPPER, shaft_parameters, turn
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.trigonometry import sine_and_cosine
 
-OPEN = 0
-"""`phases`: both phases open, the motor is limp."""
-PHASE_A = 1
-"""`phases`: phase A alone is connected (a broken wire in B)."""
-PHASE_B = 2
-"""`phases`: phase B alone is connected (a broken wire in A)."""
-BOTH = 3
-"""`phases`: the stage drives both phases."""
-
+OPEN = 0  # `phases`: both phases open, the motor is limp
+PHASE_A = 1  # `phases`: phase A alone is connected (a broken wire in B)
+PHASE_B = 2  # `phases`: phase B alone is connected (a broken wire in A)
+BOTH = 3  # `phases`: the stage drives both phases
 SMOOTHING = 5.0
 """Corner of the smooth command of the electronic damping over its own corner: else it would amplify single pulses."""
 

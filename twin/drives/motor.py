@@ -44,18 +44,12 @@ from types import MappingProxyType
 from isel_twin.base.parameters import check, number
 
 log = logging.getLogger("isel_twin")
-
-IRON_LOSS = 1650.0
-"""Iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)."""
-
-IRON_KNEE_RAD_S = 3600.0
-"""Electrical angular frequency of the knee of the iron drag, rad/s (decision D2)."""
-
+IRON_LOSS = 1650.0  # iron-loss resistance over L^(2/3) R^(1/3), s^(-2/3) (chosen on two curves; see decision D2)
+IRON_KNEE_RAD_S = 3600.0  # electrical angular frequency of the knee of the iron drag, rad/s (decision D2)
 RUNNING_SHARE = (0.8, 1.15)
 """Torque at low speed in microstep over Km times the peak current: detent, friction and ripple take a little."""
 
-DETENT_PER_MOTOR_CONSTANT = 0.12
-"""Detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)."""
+DETENT_PER_MOTOR_CONSTANT = 0.12  # detent torque over Km / sqrt(R), sqrt(W) (estimate; see decision D3)
 
 
 @dataclass(frozen=True)

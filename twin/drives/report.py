@@ -27,8 +27,7 @@ from isel_twin.drives.curves import (
 from isel_twin.drives.motor import MOTORS, Motor
 from isel_twin.drives.stage import Stage
 
-SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))
-"""Speeds of the table."""
+SPEEDS_RPM = (30, 60, 90, *range(150, 1001, 50))  # speeds of the table
 
 COMPARED = {
     "23HS32-4004S": ((36.0, 48.0), (90.0, 600.0), "36 and 48 V, 4.2 A peak, microstep, digital drive"),
@@ -37,8 +36,7 @@ COMPARED = {
 }
 """Supplies in V and speeds in rev/min between which, and conditions under which a maker's curve was compared."""
 
-BAR = 40
-"""Characters of the longest bar."""
+BAR = 40  # characters of the longest bar
 
 
 @dataclass(frozen=True)

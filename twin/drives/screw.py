@@ -26,8 +26,7 @@ from dataclasses import dataclass
 from isel_twin.base.parameters import check, number
 
 STEEL_KG_M3 = 7850.0
-STEEL_GROWTH_PER_K = 11.5e-6
-"""Thermal expansion."""
+STEEL_GROWTH_PER_K = 11.5e-6  # thermal expansion
 
 
 @dataclass(frozen=True)

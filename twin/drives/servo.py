@@ -38,10 +38,8 @@ from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import I2T_BACK, ServoDrive, ServoMotor
 from isel_twin.drives.shaft import SERVO, shaft_parameters, turn
 
-LAG_FAULT = 1
-"""`fault`: the following error has passed its limit."""
-VOLTAGE_FAULT = 2
-"""`fault`: the common supply had too little voltage while the drive was on."""
+LAG_FAULT = 1  # `fault`: the following error has passed its limit
+VOLTAGE_FAULT = 2  # `fault`: the common supply had too little voltage while the drive was on
 CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
 """The same for people."""
 

@@ -19,10 +19,8 @@ from pathlib import Path
 from isel_twin.base.pictures import Curve, draw_curves
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 
-BAR = 40
-"""Characters of the longest bar."""
-LINES = 13
-"""Speeds in the table, from 0 to where there is no torque left."""
+BAR = 40  # characters of the longest bar
+LINES = 13  # speeds in the table, from 0 to where there is no torque left
 _RPM = 30.0 / math.pi
 
 

@@ -27,11 +27,8 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.drives.screw import Screw
 
-STEPPER = 0
-"""`kind`: open loop, two phases (dynamics.py)."""
-SERVO = 1
-"""`kind`: closed loop (servo.py)."""
-
+STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
+SERVO = 1  # `kind`: closed loop (servo.py)
 REST_RAD_S = 1e-9
 """Below this shaft speed before and after a sub-step a drive counts as standing (friction brings it to exactly 0)."""
 

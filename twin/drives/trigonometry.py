@@ -20,13 +20,9 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
-FAR_RAD = 1e6
-"""From here on the library is asked: 3000 turns of a rotor with 50 pole pairs."""
-
-_ROUND = 6755399441055744.0
-"""1.5 2^52: added and taken away, it leaves the nearest whole number."""
-_HALF_PI_HIGH = 1.57079632673412561417
-"""The first 33 bits of pi/2."""
+FAR_RAD = 1e6  # from here on the library is asked: 3000 turns of a rotor with 50 pole pairs
+_ROUND = 6755399441055744.0  # 1.5 2^52: added and taken away, it leaves the nearest whole number
+_HALF_PI_HIGH = 1.57079632673412561417  # the first 33 bits of pi/2
 _HALF_PI_LOW = 6.07710050650619224932e-11
 
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
 
-BLOCK = 512
-"""Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
+BLOCK = 512  # phases in a block of a plan, at least: more are copied less often, fewer are copied sooner
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -38,9 +38,7 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.motion.path import Displacement, check_range, even, fill_even
 
-INTERVAL = 8192
-"""Ticks between two checkpoints: some 30 us to walk, 24 bytes to keep."""
-
+INTERVAL = 8192  # ticks between two checkpoints: some 30 us to walk, 24 bytes to keep
 HANDICAP = 0.2
 """Steps by which another reading of D must be nearer to the start point than the one the manual's text leads to.
 

@@ -43,8 +43,7 @@ class Indexer:
 
     phases: tuple[tuple[Phase, ...], ...]
     period_ns: int
-    acceleration: float
-    """Increments/s^2, of `stopped`."""
+    acceleration: float  # increments/s^2, of `stopped`
     identity: object
 
     @property

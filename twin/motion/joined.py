@@ -89,15 +89,11 @@ class Joined:
     scale: float
     ceiling: float
     identity: object
-    hold: bool
-    """It has been told to hold."""
-    dropped: bool
-    """It has been stopped: pieces that were left are forgotten, and none can be appended."""
-    ticks: int
-    """Number of set points: after the last one it stands, at the end of the chain or where it is held."""
+    hold: bool  # it has been told to hold
+    dropped: bool  # it has been stopped: pieces that were left are forgotten, and none can be appended
+    ticks: int  # number of set points: after the last one it stands, at the end of the chain or where it is held
     blocks: tuple[PlanBlock, ...]
-    forgotten: int = 0
-    """Ticks at the beginning whose set points are no longer known; see `forgetting`."""
+    forgotten: int = 0  # ticks at the beginning whose set points are no longer known; see `forgetting`
 
     @property
     def held(self) -> bool:

@@ -18,12 +18,8 @@ import numpy as np
 
 from isel_twin.base.compiling import njit
 
-LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)
-"""Columns of a table of pieces."""
-
-T, DT, S0, S1, V0, V1 = range(6)
-"""Columns of phases."""
-
+LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pieces
+T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
 FRACTIONS = 65536.0
 """Displacements are whole multiples of one part in so many of an increment, so that sums of them are exact."""
 
@@ -39,11 +35,8 @@ FAULTS = (
 )
 """Messages by the number that `faults` returns."""
 
-NOISE = 1e-11
-"""Relative rounding error of v^2: a joint that is missed by less counts as kept."""
-
-PLACE_NOISE = 1e-12
-"""Relative rounding error of places on a piece."""
+NOISE = 1e-11  # relative rounding error of v^2: a joint that is missed by less counts as kept
+PLACE_NOISE = 1e-12  # relative rounding error of places on a piece
 
 
 @njit(nogil=True, error_model="numpy")

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.compiling import njit
 
-Displacement = tuple[int, ...]
-"""Whole numbers of steps or increments, one an axis."""
+Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an axis
 
 
 def added(a: Sequence[int], b: Sequence[int]) -> Displacement:

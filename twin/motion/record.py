@@ -37,10 +37,8 @@ class Steps:
         if keep is not None and keep < 1:
             raise ValueError(f"a record keeps at least one motion, not {keep}")
         self.axes = axes
-        self.dropped = 0
-        """Motions at the beginning that are not kept,"""
-        self.dropped_ticks = 0
-        """and their ticks."""
+        self.dropped = 0  # motions at the beginning that are not kept,
+        self.dropped_ticks = 0  # and their ticks
         self._motions: deque[Motion] = deque(maxlen=keep)
         for motion in motions:
             self.append(motion)

@@ -19,11 +19,8 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.record import Steps
 
-CHUNK = 1 << 15
-"""Ticks of a motion expanded at once; bounds the memory of long moves."""
-
-RATE_TICKS = 16
-"""Ticks before and after the present over which a step frequency is taken."""
+CHUNK = 1 << 15  # ticks of a motion expanded at once; bounds the memory of long moves
+RATE_TICKS = 16  # ticks before and after the present over which a step frequency is taken
 
 
 class Stream:

@@ -34,12 +34,8 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
 
-Rational = int | Fraction
-"""Frequencies and accelerations may be any exact number; floats would not say what is meant."""
-
-LONGEST_NS = 1 << 62
-"""Times must stay below this (146 years), so that sums of two fit into 64 bits."""
-
+Rational = int | Fraction  # frequencies and accelerations may be any exact number; floats would not say what is meant
+LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of two fit into 64 bits
 DOUBT = 12 * 2.0**-53
 """Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns.
 
@@ -47,8 +43,7 @@ With u = 2^-53 the relative errors add up to: d 2 u, 2 a d 4 u, the radicand 5 u
 numerator 4 u, the quotient 9.5 u; adding the rounded rest of T costs 1 u of the sum and 1 u of the rest: below 12 u.
 """
 
-ROOT_DIGITS = 128
-"""Binary digits after the point to which irrational times are known."""
+ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
 
 
 # ---- the public part -----------------------------------------------------------------------------------------------
@@ -318,8 +313,7 @@ class _Ramp(NamedTuple):
     law: _Law
     s: Rational
     end: int
-    over: int
-    """T is end / over ns; to much better than the double-precision error if there is a peak, else exactly."""
+    over: int  # T is end / over ns; to much better than the double-precision error if there is a peak, else exactly
     peak: int = 0
 
     def estimate(self, t_ns: int) -> int:

@@ -34,8 +34,7 @@ __all__ = ["MOST_SAMPLES", "PLACES", "Cut", "Plant", "Quantity", "Sampled", "Sam
 PLACES: Mapping[str, str] = {"tool": "tool", "table": "table_top"}
 """Where a force can act from outside, and the site of the MuJoCo model that stands for it."""
 
-Quantity = Literal["position", "lag", "fault"]
-"""What a threshold watches."""
+Quantity = Literal["position", "lag", "fault"]  # what a threshold watches
 
 
 @dataclass(frozen=True)
@@ -50,14 +49,11 @@ class Threshold:
     axis that cannot have it, a sense that is neither 1 nor -1, and numbers that are not finite.
     """
 
-    axis: int
-    """0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position."""
+    axis: int  # 0 X, 1 Y ...; a carriage (X, Y, Z) if it is a position
     quantity: Quantity
     limit: float = 0.0
-    sense: int = 1
-    """Of a position: -1 motor end, struck below the limit; +1 far end, struck above it."""
-    hysteresis: float = 0.0
-    """In the unit of the limit."""
+    sense: int = 1  # of a position: -1 motor end, struck below the limit; +1 far end, struck above it
+    hysteresis: float = 0.0  # in the unit of the limit
 
     def __post_init__(self) -> None:
         if self.quantity not in get_args(Quantity):
@@ -95,12 +91,9 @@ class Plant(Protocol):
     call. One without them knows no grid.
     """
 
-    physics: bool
-    """Forces from outside and lost motor phases have an effect."""
-    time_ns: int
-    """Time reached: a multiple of the sub-step, if there are sub-steps."""
-    edge: bool
-    """The last `advance` has ended because a threshold was passed or left."""
+    physics: bool  # forces from outside and lost motor phases have an effect
+    time_ns: int  # time reached: a multiple of the sub-step, if there are sub-steps
+    edge: bool  # the last `advance` has ended because a threshold was passed or left
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
         """Advance to until_ns or to the end of the first sub-step in which a threshold was passed or left (without
@@ -270,22 +263,14 @@ class Plant(Protocol):
 class Samples:
     """n samples of a plant, as its properties would have been at those times. Arrays are copies."""
 
-    time_ns: NDArray[np.int64]
-    """int64 [n], rising."""
-    position_mm: NDArray[np.float64]
-    """float64 [n, 3]"""
-    velocity_mm_s: NDArray[np.float64]
-    """float64 [n, 3]"""
-    commanded: NDArray[np.int64]
-    """int64 [n, axes]"""
-    rotor: NDArray[np.float64]
-    """float64 [n, axes]"""
-    current_fraction: NDArray[np.float64]
-    """float64 [n, m], of the stages."""
-    margin: NDArray[np.float64]
-    """float64 [n, axes]"""
-    supply_v: NDArray[np.float64]
-    """float64 [n]"""
+    time_ns: NDArray[np.int64]  # int64 [n], rising
+    position_mm: NDArray[np.float64]  # float64 [n, 3]
+    velocity_mm_s: NDArray[np.float64]  # float64 [n, 3]
+    commanded: NDArray[np.int64]  # int64 [n, axes]
+    rotor: NDArray[np.float64]  # float64 [n, axes]
+    current_fraction: NDArray[np.float64]  # float64 [n, m], of the stages
+    margin: NDArray[np.float64]  # float64 [n, axes]
+    supply_v: NDArray[np.float64]  # float64 [n]
 
 
 @runtime_checkable
@@ -314,5 +299,4 @@ class Sampled(Protocol):
         """Read the samples that wait."""
 
 
-MOST_SAMPLES = 2048
-"""Samples that a plant keeps until they are read."""
+MOST_SAMPLES = 2048  # samples that a plant keeps until they are read

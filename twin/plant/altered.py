@@ -14,8 +14,7 @@ from isel_twin.plant import PLACES, kernel
 from isel_twin.plant.built import Built, weigh
 from isel_twin.plant.glide import gliding
 
-Arrays = dict[str, NDArray[Any]]
-"""Numbers of a model by name."""
+Arrays = dict[str, NDArray[Any]]  # numbers of a model by name
 
 
 class Alterations:
@@ -28,8 +27,7 @@ class Alterations:
         self._loss_n = model.dof_frictionloss.copy()
         self._stops_m = model.jnt_range.copy()
         self._mass_kg = model.body_mass.copy()
-        self._as_built: Arrays | None = None
-        """The model before it was first changed; None: it has not been."""
+        self._as_built: Arrays | None = None  # the model before it was first changed; None: it has not been
 
     def set_friction(self, axis: int, extra_n: float) -> None:
         built = self._begin()

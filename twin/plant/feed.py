@@ -15,8 +15,7 @@ from isel_twin.drives.shaft import SERVO
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
 
-STEADY = 1e-9
-"""Change of the voltage in a window, over U0, that counts as none."""
+STEADY = 1e-9  # change of the voltage in a window, over U0, that counts as none
 
 SUPPLY = np.dtype(
     [

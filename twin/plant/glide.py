@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.plant.model import blank
 
-DEFLECTION_M = 2e-3
-"""Bounds of a joint without stops: no frame gives as much in service."""
+DEFLECTION_M = 2e-3  # bounds of a joint without stops: no frame gives as much in service
 AGREE_M_S = 1e-9
 """Largest difference of speed after a step from MuJoCo's, whose solver stops at about a tenth of that."""
 

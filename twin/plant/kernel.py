@@ -59,12 +59,10 @@ from isel_twin.plant.memory import AXES, LAG, POSITION, parts_of
 from isel_twin.plant.teeth import bite
 from isel_twin.plant.thread import feel
 
-REST_M_S = 5e-6
-"""Joint speed below which a joint counts as standing."""
+REST_M_S = 5e-6  # joint speed below which a joint counts as standing
 HELD_M_S2 = 1e-3
 """Constraint acceleration beyond that of friction from which a carriage counts as held; rounding is far below."""
-FAR_M = 1e3
-"""A joint further away than this has run away, finite or not."""
+FAR_M = 1e3  # a joint further away than this has run away, finite or not
 NEVER = np.iinfo(np.int64).max
 
 

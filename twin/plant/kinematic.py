@@ -28,8 +28,7 @@ from isel_twin.machine import Machine
 from isel_twin.plant import Cut, Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 
-FAR = 1 << 62
-"""A count that no axis reaches."""
+FAR = 1 << 62  # a count that no axis reaches
 
 
 @njit()

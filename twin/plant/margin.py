@@ -28,12 +28,10 @@ from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
-SPEED_STEP_RAD_S = 2.0
-"""Distance of the speeds in a table of available torque."""
+SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
 SPEEDS = 256
 """Speeds in it: to 4870 rev/min, where no motor here has any torque left; the last one stands for all beyond."""
-_LEAST_NM = 1e-6
-"""What counts as no torque."""
+_LEAST_NM = 1e-6  # what counts as no torque
 
 
 def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:

@@ -27,10 +27,8 @@ from isel_twin.plant.glide import JOINT
 from isel_twin.plant.lead import LEAD
 from isel_twin.plant.thread import SCREW
 
-AXES = 3
-"""Axes with mechanics."""
-SAMPLES = MOST_SAMPLES
-"""Samples that can wait to be read."""
+AXES = 3  # axes with mechanics
+SAMPLES = MOST_SAMPLES  # samples that can wait to be read
 
 PLANT = np.dtype(
     [
@@ -97,8 +95,7 @@ AXIS = np.dtype(
 """State of an axis beside its drive."""
 
 
-POSITION, LAG, FAULT = 0, 1, 2
-"""Quantities of thresholds."""
+POSITION, LAG, FAULT = 0, 1, 2  # quantities of thresholds
 
 THRESHOLD = np.dtype(
     [
@@ -185,8 +182,7 @@ def _pointer(typingctx: Any, address: Any) -> Any:
     return types.voidptr(types.int64), build
 
 
-at_address: Any = _pointer
-"""`_pointer` as compiled code calls it: with the address alone."""
+at_address: Any = _pointer  # `_pointer` as compiled code calls it: with the address alone
 
 
 @njit(nogil=True, error_model="numpy")

@@ -31,12 +31,10 @@ _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}
 """Phases that are left, by those that are interrupted."""
 _NOW, _EDGE, _LOST_DOF = map((memory.PLANT.names or ()).index, ("now", "edge", "lost_dof"))
 """Places of fields in memory.PLANT."""
-_ADDRESSES = ("mj_step", "model", "data")
-"""Fields of memory.PLANT that belong to this process."""
+_ADDRESSES = ("mj_step", "model", "data")  # fields of memory.PLANT that belong to this process
 _SAVED = tuple(name for name in memory.Parts._fields if name != "samples")
 """Parts that a state holds: all but the samples, which have been read."""
-_OWN = ("inertia", "mobility", "weight")
-"""Arrays of `Built` beside the parts that change."""
+_OWN = ("inertia", "mobility", "weight")  # arrays of `Built` beside the parts that change
 _DATA = ("qacc_warmstart", "act", "ctrl", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata")
 """What MuJoCo's next step depends on (mjSTATE_INTEGRATION), beside the parts and the time."""
 
@@ -79,13 +77,10 @@ class MujocoPlant:
         self._sampling = LoopSamples(self.built, axes)
         self._pushes = np.zeros((memory.AXES, model.nv))
         """float64 [3, nv], what the push along each axis is at the joints."""
-        self._lost = [""] * memory.AXES
-        """Interrupted phases of each motor."""
-        self._power = (False, False, False)
-        """As `set_power` was told."""
+        self._lost = [""] * memory.AXES  # interrupted phases of each motor
+        self._power = (False, False, False)  # as `set_power` was told
         self._none = np.empty(0, dtype=np.int64), np.empty((0, axes), dtype=np.int32), np.empty(0, dtype=np.int64)
-        self._late = self._none
-        """Times, changes and leads of the ticks after the last whole sub-step."""
+        self._late = self._none  # times, changes and leads of the ticks after the last whole sub-step
         self._words = self.parts.plant.view(np.int64)
         """The state of the loop as whole numbers, by place: reading one is quicker so."""
         self._substep_ns = machine.timing.substep_ns

@@ -23,10 +23,8 @@ from isel_twin.machine import Machine
 from isel_twin.plant import PLACES
 from isel_twin.plant.model import load_model
 
-HEIGHT, WIDTH = 480, 640
-"""Size of a picture in pixels, unless told otherwise."""
-MOST_PIECES = 300
-"""Of a path as it is drawn."""
+HEIGHT, WIDTH = 480, 640  # size of a picture in pixels, unless told otherwise
+MOST_PIECES = 300  # of a path as it is drawn
 _RED = np.array([0.9, 0.1, 0.1, 1.0], dtype=np.float32)
 _LINE_M = 5e-4
 

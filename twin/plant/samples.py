@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from isel_twin.plant import Samples, kernel, memory
 from isel_twin.plant.built import Built
 
-GRID = ("sample_every", "sample_ahead_ns")
-"""Fields of memory.PLANT that say when samples are taken."""
+GRID = ("sample_every", "sample_ahead_ns")  # fields of memory.PLANT that say when samples are taken
 _SAMPLED = (memory.PLANT.names or ()).index("sampled")
 
 
@@ -24,8 +23,7 @@ class LoopSamples:
         """axes: number of the controller's axes."""
         self._built = built
         self._plant = built.parts.plant
-        self._words = self._plant.view(np.int64)
-        """The same as whole numbers, by place: reading one is quicker so."""
+        self._words = self._plant.view(np.int64)  # the same as whole numbers, by place: reading one is quicker so
         self._axes = axes
         self._substep_ns = built.machine.timing.substep_ns
 

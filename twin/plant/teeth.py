@@ -6,8 +6,7 @@ import math
 
 from isel_twin.base.compiling import njit
 
-LEAST_M_S = 1e-6
-"""Feed below which a tooth rubs and takes no chip."""
+LEAST_M_S = 1e-6  # feed below which a tooth rubs and takes no chip
 
 
 @njit(nogil=True, error_model="numpy")

@@ -31,8 +31,7 @@ Form: TypeAlias = Limits | tuple[str, ...] | type[bool] | Literal["state", "cont
 """What a value may be: a number within limits, one of some words, true and false, a state of an input as
 `Wiring.settable` lists them, the name of a contact, the table of a cut (isel_twin.plant.Cut), or what
 a key of the controller's takes (isel_twin.controller.Key)."""
-NO_KEYS: Mapping[str, Key] = {}
-"""Of a controller without any."""
+NO_KEYS: Mapping[str, Key] = {}  # of a controller without any
 
 
 class Site(Protocol):
@@ -67,8 +66,7 @@ class Moment(NamedTuple):
     """When an event happens, and where its forces act."""
 
     t_ns: int
-    place: str
-    """One of PLACES; "": what each axis moves."""
+    place: str  # one of PLACES; "": what each axis moves
 
 
 class Known(NamedTuple):
@@ -86,8 +84,7 @@ class Known(NamedTuple):
 Reader: TypeAlias = Callable[["Act", Any, Place, Known], Any]
 """Makes of a value in a file what the deed takes: numbers as float, a table as a dictionary, a cut as a Cut. Raises the
 error of the place."""
-Deed: TypeAlias = Callable[[Site, Any, Moment], None]
-"""Does it, with a value that the reader has made."""
+Deed: TypeAlias = Callable[[Site, Any, Moment], None]  # does it, with a value that the reader has made
 
 
 # ---- readers ---------------------------------------------------------------------------------------------------------
@@ -316,8 +313,7 @@ _LIST = (
     ),
 )  # fmt: skip
 
-ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}
-"""By key."""
+ACTS: Mapping[str, Act] = {act.key: act for act in _LIST}  # by key
 
 BESIDE: Mapping[str, str] = {
     "place": "where its forces act: tool or table",

@@ -29,9 +29,7 @@ from typing import Protocol
 from isel_twin import machine
 from isel_twin.controller import UnknownNameError
 
-SIGNALS = machine.CABINETS["safety-relay"]
-"""Contacts of the cabinet, as machine files name them."""
-
+SIGNALS = machine.CABINETS["safety-relay"]  # contacts of the cabinet, as machine files name them
 USER_INPUTS = tuple(name for name in SIGNALS if name.startswith("user_"))
 
 ELEMENTS: Mapping[str, tuple[str, ...]] = {
@@ -101,14 +99,11 @@ class SafetyCabinet:
 
     def __init__(self) -> None:
         self.state: dict[str, str] = {name: states[0] for name, states in ELEMENTS.items()}
-        self.relay = True
-        """Safety relay: the power stages and the spindle contactor have supply."""
+        self.relay = True  # safety relay: the power stages and the spindle contactor have supply
         self._outputs = {"hood_release": 1, "spindle": 0, "moving": 0, "power_request": 0}
         self._estop_closed = True
-        self.stages_hot = False
-        """A power stage has reached its thermal limit; set by `heat`."""
-        self.spindle_runs = False
-        """Spindle contactor on."""
+        self.stages_hot = False  # a power stage has reached its thermal limit; set by `heat`
+        self.spindle_runs = False  # spindle contactor on
         self._axes_move = False
         self._user = dict.fromkeys(USER_INPUTS, False)
         self._mains = True

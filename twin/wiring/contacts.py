@@ -32,8 +32,7 @@ FAULTS: Mapping[str, bool | None] = {
 }
 """Fault names, and the state in which each holds the contact; None: as what works it has it."""
 
-WORN_MS = 20.0
-"""A worn contact is quiet after this time; good switches take 1 to 5 ms."""
+WORN_MS = 20.0  # a worn contact is quiet after this time; good switches take 1 to 5 ms
 _MAX_BOUNCES = 3
 _WORN_BOUNCES = 12
 
@@ -62,10 +61,8 @@ class Contacts:
         self._pending: list[tuple[int, int, str, bool]] = []
         self._sequence = 0
         self._levels: dict[str, bool] | None = None
-        self._swapped: dict[str, str] = {}
-        """The partner of each swapped contact; a pair is in it both ways round."""
-        self._worn: list[str] = []
-        """Worn contacts that have changed at this instant and are still to chatter."""
+        self._swapped: dict[str, str] = {}  # the partner of each swapped contact; a pair is in it both ways round
+        self._worn: list[str] = []  # worn contacts that have changed at this instant and are still to chatter
 
     @property
     def names(self) -> tuple[str, ...]:

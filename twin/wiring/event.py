@@ -18,8 +18,7 @@ from isel_twin.plant import PLACES
 from isel_twin.wiring.acts import ACTS, BESIDE, NO_KEYS, Known, Settable, ended
 from isel_twin.wiring.when import Trigger
 
-EVENT_KEYS = (*ACTS, *BESIDE)
-"""What an event says beside its time."""
+EVENT_KEYS = (*ACTS, *BESIDE)  # what an event says beside its time
 _LASTING = tuple(key for key, act in ACTS.items() if act.off is not None or act.by == "input")
 _FOR_S = Limits("s", 0.0, 1e9)
 

@@ -98,23 +98,18 @@ class SerialLine:
     """Both directions of the line. All methods take the present time and never look ahead of it."""
 
     def __init__(self, timed: bool, random: np.random.Generator) -> None:
-        self.timed = timed
-        """Bytes sent from now on take the time of their bits."""
+        self.timed = timed  # bytes sent from now on take the time of their bits
         self._random = random
-        self.noise = 0.0
-        """Chance of one flipped bit in each byte."""
+        self.noise = 0.0  # chance of one flipped bit in each byte
         self.on_reply: Callable[[int, bytes, int], None] | None = None
         """Called with what is on its way to the host: when its last byte arrives, the bytes, ns from byte to byte."""
         self.on_lost: Callable[[int, bytes], None] | None = None
         """Called with what was on its way to the host and does not arrive: when it would have."""
-        self.dropped = 0.0
-        """Chance that a byte is lost."""
-        self.doubled = 0.0
-        """Chance that a byte comes twice."""
+        self.dropped = 0.0  # chance that a byte is lost
+        self.doubled = 0.0  # chance that a byte comes twice
         self._chances = random.spawn(1)[0]
         """Generator of those two alone, so that they do not change which bits a seed flips."""
-        self.is_cut = False
-        """Nothing passes."""
+        self.is_cut = False  # nothing passes
         self._to_controller = _Direction()
         self._to_host = _Direction()
 

@@ -30,11 +30,8 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.when import Trigger
 
-REARM_NS = 1 * MILLISECOND_NS
-"""Time after which the condition of an event counts again."""
-
-_END = -1
-"""In place of the number of an event: sorts before all of them."""
+REARM_NS = 1 * MILLISECOND_NS  # time after which the condition of an event counts again
+_END = -1  # in place of the number of an event: sorts before all of them
 
 
 class Said(Protocol):
@@ -78,8 +75,7 @@ class Schedule:
         self._due: list[tuple[int, int, int, ScenarioEvent, int]] = []
         """Heap of time, number in the file, sequence, event and its place here (_END: none)."""
         self._sequence = 0
-        self._met: list[int] = []
-        """Places of events whose conditions have been met at this instant."""
+        self._met: list[int] = []  # places of events whose conditions have been met at this instant
         self._happened = [0] * len(self.events)
         self._begun = [0] * len(self.events)
         self._armed_ns = [0] * len(self.events)

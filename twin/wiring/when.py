@@ -29,9 +29,7 @@ EXAMPLES = (
     "input hood == open",
     "0.5 s after NAME",
 )
-SWITCH_STATES = ("free", "struck")
-"""What a position switch is, beside its faults."""
-
+SWITCH_STATES = ("free", "struck")  # what a position switch is, beside its faults
 _MM = Limits("mm", -1e5, 1e5)
 _LATER_S = Limits("s", 0.0, 1e9)
 _OUTPUT = Limits("", 0, 255)

@@ -34,8 +34,7 @@ from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
 from isel_twin.wiring.when import Trigger
 
-PASSED_MM = 0.05
-"""A carriage has left a position that an event waits for when it is back by this much."""
+PASSED_MM = 0.05  # a carriage has left a position that an event waits for when it is back by this much
 
 
 def settable(machine: Machine) -> Settable:
@@ -116,14 +115,11 @@ class Wiring:
         """Events of the scenario, or of calls, that had no effect because the plant has no physics."""
         self._faults: dict[str, str | float] = {}
         """Faults that acts have set and not ended, by key or `key.member`; contacts keep their own."""
-        self.changes = 0
-        """Goes up whenever an input may have changed."""
-        self.restarts = 0
-        """How often the controller had to start anew or lost its supply."""
+        self.changes = 0  # goes up whenever an input may have changed
+        self.restarts = 0  # how often the controller had to start anew or lost its supply
         self._pressed: list[tuple[str, KeyValue]] = []
         """Keys of the controller's that events have pressed since `take_pressed`, and what they were put to."""
-        self.mains = True
-        """The controller has supply."""
+        self.mains = True  # the controller has supply
         self._outputs: dict[str, int] = {}
         self._shown: Mapping[str, bool] = {}
         self._signals: Mapping[str, bool] = {}
