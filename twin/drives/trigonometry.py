@@ -1,6 +1,6 @@
-"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of asking for one after the other.
+"""Sine and cosine of one angle at once, to the last digit, at a third of the cost of one after the other.
 
-Goal: a drive's sub-step is half sines. The angle is taken to the nearest quarter turn, where two short polynomials do:
+Goal: half of the cost of a drive's sub-step is sines. Reduced to the nearest quarter turn, two short polynomials do:
 
     n = round(x 2/pi),  r = x - n pi/2,  |r| <= pi/4           pi/2 in two parts, n times the first of them is exact
 
@@ -11,8 +11,6 @@ Goal: a drive's sub-step is half sines. The angle is taken to the nearest quarte
 Coefficients: fdlibm (Sun Microsystems, 1993, freely granted), k_sin.c and k_cos.c, errors below 2^-58. The result is
 within 2^-52 of the truth, and below 10^6 rad does not depend on the machine's mathematical library.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -28,7 +26,6 @@ _HALF_PI_LOW = 6.07710050650619224932e-11
 
 @njit(error_model="numpy")
 def sine_and_cosine(angle_rad):
-    """sin and cos of an angle in rad."""
     if not abs(angle_rad) < FAR_RAD:
         return math.sin(angle_rad), math.cos(angle_rad)
     quarters = (angle_rad * (2.0 / math.pi) + _ROUND) - _ROUND

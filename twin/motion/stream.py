@@ -24,8 +24,6 @@ RATE_TICKS = 16  # ticks before and after the present over which a step frequenc
 
 
 class Stream:
-    """See the module."""
-
     def __init__(self, axes: int, keep: int | None = None) -> None:
         """keep: number of motions that the record keeps, the last ones; None for all. Raises ValueError below 1."""
         self._record = Steps(axes, keep=keep)
@@ -37,12 +35,10 @@ class Stream:
 
     @property
     def keep(self) -> int | None:
-        """Number of motions that the record keeps, None for all."""
         return self._record.keep
 
     @property
     def moving(self) -> bool:
-        """A motion is being made."""
         return self._motion is not None
 
     @property
@@ -93,7 +89,7 @@ class Stream:
         return self._t_ns[at:end], self._delta[at:end]
 
     def more_after(self, count: int) -> bool:
-        """Whether ticks follow that are not expanded yet, if `count` of the present ones are made."""
+        """True if ticks follow that are not expanded yet once `count` of the present ones are made."""
         motion = self._motion
         return self._at + count == len(self._t_ns) and motion is not None and self._made + count < motion.last
 

@@ -18,8 +18,6 @@ Arrays = dict[str, NDArray[Any]]  # numbers of a model by name
 
 
 class Alterations:
-    """The model of a built machine, and what it was before it was changed."""
-
     def __init__(self, built: Built) -> None:
         model = built.model
         self._built = built
@@ -64,7 +62,6 @@ class Alterations:
         return None if self._as_built is None else _numbers(self._built.model)
 
     def restore(self, saved: Mapping[str, NDArray[Any]] | None) -> None:
-        """Let the model be as it was when it was saved."""
         if saved is not None:
             self._keep()
         for name, numbers in (saved or self._as_built or {}).items():

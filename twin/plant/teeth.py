@@ -1,7 +1,5 @@
 """The teeth of a cutter in one sub-step, compiled; the equations stand in cutting.py."""
 
-from __future__ import annotations
-
 import math
 
 from isel_twin.base.compiling import njit
