@@ -151,9 +151,8 @@ class _Progress:
         from rich.progress import TimeRemainingColumn
 
         self._json = json
-        self._bar = outputs.progress(
-            Console(stderr=True), TimeRemainingColumn, shown=not json, speed_estimate_period=600.0
-        )
+        console = Console(stderr=True)
+        self._bar = outputs.progress(console, TimeRemainingColumn, shown=not json, speed_estimate_period=600.0)
         self._task = self._bar.add_task("rows", total=total, completed=had)
         self._failed = 0
 

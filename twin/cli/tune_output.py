@@ -31,13 +31,11 @@ class Output:
         """Together they did not hold, and are about to be mended."""
 
     def confirms(self, tried: Tried) -> None:
-        """A setting is about to be confirmed on further machines."""
+        """A setting is about to be confirmed on further machines, or falls there."""
 
-    def confirmed(self, repetition: Repetition) -> None:
-        """One of these machines has made the job."""
+    def confirmed(self, repetition: Repetition) -> None: ...
 
-    def fell(self, tried: Tried, why: str) -> None:
-        """The setting did not hold there."""
+    def fell(self, tried: Tried, why: str) -> None: ...
 
     def over(self, job: Path, study: Study, found: Tuned | None, stopped: bool, files: Sequence[Path]) -> None:
         """files: written if something was found."""
