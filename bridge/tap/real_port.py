@@ -167,14 +167,12 @@ class RealPort:
 
     def __init__(self, address: str, settings: Mapping[str, Any], wake: Callable[[], None]) -> None:
         self.address = address
-        self._settings = dict(settings)
-        self._wake = wake
+        self._settings, self._wake = dict(settings), wake
         self._changed = threading.Condition()
         self._arrived: deque[Arrived] = deque()
         self.held = 0  # bytes that have come and were not taken
         self._outgoing: deque[bytes | Mapping[str, Any]] = deque()
-        self._waiting = 0
-        self._ending = False
+        self._waiting, self._ending = 0, False
         self._writing = threading.Lock()
         self._port: Port | None = open_port(address, self._settings)
         self.nowhere = 0  # bytes put while there was no port
