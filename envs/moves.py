@@ -25,12 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.units import MILLISECOND_NS
+from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import Twin
 from isel_twin.envs.watching import Watch
 from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, create_language, needed, readable
 from isel_twin.language import MoveSettings as Settings
-from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.machine import Machine, with_overrides
 
 Job = Sequence[tuple[float, float, float]]
 """Targets X, Y, Z in mm from the reference point, in their order; a job begins at the reference point (0, 0, 0)."""
@@ -79,6 +80,23 @@ class Setup:
             value = getattr(self, name)
             if not low <= value <= 1e6:
                 raise ValueError(f"{name} is {value!r}; it must be a number from {low:g} to 1e6")
+
+    @property
+    def spec(self) -> TwinSpec:
+        """The twin, but for where its carriages stand. Raises ValueError with one line."""
+        spec = TwinSpec(
+            self.machine,
+            self.controller,
+            self.plant,
+            self.seed,
+            None if self.scenario is None else Path(self.scenario),
+            overrides=self.overrides,
+        )
+        if self.load_nm <= 0.0:
+            return spec
+        axes = with_overrides(spec.as_built, self.overrides).axes
+        loads = {f"axes.{axis.name}.shaft_coulomb": axis.screw.coulomb_nm + self.load_nm for axis in axes}
+        return spec.with_(overrides={**self.overrides, **loads})
 
 
 @dataclass(frozen=True)
@@ -131,9 +149,7 @@ def new_twin(setup: Setup, like: Twin | None = None) -> Twin:
     start_mm = (float(x), float(y), float(z))
     if like is not None:
         return like.another(setup.seed, start_mm)
-    changes: dict[str, Any] = {**setup.overrides, **(_loaded(setup) if setup.load_nm > 0.0 else {})}
-    origin = setup.machine, setup.controller, setup.plant, setup.seed
-    return Twin(*origin, scenario=setup.scenario, overrides=changes, start_mm=start_mm)
+    return Twin.of(setup.spec.with_(start_mm=start_mm))
 
 
 def check_job(job: Job, machine: Machine) -> None:
@@ -228,10 +244,3 @@ def _dwell(twin: Twin, looks: int) -> NDArray[np.float64]:
         return np.array(errors)
     finally:
         watch.leave()
-
-
-def _loaded(setup: Setup) -> dict[str, float]:
-    """Overrides that add the extra load to what drags at each shaft, from whatever it is in this machine."""
-    machine = setup.machine if isinstance(setup.machine, Machine) else load_machine(setup.machine)
-    axes = with_overrides(machine, setup.overrides).axes
-    return {f"axes.{axis.name}.shaft_coulomb": axis.screw.coulomb_nm + setup.load_nm for axis in axes}

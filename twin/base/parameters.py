@@ -46,8 +46,7 @@ class Place:
 
     file: Path | str
     error: type[FileError] = FileError
-    key: str = ""
-    """Keys from the top of the file, with dots; "" is the file as a whole."""
+    key: str = ""  # keys from the top of the file, with dots; "" is the file as a whole
 
     def at(self, key: str) -> Place:
         """The place of a key of the table that stands here."""
@@ -74,8 +73,7 @@ class Limits:
     low: float
     high: float
     scale: float = 1.0
-    whole: bool = False
-    """The field is an integer."""
+    whole: bool = False  # the field is an integer
 
     def __str__(self) -> str:
         return f"{self.low:g} .. {self.high:g} {self.unit}".rstrip()
@@ -113,8 +111,9 @@ def flag(default: Any = MISSING) -> Any:
 
 def check(instance: Any) -> None:
     """Raise ValueError unless all numbers and words of a dataclass are what their fields allow."""
-    what = type(instance).__name__.lower()
-    for item, rule in _rules(type(instance)):
+    kind: Any = type(instance)
+    what = kind.__name__.lower()
+    for item, rule in _rules(kind):
         value = getattr(instance, item.name)
         if isinstance(rule, tuple) and rule and value not in rule:
             raise ValueError(f"{what}: {item.name} must be one of {_listed(rule)}, not {value!r}")
@@ -127,8 +126,7 @@ def check(instance: Any) -> None:
 
 
 @lru_cache(128)
-def _rules(cls: type[Any]) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
-    """Fields that have a rule, and the rule."""
+def _rules(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
 
 
@@ -140,7 +138,7 @@ def _same(value: Any, default: Any) -> bool:
 # Sections: dataclasses from tables -----------------------------------------------------------------------------------
 
 
-def keys(cls: type[Any]) -> tuple[str, ...]:
+def keys(cls: Any) -> tuple[str, ...]:
     """Keys under which files have the fields of a dataclass."""
     return tuple(key for key, _ in _fields(cls))
 
@@ -156,7 +154,7 @@ def section(cls: type[T], value: Any, place: Place, **given: Any) -> T:
         raise place.wrong(str(error)) from None
 
 
-def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, Any]:
+def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
     """Values by name of the field, for those fields of the dataclass that files have; other keys are left alone."""
     values: dict[str, Any] = {}
     for key, item in _fields(cls):
@@ -174,8 +172,7 @@ def read(cls: type[Any], content: Mapping[str, Any], place: Place) -> dict[str, 
 
 
 @lru_cache(128)
-def _fields(cls: type[Any]) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
-    """Key in files and field, of those that files have."""
+def _fields(cls: Any) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
     named = ((item.metadata.get("key", item.name), item) for item, _ in _rules(cls))
     return tuple((key, item) for key, item in named if key)
 
@@ -197,7 +194,6 @@ def read_text(place: Place) -> str:
 
 
 def parse_toml(content: str, place: Place) -> dict[str, Any]:
-    """The tree of a text."""
     try:
         return tomllib.loads(content)
     except tomllib.TOMLDecodeError as error:
@@ -344,8 +340,7 @@ def _no_row(tree: Mapping[str, Any], key: str, place: Place) -> FileError:
 class Row:
     """One value of a tree, for people."""
 
-    parameter: str
-    """Its keys from the top of the file, with dots."""
+    parameter: str  # its keys from the top of the file, with dots
     value: Any
     unit: str
     source: str

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Strike:
-    """A switch that was struck."""
-
     switch: str
     time_ns: int
 
@@ -72,14 +70,11 @@ def play(
             return
         before = len(strikes.seen)
         twin.watch_margin()
-        last = line.number == len(player.motions)
         twin.run_until(motion.end_ns, stop)
-        complete = twin.time_ns >= motion.end_ns
-        if last and complete:
-            ended_ns = twin.time_ns
+        ended_ns = twin.time_ns
+        complete = ended_ns >= motion.end_ns
+        if complete and line.number == len(player.motions):
             twin.run_until(over_ns, stop)
-        else:
-            ended_ns = twin.time_ns
         struck = [strike.switch for strike in strikes.seen[before:]]
         seen = snapshot(twin)
         yield Result(

@@ -17,13 +17,10 @@ if TYPE_CHECKING:
 
 JOB_BYTES = 1 << 24
 """Longest job file: 16 MiB, some four hundred thousand moves. What is longer is no job, or one to be cut."""
-
-PROGRAM_BYTES = 1 << 30
-"""Longest file for a controller that runs programs, which are long."""
+PROGRAM_BYTES = 1 << 30  # longest file for a controller that runs programs, which are long
 
 
 def job_name(job: Path) -> str:
-    """A job for people."""
     return "standard input" if is_standard_input(job) else str(job)
 
 
@@ -49,7 +46,7 @@ def read_job(job: Path, controller: str) -> list[Line]:
 
 
 def _read(job: Path, most: int) -> bytes:
-    """As much of it as there may be, and a byte more."""
+    """The file, or its first most + 1 bytes."""
     if is_standard_input(job):
         return sys.stdin.buffer.read(most + 1)
     with job.open("rb") as file:
@@ -66,7 +63,7 @@ def check_names(job: Path, lines: Sequence[Line], twin: Twin) -> None:
 
 @contextmanager
 def _told(job: Path) -> Iterator[None]:
-    """What is wrong with a job is a CallError about it."""
+    """A ValueError becomes a CallError about the job."""
     try:
         yield
     except CallError:

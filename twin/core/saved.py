@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NoReturn
 
 from isel_twin.controller import Controller
 from isel_twin.core.assembly import Plans
@@ -145,3 +145,7 @@ class Saved:
             "heated": tuple(axis.stage for axis in machine.axes),
             "events": self._plans.events,
         }
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
+        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")

@@ -23,7 +23,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,9 +145,9 @@ class Twin(Operated, Saved, Seen):
         or found again, so it takes a tenth of the time. Raises StateError if its controller was handed in."""
         if self._plans.new_controller is None:
             raise StateError("there is no other controller like the one that was handed in: build one for another twin")
-        twin = Twin.__new__(Twin)
         origin = self.origin.with_(seed=seed, start_mm=None if start_mm is None else tuple(start_mm))
         model = self._plant.model_as_built() if isinstance(self._plant, HasModel) else None
+        twin = Twin.__new__(Twin)
         twin._switch_on(origin, self._plans, self._plans.new_controller(origin.image), self._stream.keep, model)
         return twin
 
@@ -158,10 +158,8 @@ class Twin(Operated, Saved, Seen):
         plans, first = draw_up(origin, controller)
         self._switch_on(origin, plans, first, keep_motions)
         if not self.physics and (idle := sum(event.physical for event in plans.events)):
-            what = f"{idle} of {len(plans.events)} events push, cut, load or break what is not there"
-            log.warning(
-                "%s: %s, which does nothing without physics; take the plant mujoco", spec.scenario or "events", what
-            )
+            what = f"{spec.scenario or 'events'}: {idle} of {len(plans.events)} events push, cut, load or break"
+            log.warning("%s what is not there, which does nothing without physics; take the plant mujoco", what)
 
     def _switch_on(
         self, origin: TwinSpec, plans: Plans, controller: Controller, keep_motions: int | None, model: Any = None
@@ -283,10 +281,6 @@ class Twin(Operated, Saved, Seen):
         A time in the past does nothing.
         """
         self._advance(time_ns, stop)
-
-    def __reduce_ex__(self, protocol: object) -> NoReturn:
-        """Neither copy nor pickle: the plant works on memory that a copy would share, and both would be wrong."""
-        raise TypeError("a twin cannot be copied or pickled; take `save`, and `restore` into another one built alike")
 
     # The clock
 

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion.look_ahead import LENGTH, SPEED, T, places, positions
+from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
 
 BLOCK = 512
@@ -43,6 +43,10 @@ class PlanBlock:
     @property
     def start_s(self) -> float:
         return float(self.phases[0, T]) if len(self.phases) else 0.0
+
+    @property
+    def end_s(self) -> float:
+        return float(self.phases[-1, T] + self.phases[-1, DT]) if len(self.phases) else 0.0
 
     def row(self, t_s: float) -> int:
         """The phase at this time; -1 before the first."""

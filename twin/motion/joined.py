@@ -112,8 +112,7 @@ class Joined:
     @property
     def duration_s(self) -> float:
         """Time at which it stands, from tick 0; at or before the last tick but for a millionth of a period."""
-        phases = self.blocks[-1].phases
-        return float(phases[-1, T] + phases[-1, DT]) if len(phases) else 0.0
+        return self.blocks[-1].end_s
 
     def deltas(self, first: int, last: int) -> NDArray[np.int32]:
         check_range(first, last, self.ticks)
@@ -229,7 +228,8 @@ class Joined:
             tail, state = new.ramps.without_rest(tail, state)
         if append is not None:
             tail = tail.with_pieces(append)
-        new = replace(new, dropped=drop and new.held)
+        if drop and new.held:
+            new = replace(new, dropped=True)
         if not (self.held and new.held) or sharpness != 1:
             laid = new.ramps.braked(tail, state, sharpness) if new.held else new.ramps.laid(tail, state)
             tail = tail.with_phases(*laid)
@@ -247,12 +247,14 @@ class Joined:
         wanted: tuple[int, float] | None,
     ) -> Joined:
         """This with other settings, its phases still those of the old ones. Raises ValueError, see `replanned`."""
-        new = replace(
-            self,
-            scale=self.scale if scale is None else scale,
-            ceiling=self.ceiling if ceiling is None else ceiling,
-            hold=self.hold if hold is None else hold,
-        )
+        new = self
+        if not (scale is None and ceiling is None and hold is None):
+            new = replace(
+                self,
+                scale=self.scale if scale is None else scale,
+                ceiling=self.ceiling if ceiling is None else ceiling,
+                hold=self.hold if hold is None else hold,
+            )
         sound = 0 <= new.scale < math.inf and new.ceiling > 0 and 0 < sharpness < math.inf
         if k < 0 or not sound or (wanted is not None and not 0 < wanted[1] < math.inf):
             raise ValueError(f"no plan at tick {k} for scale {new.scale}, ceiling {new.ceiling}, sharpness {sharpness}")
@@ -333,6 +335,5 @@ class Joined:
         if not self.held and long_enough(row) and row < len(tail.piece) and tail.piece[row] == tail.settled:
             past, tail = tail.split(row)
             before = (*before, past)
-        plan = replace(self, blocks=(*before, tail))
-        ticks = math.ceil(plan.duration_s / self.period_s - GRID_NOISE)
-        return replace(plan, ticks=max(ticks, min(k, self.ticks), 0))
+        ticks = math.ceil(tail.end_s / self.period_s - GRID_NOISE)
+        return replace(self, blocks=(*before, tail), ticks=max(ticks, min(k, self.ticks), 0))

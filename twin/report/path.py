@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 COLOURS = ("#1f4e9e", "#2a86b8", "#35a07c", "#c9a227", "#dd7a1c", "#c02a1d")
 """Of deviations, from none to the largest."""
-LEAST_UM = 1.0
-"""Deviation up to which all is one colour: rounding is not worth one."""
-BOX = 62.0, 28.0, 490.0, 350.0
-"""Of a view: left, top, width and height of the frame, px."""
+LEAST_UM = 1.0  # deviation up to which all is one colour: rounding is not worth one
+BOX = 62.0, 28.0, 490.0, 350.0  # of a view: left, top, width and height of the frame, px
 
 
 def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:
@@ -35,7 +33,7 @@ def deviation_classes(columns: Columns) -> tuple[float, NDArray[np.int64]]:
 
 @dataclass(frozen=True)
 class Swath:
-    """A tool of a radius cuts in a plane, from one time to another."""
+    """A tool cuts in a plane."""
 
     begin_ns: int
     end_ns: int
@@ -52,12 +50,12 @@ def swaths(results: Sequence[Result]) -> list[Swath]:
         for step, end_ns in zip(steps, ends, strict=False):
             if step.tool_mm <= 0.0:
                 continue
-            plane = (min(step.plane), max(step.plane))
+            new = Swath(step.time_ns, end_ns, (min(step.plane), max(step.plane)), step.tool_mm)
             last = found[-1] if found else None
-            if last is not None and (last.end_ns, last.plane, last.radius_mm) == (step.time_ns, plane, step.tool_mm):
-                found[-1] = Swath(last.begin_ns, end_ns, plane, step.tool_mm)
+            if last is not None and last == replace(new, begin_ns=last.begin_ns, end_ns=new.begin_ns):
+                found[-1] = replace(last, end_ns=end_ns)
             else:
-                found.append(Swath(step.time_ns, end_ns, plane, step.tool_mm))
+                found.append(new)
     return found
 
 

@@ -31,17 +31,10 @@ class Surroundings(Protocol):
     def single(self) -> bool:
         """Single block: the channel stops after every block."""
 
-    def write(self, number: int, value: float | None) -> None:
-        """Write a parameter P of a block that is carried out."""
-
+    def write(self, number: int, value: float | None) -> None: ...
     def say(self, said: Message) -> None: ...
-
-    def show(self, text: Text) -> None:
-        """Show a text of the program to the operator."""
-
-    def begun(self, t_ns: int, block: PathBlock) -> None:
-        """A block of a program has begun at t_ns."""
-
+    def show(self, text: Text) -> None: ...
+    def begun(self, t_ns: int, block: PathBlock) -> None: ...
     def ended(self, broken: tuple[str, int] | None) -> None:
         """The program has ended by itself (None), or was broken off in a block of a program."""
 
