@@ -47,10 +47,6 @@ class Arrived(NamedTuple):
     note: str = ""  # instead of bytes: the port has gone, or is back
 
 
-# Open ports: one thread reads, one writes; `cancel` ends a read or write that blocks in another thread. All methods but
-# `cancel` and `close` raise OSError once the port has gone.
-
-
 class _TcpPort:
     """A raw connection: no settings."""
 
@@ -152,6 +148,8 @@ def _plain(error: OSError) -> str:
     return error.strerror or text
 
 
+# An open port: one thread reads, one writes; `cancel` ends a read or write that blocks in another thread. All methods
+# but `cancel` and `close` raise OSError once the port has gone.
 Port = _TcpPort | _SerialPort
 
 
