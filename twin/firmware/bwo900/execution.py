@@ -18,7 +18,7 @@ from isel_twin.firmware.bwo900.modes import Mode
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import byte
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import AXES
 from isel_twin.firmware.bwo900.realtime.channel import Channel
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
@@ -144,7 +144,7 @@ class Execution:
         if not self.channel.active:
             return False
         only_open = byte(self.parameters.get(P.START_FLAGS_1), 2) & 1
-        return name in (self.interpreter.open if only_open else self.interpreter.opened)
+        return name in (self.interpreter.stack.open if only_open else self.interpreter.stack.opened)
 
     def _value(self, number: int) -> float | None:
         return status.value(number, self.interpreter, self.channel, self.axes)

@@ -109,10 +109,10 @@ def _analysed(number: int, interpreter: Interpreter) -> float | None:
         case Cell.DEPTH_ANALYSED:
             return float(told.depth)
         case Cell.LOOPS:
-            return float(interpreter.loops)
+            return float(interpreter.stack.loops)
         case Cell.FEED:
             return told.feed_mm_min
-    return _of_both(number, told, interpreter.place)
+    return _of_both(number, told, interpreter.stack.place)
 
 
 def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float | None:
@@ -129,7 +129,7 @@ def _executed(number: int, interpreter: Interpreter, channel: Channel) -> float 
         case Cell.CALLER_BLOCK:
             return float(told.caller[1])
         case Cell.PASSES | Cell.PASS:
-            return float(interpreter.loop[number - Cell.PASSES])
+            return float(interpreter.stack.loop[number - Cell.PASSES])
         case Cell.FEED:
             return feed
         case Cell.END_FEED:

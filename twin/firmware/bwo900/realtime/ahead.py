@@ -144,7 +144,7 @@ class Ahead:
         """Keep an error about a block, None: about the one that is analysed; the first error counts."""
         if self.error is not None:
             return
-        here = (block.program, block.number) if block else self._interpreter.place
+        here = (block.program, block.number) if block else self._interpreter.stack.place
         program, number = error.place or here
         column = error.column or (block.column if block else 0)
         self.error = message(

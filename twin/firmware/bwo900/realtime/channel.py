@@ -23,7 +23,7 @@ from typing import Final
 
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock, Stop
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, message
 from isel_twin.firmware.bwo900.realtime.ahead import BLOCK_NS, Ahead
 from isel_twin.firmware.bwo900.realtime.axes import NAMES
@@ -389,5 +389,5 @@ class Channel:
         self._around.ended(self.executed.place if aborted else None)
 
 
-def _halting(functions: Iterable[Machine]) -> bool:
+def _halting(functions: Iterable[MFunction]) -> bool:
     return any(function.halt and not function.jump for function in functions)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, PathBlock
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, P
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
@@ -135,9 +135,9 @@ def feed_factor(arc: Arc, correction: Correction, limits: MotionLimits) -> float
 def _slope(p: Parameters, axis: int, fastest: float) -> float:
     """Speed that P12136 allows an axis, mm/s: P12005 by byte 1, P12006 by byte 2, 10 and 20 % of P12004 unless set."""
     asked, most = p.axis(axis, Axis.SLOPE, 0.0), fastest
-    for number, share in ((1, 0.1), (2, 0.2)):
+    for number, speed, share in ((1, Axis.SLOPE_SPEED_1, 0.1), (2, Axis.SLOPE_SPEED_2, 0.2)):
         if byte(asked, number) & 1:
-            most = min(most, positive(p.axis(axis, 4 + number, 0.0) / MINUTE_S, share * fastest))
+            most = min(most, positive(p.axis(axis, speed, 0.0) / MINUTE_S, share * fastest))
     return most
 
 
@@ -190,7 +190,7 @@ class PieceMaker:
                 columns.append((length, wanted, limit, acceleration, entry))
                 self._place = end
                 self._end = element.tangent(1.0), min(wanted, limit)
-                line = isinstance(element, Line) and not block.rapid
+                line = isinstance(element, Straight) and not block.rapid
                 self._line = (element.start, element.end) if line else None
             if block.end is not BlockEnd.CONTINUOUS:
                 self.stop()

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, PathBlock
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, PathBlock
 from isel_twin.firmware.bwo900.machine_plc import MachinePlc
 from isel_twin.firmware.bwo900.messages import Message
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 from isel_twin.firmware.bwo900.realtime.axes import Axes
 from isel_twin.firmware.bwo900.realtime.deletion import DeletionWatch
 from isel_twin.firmware.bwo900.realtime.executed import Executed
@@ -44,7 +44,7 @@ def mute(around: Surroundings) -> bool:
     return bool(int(around.parameters.get(P.WITHOUT_M)))
 
 
-def send(around: Surroundings, functions: tuple[Machine, ...]) -> None:
+def send(around: Surroundings, functions: tuple[MFunction, ...]) -> None:
     """Send M functions to the PLC, unless programs are carried out without."""
     if functions and not mute(around):
         for function in functions:
