@@ -76,7 +76,7 @@ def piece(
 ) -> Pieces:
     columns = ([values] for values in (displacement, length, speed, limit, acceleration, entry))
     curves = () if curve is None else ((0, curve),)
-    return Pieces(*(np.array(column, dtype=np.float64) for column in columns), curves)
+    return Pieces(*(np.array(column, dtype=np.float64) for column in columns), curves=curves)
 
 
 def chain(parts: Sequence[Pieces]) -> Pieces:
@@ -90,7 +90,7 @@ def chain(parts: Sequence[Pieces]) -> Pieces:
         curves += [(done + j, curve) for j, curve in part.curves]
         done += len(part)
     columns = zip(*(part.columns for part in parts), strict=True)
-    return Pieces(*map(np.concatenate, columns), tuple(curves))
+    return Pieces(*map(np.concatenate, columns), curves=tuple(curves))
 
 
 def table(pieces: Pieces) -> NDArray[np.float64]:
