@@ -1,6 +1,6 @@
 """The twin's loop, seen by a controller that does what a test says and watches how it is driven.
 
-The protocol of time is that of isel_twin/controller.py: times never decrease and never pass `next_ns`, every call is
+The protocol of time is that of isel_twin/controller: times never decrease and never pass `next_ns`, every call is
 followed by `take`. Plants are those of the package; all times come from closed forms.
 """
 

@@ -1,7 +1,7 @@
 """What a twin and a row of a sweep cost beside what they are for: their recipe has been built before.
 
 Targets (docs/performance.md): a kinematic twin from a spec that has been built before takes at most 10 ms of CPU time,
-and at most a third of what reading its machine file takes; a row of a kinematic sweep takes at most 10 ms more than its
+about as much as parsing its machine file; a row of a kinematic sweep takes at most 10 ms more than its
 job on a twin that is there already.
 """
 

@@ -51,12 +51,9 @@ log = logging.getLogger("isel_twin")
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://[^\s/]+:\d+")
 
-POLL_S = 0.1
-"""Between two questions whether to stop, while waiting for results."""
-TRIES = 3
-"""Times in a row that all workers may die before any result has come."""
-CALLS = 256
-"""Calls of `finished` that can be told apart when one is given up."""
+POLL_S = 0.1  # between two questions whether to stop, while waiting for results
+TRIES = 3  # times in a row that all workers may die before any result has come
+CALLS = 256  # calls of `finished` that can be told apart when one is given up
 
 
 class GivenUp(BaseException):
@@ -259,8 +256,7 @@ def _result(future: Future[Result]) -> Result | Lost:
 # Whether anybody still waits ------------------------------------------------------------------------------------------
 
 _asked = threading.local()
-_flags: Sequence[int] = ()
-"""In a local worker: those of its crew."""
+_flags: Sequence[int] = ()  # in a local worker: those of its crew
 
 
 def given_up() -> bool:
@@ -323,7 +319,6 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 def _serve(flags: Sequence[int]) -> None:
-    """Begin as a worker."""
     global _flags
     _flags = flags
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -354,7 +349,6 @@ def _dask(address: str) -> Iterator[Executor]:
 
 @contextmanager
 def _connected(kind: Any, address: str) -> Iterator[Any]:
-    """A client of a scheduler."""
     try:
         client = kind(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

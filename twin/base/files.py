@@ -66,7 +66,6 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Wait until a file or folder is on the disk."""
     if _WINDOWS and path.is_dir():
         return  # a folder cannot be opened there; its file system keeps a journal of names
     handle = os.open(path, os.O_RDWR if _WINDOWS else os.O_RDONLY)  # Windows flushes only what is open for writing
@@ -100,8 +99,7 @@ class Claim:
             if self._key in _claims:
                 raise _in_use(name, os.getpid())
             lock = os.path.join(os.path.dirname(self._key), f".{base}.lock")
-            handle, self.abandoned = _lock(name, lock)
-            """True if its last owner was killed before it could let go of it."""
+            handle, self.abandoned = _lock(name, lock)  # true if its last owner was killed before it could let go of it
             _claims[self._key] = self
         self._finalizer = weakref.finalize(self, _unlock, os.getpid(), handle, lock)
 

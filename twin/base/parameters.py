@@ -46,8 +46,7 @@ class Place:
 
     file: Path | str
     error: type[FileError] = FileError
-    key: str = ""
-    """Keys from the top of the file, with dots; "" is the file as a whole."""
+    key: str = ""  # keys from the top of the file, with dots; "" is the file as a whole
 
     def at(self, key: str) -> Place:
         """The place of a key of the table that stands here."""
@@ -74,8 +73,7 @@ class Limits:
     low: float
     high: float
     scale: float = 1.0
-    whole: bool = False
-    """The field is an integer."""
+    whole: bool = False  # the field is an integer
 
     def __str__(self) -> str:
         return f"{self.low:g} .. {self.high:g} {self.unit}".rstrip()
@@ -129,7 +127,6 @@ def check(instance: Any) -> None:
 
 @lru_cache(128)
 def _rules(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
-    """Fields that have a rule, and the rule."""
     return tuple((item, item.metadata["rule"]) for item in dataclasses.fields(cls) if "rule" in item.metadata)
 
 
@@ -176,7 +173,6 @@ def read(cls: Any, content: Mapping[str, Any], place: Place) -> dict[str, Any]:
 
 @lru_cache(128)
 def _fields(cls: Any) -> tuple[tuple[str, dataclasses.Field[Any]], ...]:
-    """Key in files and field, of those that files have."""
     named = ((item.metadata.get("key", item.name), item) for item, _ in _rules(cls))
     return tuple((key, item) for key, item in named if key)
 
@@ -198,7 +194,6 @@ def read_text(place: Place) -> str:
 
 
 def parse_toml(content: str, place: Place) -> dict[str, Any]:
-    """The tree of a text."""
     try:
         return tomllib.loads(content)
     except tomllib.TOMLDecodeError as error:
@@ -345,8 +340,7 @@ def _no_row(tree: Mapping[str, Any], key: str, place: Place) -> FileError:
 class Row:
     """One value of a tree, for people."""
 
-    parameter: str
-    """Its keys from the top of the file, with dots."""
+    parameter: str  # its keys from the top of the file, with dots
     value: Any
     unit: str
     source: str

@@ -77,5 +77,4 @@ def _entries(lines: Sequence[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
 
 
 def _parts(key: str) -> tuple[str, ...]:
-    """A key with dots, part by part."""
     return tuple(part.strip("\"' ") for part in key.split(".")) if key else ()

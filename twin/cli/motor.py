@@ -61,7 +61,6 @@ def motor(
 
 
 def _keep(drawn: Path | None, picture: Path | None) -> int:
-    """The picture, if there is one, goes where it is wanted."""
     from isel_twin.base.files import atomic_write
 
     if picture is not None and drawn is not None:

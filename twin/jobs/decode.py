@@ -32,26 +32,21 @@ class Piece:
 
     data: bytes
     sent: bool
-    time_ns: int | None = None
-    """When the last of them came, if anybody knows."""
+    time_ns: int | None = None  # when the last of them came, if anybody knows
 
 
 @dataclass(frozen=True)
 class Row:
     """One message, or what was begun and never ended."""
 
-    number: int
-    """From 1, in the order in which messages became complete."""
-    offset: int
-    """Of its first byte among the bytes of its direction, from 0."""
+    number: int  # from 1, in the order in which messages became complete
+    offset: int  # of its first byte among the bytes of its direction, from 0
     sent: bool
     data: bytes
-    text: str
-    """Readable: as in a job file; never empty."""
+    text: str  # readable: as in a job file; never empty
     explanation: str
     complete: bool
-    time_ns: int | None = None
-    """When it was complete, if anybody knows."""
+    time_ns: int | None = None  # when it was complete, if anybody knows
 
 
 def explain(pieces: Iterable[Piece], language: Language) -> Iterator[Row]:

@@ -50,10 +50,8 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.result import Result
 
-LONGEST_S = 1e9
-"""Longest time that can be expected, as for pauses."""
-EXCERPT = 100
-"""Characters of a line that are shown around a mistake."""
+LONGEST_S = 1e9  # longest time that can be expected, as for pauses
+EXCERPT = 100  # characters of a line that are shown around a mistake
 
 _ITEM = re.compile(r"<([^<>]*)>|\*")
 _BYTE = re.compile(r"0*([0-9]{1,3})")
@@ -83,8 +81,7 @@ class _Quantity:
     units: Mapping[str, float]
     """What may follow a number, and its factor; the first one is that of a number alone, and of what is shown."""
     axes: tuple[str, ...] = ()
-    alone: bool = True
-    """It has a value without an axis."""
+    alone: bool = True  # it has a value without an axis
     whole: bool = False
 
 
@@ -128,9 +125,7 @@ class Expected:
     """What must be answered to a line."""
 
     text: str
-    """As it is written."""
-    parts: tuple[bytes, ...] | None
-    """The reply, with anything between two parts; None: there must be none."""
+    parts: tuple[bytes, ...] | None  # the reply, with anything between two parts; None: there must be none
     within_ns: int | None = None
 
     @property
@@ -232,8 +227,7 @@ class Seen:
     """What a condition found."""
 
     met: bool
-    value: str
-    """For people, with its unit."""
+    value: str  # for people, with its unit
 
 
 @dataclass(frozen=True)
@@ -243,8 +237,7 @@ class Condition:
     text: str
     name: str
     comparison: str
-    value: float | str
-    """In the first unit of its quantity, or a word."""
+    value: float | str  # in the first unit of its quantity, or a word
     tolerance: float
     name_at: int
     value_at: int

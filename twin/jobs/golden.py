@@ -42,19 +42,13 @@ if TYPE_CHECKING:
     from isel_twin.motion import Steps
 
 SUFFIX = ".golden"
-FORMAT = 1
-"""Of the file."""
-WINDOWS = 16
-"""Most windows of a command."""
-WINDOW_TICKS = 500
-"""Ticks in its windows, unless there are too many of them."""
-DIGITS = 6
-"""Hexadecimal digits of a digest: one in 16 million changes of a window goes unseen, of a whole job fewer."""
-LONG_STEP = 60
-"""Characters of a step of a program that are shown."""
+FORMAT = 1  # of the file
+WINDOWS = 16  # most windows of a command
+WINDOW_TICKS = 500  # ticks in its windows, unless there are too many of them
+DIGITS = 6  # hexadecimal digits of a digest: one in 16 million changes of a window goes unseen, of a whole job fewer
+LONG_STEP = 60  # characters of a step of a program that are shown
 TOLERANCE_MM = 0.002
-TOLERANCE_STEPS = 2
-"""Of lost steps: less is load angle."""
+TOLERANCE_STEPS = 2  # of lost steps: less is load angle
 
 _HEAD = ("format", "job", "machine", "controller", "plant", "seed", "scenario", "set")
 _END = ("ok", "cycle_s", "counts", "position_mm", "lost_steps")
@@ -72,12 +66,9 @@ class Move:
     sent: str
     reply: str
     took_ns: int
-    counts: tuple[int, ...] = ()
-    """At its end."""
-    ticks: tuple[int, ...] = ()
-    """Ticks in which each axis moves; () if none does."""
-    axes: tuple[str, ...] = ()
-    """Digest of each axis, "-": it stands."""
+    counts: tuple[int, ...] = ()  # at its end
+    ticks: tuple[int, ...] = ()  # ticks in which each axis moves; () if none does
+    axes: tuple[str, ...] = ()  # digest of each axis, "-": it stands
     windows: tuple[str, ...] = ()
     spans_ns: tuple[tuple[int, int], ...] = field(default=(), compare=False)
     """First and last tick of each window, in ns since the command was sent; not in the file."""
@@ -103,8 +94,7 @@ class Scribe:
         self._twin = twin
         self._ticks = len(twin.steps)
         self._moves: list[Move] = []
-        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)
-        """int64 [axes], sum of the ticks of the last line."""
+        self.way: NDArray[np.int64] = np.zeros(1, dtype=np.int64)  # int64 [axes], sum of the ticks of the last line
 
     def take(self, result: Result) -> None:
         """A line has just ended. Whether a condition is met is in the verdict."""
@@ -145,7 +135,6 @@ class Scribe:
 
 
 def _since(steps: Steps, ticks: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Times [n] and changes [n, axes] of all ticks but the first `ticks`."""
     parts, left = [], len(steps) - ticks
     for motion in reversed(steps.motions):
         if left <= 0:
@@ -173,7 +162,6 @@ def _axis_digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
 
 
 def golden_file(job: Path) -> Path:
-    """A job's golden run stands beside it, under its own name with the suffix SUFFIX."""
     return job.with_suffix(SUFFIX)
 
 
@@ -290,8 +278,7 @@ def _move(entry: Any, place: Place) -> Move:
 class Difference:
     """One thing that is not as it was."""
 
-    line: int | None
-    """Line of the job; None: the job as a whole."""
+    line: int | None  # line of the job; None: the job as a whole
     what: str
 
     def __str__(self) -> str:
@@ -359,7 +346,6 @@ def _where(was: Move, now: Move) -> str:
 
 
 def _ends(steps: Sequence[tuple[int, str]]) -> list[float]:
-    """When each step was over."""
     return [*(begun_ns for begun_ns, _ in steps[1:]), *[math.inf] * bool(steps)]
 
 

@@ -46,8 +46,7 @@ from isel_twin.language import Language, LanguageError, RunsPrograms, encoded, n
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-LONGEST_PAUSE_S = 1e9
-"""Longest pause in virtual seconds, as for the times of a scenario."""
+LONGEST_PAUSE_S = 1e9  # longest pause in virtual seconds, as for the times of a scenario
 
 _LINE_END = re.compile(r"\r\n|\r|\n")  # and nothing else: str.splitlines also splits at controls such as 85h
 _BLANKS = " \t"
@@ -87,12 +86,10 @@ class Line:
 
     @property
     def sent(self) -> bytes:
-        """All bytes that are sent."""
         return b"".join((*(action for action in self.actions if isinstance(action, bytes)), *self.program))
 
     @property
     def pauses_ns(self) -> int:
-        """Time of all pauses together."""
         return sum(action for action in self.actions if isinstance(action, int))
 
 
@@ -307,7 +304,6 @@ def _feed(twin: Twin, pieces: Iterable[bytes], timeout_s: float, stop: Callable[
 
 
 def _look(twin: Twin, line: Line, condition: Condition, last: Result | None) -> Result:
-    """What a condition finds now."""
     found = condition.look(twin, last)
     seen = snapshot(twin)
     quantity, _, axis = condition.name.partition(".")

@@ -31,21 +31,18 @@ from isel_twin.jobs.verdict import Verdict, judge, lost
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-TIMEOUT_S = 3600.0
-"""Virtual time that a line may take, unless told otherwise."""
+TIMEOUT_S = 3600.0  # virtual time that a line may take, unless told otherwise
 
 
 @dataclass(frozen=True)
 class Played:
     """What became of a job."""
 
-    results: tuple[Result, ...]
-    """Of the lines that were sent."""
+    results: tuple[Result, ...]  # of the lines that were sent
     verdict: Verdict
 
     @property
     def ok(self) -> bool:
-        """As `Verdict.ok`."""
         return self.verdict.ok
 
     @property
@@ -106,15 +103,12 @@ class FirstLoss:
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
-        self.why = ""
-        """What is lost; "" as long as nothing is."""
+        self.why = ""  # what is lost; "" as long as nothing is
 
     def take(self, result: Result) -> None:
-        """A line is over."""
         self.why = self.why or losses(self._twin)
 
     def stop(self) -> bool:
-        """For `played`."""
         return bool(self.why)
 
 

@@ -46,16 +46,11 @@ class Result:
     Of a line that loads or runs a program and expects nothing: what the controller says is wrong."""
     why: str = ""
     condition: bool = False
-    """It is no command: the reply is what was found."""
-    lost_known: tuple[float | None, ...] = ()
-    """Steps lost of each axis that a condition on them has found well."""
-    fault_known: bool = False
-    """The same of the controller's fault."""
-    drive_faults_known: tuple[int | None, ...] = ()
-    """The same of the faults of each drive: how many."""
+    lost_known: tuple[float | None, ...] = ()  # steps lost of each axis that a condition on them has found well
+    fault_known: bool = False  # the same of the controller's fault
+    drive_faults_known: tuple[int | None, ...] = ()  # the same of the faults of each drive: how many
 
-    parts: tuple[Part, ...] = ()
-    """Of a line that loads or runs a program; the last ones, if there are very many."""
+    parts: tuple[Part, ...] = ()  # of a line that loads or runs a program; the last ones, if there are very many
 
     @property
     def shown_reply(self) -> str:

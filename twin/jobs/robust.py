@@ -33,12 +33,9 @@ if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
     from isel_twin.jobs.job import Line
 
-SUPPLY = 0.05
-"""Largest part by which the supply of the stages differs."""
-FRICTION = 0.2
-"""Largest part by which the friction of an axis differs."""
-LOAD = 0.1
-"""Largest part by which each mass differs."""
+SUPPLY = 0.05  # largest part by which the supply of the stages differs
+FRICTION = 0.2  # largest part by which the friction of an axis differs
+LOAD = 0.1  # largest part by which each mass differs
 
 _FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
@@ -47,10 +44,8 @@ _FRICTION_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 class Repetition:
     """A repetition of a job and what became of it."""
 
-    number: int
-    """From 1."""
-    seed: int
-    """Of the twin: power-on positions, switch scatter, bounce."""
+    number: int  # from 1
+    seed: int  # of the twin: power-on positions, switch scatter, bounce
     factors: Mapping[str, float]
     """By what the numbers of the machine were multiplied: supply, friction_x .. friction_z, and each mass."""
     verdict: Verdict

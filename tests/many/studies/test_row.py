@@ -146,7 +146,7 @@ def test_a_worker_with_another_version_or_machine_computes_nothing(plans: Path) 
     with pytest.raises(MismatchError, match="the machine 4030 is another one there"):
         compute(dataclasses.replace(read.work, machine_digest="0"), point)
     with pytest.raises(MismatchError, match="the machine mine cannot be read there: unknown machine 'mine'"):
-        compute(dataclasses.replace(read.work, machine="mine"), point)
+        compute(dataclasses.replace(read.work, spec=read.work.spec.with_(machine="mine")), point)
 
 
 @pytest.mark.parametrize(

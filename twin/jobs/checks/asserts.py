@@ -48,8 +48,7 @@ __all__ = [
     "assert_torque_margin",
 ]
 
-MOST = 5
-"""Differences from a golden run that are told."""
+MOST = 5  # differences from a golden run that are told
 
 
 class MotionError(AssertionError):

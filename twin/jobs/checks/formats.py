@@ -25,7 +25,6 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def where(finding: Finding) -> str:
-    """Place of a finding in words."""
     time = "" if finding.time_ns is None else f"at {finding.time_ns / SECOND_NS:.3f} s"
     return ", ".join(part for part in (finding.place, time) if part)
 
@@ -92,7 +91,6 @@ def sarif(reports: Sequence[Report]) -> str:
 
 
 def _semantic(version: str) -> str:
-    """The version as SemVer writes it."""
     match = re.match(r"\d+\.\d+\.\d+", version)
     return match[0] if match else "0.0.0"
 

@@ -49,8 +49,7 @@ if TYPE_CHECKING:
     from isel_twin.core.spec import TwinSpec
     from isel_twin.core.twin import Twin
 
-LOOK_NS = 5 * MILLISECOND_NS
-"""Between two looks at the deviation."""
+LOOK_NS = 5 * MILLISECOND_NS  # between two looks at the deviation
 
 RULES: Mapping[str, str] = {
     "refused": "Every command is accepted, or answered as the job expects.",
@@ -68,25 +67,19 @@ RULES: Mapping[str, str] = {
     "luck": "The job ends alike on slightly different machines.",
     "effect": "Every event of the scenario comes in time and has an effect.",
 }
-"""What each rule demands."""
-WARNINGS = ("effect",)
-"""Rules that make no job fail."""
-MOST = 20
-"""Findings of one rule that a report names one by one."""
+WARNINGS = ("effect",)  # rules that make no job fail
+MOST = 20  # findings of one rule that a report names one by one
 
 
 @dataclass(frozen=True)
 class Bounds:
     """What a job may do at most, and at least; None: whatever it likes."""
 
-    margin: float | None = None
-    """Least pull-out margin of each motor, 0 .. 1."""
+    margin: float | None = None  # least pull-out margin of each motor, 0 .. 1.
     deviation_mm: float | None = None
     cycle_s: float | None = None
-    may_strike: tuple[str, ...] = ()
-    """End switches that may be struck; "all"."""
-    robust: int = 0
-    """Repetitions."""
+    may_strike: tuple[str, ...] = ()  # end switches that may be struck; "all"
+    robust: int = 0  # repetitions
     timeout_s: float = TIMEOUT_S
 
 
@@ -96,8 +89,7 @@ class Finding:
 
     rule: str
     message: str
-    line: int | None = None
-    """Of the job; None: the job as a whole."""
+    line: int | None = None  # of the job; None: the job as a whole
     time_ns: int | None = None
     at: tuple[int, int] | None = None
     """Line and column of the file, if its lines are not those of the job: in a program of the controller's own."""
@@ -122,8 +114,7 @@ class Report:
     job: str
     findings: tuple[Finding, ...]
     verdict: Verdict
-    golden: Golden
-    """What it did, without its call."""
+    golden: Golden  # what it did, without its call
 
     @property
     def ok(self) -> bool:
@@ -149,9 +140,7 @@ class _Watch:
         twin.observe(self._look, None if bounds.deviation_mm is None else LOOK_NS)  # switches are told as they change
 
     def begin(self) -> None:
-        """A line begins."""
-        self.struck: dict[str, int] = {}
-        """When each switch was struck in it."""
+        self.struck: dict[str, int] = {}  # when each switch was struck in it
         self._worst_mm = np.zeros(len(CARRIAGES))
         self._worst_ns = [0] * len(CARRIAGES)
 
@@ -203,11 +192,9 @@ class Inspection:
         self._gone = np.zeros(len(twin.counts), dtype=np.bool_)
         self._faults = [number for number, _ in twin.drive_faults]
         self._expected = np.array(twin.counts)
-        self.setting: set[int] = set()
-        """Numbers of the lines that set a counter: reference runs, above all."""
+        self.setting: set[int] = set()  # numbers of the lines that set a counter: reference runs, above all
 
     def take(self, result: Result) -> None:
-        """A line has just ended."""
         twin, bounds = self.twin, self.bounds
         self.results.append(result)
         self._findings += _of_answer(result, bounds)
@@ -310,7 +297,6 @@ def _of_margin(result: Result, bounds: Bounds) -> list[Finding]:
 
 
 def _of_verdict(verdict: Verdict, gone: NDArray[np.bool_], results: Sequence[Result], bounds: Bounds) -> list[Finding]:
-    """What only the end shows."""
     last = results[-1].number if results else None
     found = [
         Finding("lost", f"{name} has lost {steps + before:.0f} steps", last, verdict.time_ns)

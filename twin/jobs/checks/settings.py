@@ -46,8 +46,7 @@ _NUMBERS: Mapping[str, Limits] = {
     "robust": Limits("repetitions", 0, 10_000, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
 }
-_OFF = ("margin", "deviation_mm", "cycle_s")
-"""Bounds that may be "off"."""
+_OFF = ("margin", "deviation_mm", "cycle_s")  # bounds that may be "off"
 _WORDS = ("machine", "controller", "plant", "scenario")
 KEYS = (*_WORDS, *_NUMBERS, "may_strike", "golden", "set")
 
@@ -96,7 +95,6 @@ def load(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _values(content: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """Values of the keys of a table, checked."""
     known(content, KEYS, place)
     return {key: _value(key, value, place.at(key)) for key, value in content.items()}
 

@@ -34,8 +34,7 @@ from isel_twin.language import create_language, readable
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
 
-LOOK_S = 0.005
-"""Virtual time between two looks, unless told otherwise."""
+LOOK_S = 0.005  # virtual time between two looks, unless told otherwise
 
 
 @dataclass
@@ -43,18 +42,13 @@ class Command:
     """What the host has sent in one go, and what came of it."""
 
     begin_ns: int
-    line: int | None = None
-    """Of the job; None: there is no job."""
+    line: int | None = None  # of the job; None: there is no job
     sent: bytes = b""
     reply: bytes = b""
-    end_ns: int = 0
-    """When its last reply arrived; until then, when it began."""
-    margin: tuple[float, ...] = ()
-    """Least pull-out margin of each axis meanwhile; nan for axes without a motor."""
-    lost: dict[str, float] = field(default_factory=dict)
-    """Steps lost of each axis that was well before it."""
-    counter_set: bool = False
-    """A counter was set in it, as by a reference run."""
+    end_ns: int = 0  # when its last reply arrived; until then, when it began
+    margin: tuple[float, ...] = ()  # least pull-out margin of each axis meanwhile; nan for axes without a motor
+    lost: dict[str, float] = field(default_factory=dict)  # steps lost of each axis that was well before it
+    counter_set: bool = False  # a counter was set in it, as by a reference run
     refused: bool = False
     text: str = ""
 
@@ -68,8 +62,7 @@ class JobRun(Played):
     """A job from a file that was played."""
 
     job: Path
-    golden: Golden
-    """What it did, without its call."""
+    golden: Golden  # what it did, without its call
 
 
 class Watched:
@@ -81,16 +74,13 @@ class Watched:
             raise ValueError(f"interval_s is {interval_s}; give the virtual seconds between two looks")
         self.twin = twin
         self.run: JobRun | None = None
-        """The last job that was played."""
-        self.begin_ns = twin.time_ns
-        """What was before is not looked at, see `begin`."""
+        self.begin_ns = twin.time_ns  # what was before is not looked at, see `begin`
         self.output_changes: dict[str, tuple[int, Command | None]] = {}
         """When each output last changed, in ns, and in which command."""
         self._commands: list[Command] = []
         self._current: Command | None = None
         self._line: int | None = None
-        self._fresh = False
-        """The next byte begins a command."""
+        self._fresh = False  # the next byte begins a command
         self._samples = array("d")
         self._outputs: Mapping[str, int] = dict(twin.outputs)
         self._gone: set[str] = set()
@@ -177,11 +167,9 @@ class Watched:
     # Inside
 
     def _begins(self, line: Line) -> None:
-        """A line of a job is about to be sent."""
         self._line, self._fresh = line.number, True
 
     def _ended(self, result: Result) -> None:
-        """It is over."""
         if not result.condition and self._current is not None:
             self._current.refused = not result.ok
             self._current.text = result.command
@@ -232,7 +220,6 @@ class Watched:
         self.begin_ns = min(self.begin_ns, time_ns)
 
     def _close(self) -> None:
-        """The command that is in work is over."""
         self._take_margin()
         if (current := self._current) is None:
             return

@@ -30,30 +30,22 @@ from isel_twin.many.identification.measured import Act, Measured, Reading, Stall
 from isel_twin.many.identification.session import referenced, stall_speed_hz
 from isel_twin.many.identification.unknowns import Unknown
 
-PUSH_N = 150.0
-"""A spring scale or a 15 kg weight over a pulley."""
-STALL_HZ_PER_MS = (400, 1000)
-"""Accelerations of the stall series: each has chaos of its own."""
+PUSH_N = 150.0  # a spring scale or a 15 kg weight over a pulley
+STALL_HZ_PER_MS = (400, 1000)  # accelerations of the stall series: each has chaos of its own
 PULLS = 2
 REVERSALS = 4
 APART_MM = 0.3625
 """From one place of a reversal to the next: elsewhere within the step of the motor, so that the place of rest is drawn
 anew."""
-APPROACH_MM = 2.0
-"""Far more than any backlash."""
-FAR_SIGMA_MM = 0.01
-"""Of a scale or gauge blocks over a long way."""
-COAST_S = 1.5
-"""Duration of a move for an emergency stop: a person needs time to press it."""
+APPROACH_MM = 2.0  # far more than any backlash
+FAR_SIGMA_MM = 0.01  # of a scale or gauge blocks over a long way
+COAST_S = 1.5  # duration of a move for an emergency stop: a person needs time to press it
 PRESS_S, RELEASE_S = 0.5, 2.5
 """When it is pressed and released, after the command was sent; at which speed and how long it coasts does not depend
 on it."""
-GENTLE = (6000, 100, 300)
-"""Speed, acceleration and start-stop frequency of moves between readings."""
-SERIES = 1.04
-"""From one speed of a stall series to the next."""
-SERIES_FROM, SERIES_TO = 0.5, 1.8
-"""Of the stall speed expected."""
+GENTLE = (6000, 100, 300)  # speed, acceleration and start-stop frequency of moves between readings
+SERIES = 1.04  # from one speed of a stall series to the next
+SERIES_FROM, SERIES_TO = 0.5, 1.8  # of the stall speed expected
 
 
 @dataclass(frozen=True)
@@ -61,12 +53,10 @@ class Step:
     """One command of a job and what is measured after it."""
 
     data: bytes
-    readings: tuple[Reading, ...] = ()
-    """Without recording, command and value."""
+    readings: tuple[Reading, ...] = ()  # without recording, command and value
     acts: tuple[Act, ...] = ()
     comment: str = ""
-    any_reply: bool = False
-    """Any reply is accepted."""
+    any_reply: bool = False  # any reply is accepted
 
 
 @dataclass(frozen=True)
@@ -74,22 +64,18 @@ class Block:
     """A short piece of a job that tells something, or a series of stalls."""
 
     name: str
-    what: str
-    """For people."""
+    what: str  # for people
     steps: tuple[Step, ...] = ()
     stall: Stall | None = None
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Blocks put together."""
-
     name: str
     steps: tuple[Step, ...]
     stalls: tuple[Stall, ...]
 
     def template(self) -> Measured:
-        """The file to fill in."""
         readings, acts = [], []
         for command, step in enumerate(self.steps, 1):
             readings += [replace(reading, recording=self.name, command=command) for reading in step.readings]

@@ -36,25 +36,17 @@ from isel_twin.machine import Machine
 from isel_twin.many.identification.session import MISSED, Datum, Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate
 
-STEP = 0.8
-"""Step of the differences, in standard deviations of the prior."""
-CLIFF = 5.0
-"""If the differences of a step up and a step down are in a larger ratio, one of them is no slope."""
+STEP = 0.8  # step of the differences, in standard deviations of the prior
+CLIFF = 5.0  # if the differences of a step up and a step down are in a larger ratio, one of them is no slope
 CHANCE = 4.0
 """Standard deviations by which the sum of squares of differences must exceed what scatter makes, to count at all."""
-BOUND = 3.0
-"""The search stays within so many standard deviations of the prior."""
-NOT_IDENTIFIED = 0.9
-"""Standard deviation afterwards over that of the prior: from here on nothing has been learnt,"""
-WEAK = 0.5
-"""and from here on the parameter is known only roughly."""
+BOUND = 3.0  # the search stays within so many standard deviations of the prior
+NOT_IDENTIFIED = 0.9  # standard deviation afterwards over that of the prior: from here on nothing has been learnt,
+WEAK = 0.5  # and from here on the parameter is known only roughly
 NORMAL_95 = 1.96
-TOLD = 0.3
-"""A parameter with this part of a direction or more is named in it."""
-ENOUGH = 0.01
-"""Relative change of cost and place at which the search ends: less than the scatter of the model makes."""
-MOST_CALLS = 8
-"""Of the model by the search, beside those for its Jacobians."""
+TOLD = 0.3  # a parameter with this part of a direction or more is named in it
+ENOUGH = 0.01  # relative change of cost and place at which the search ends: less than the scatter of the model makes
+MOST_CALLS = 8  # of the model by the search, beside those for its Jacobians
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +92,6 @@ class Model:
         """Data that are free to differ: less those that set zeros, less the parameters."""
 
     def values(self, u: Floats) -> list[float]:
-        """Values of the unknowns, [n]."""
         return [item.value(float(one)) for item, one in zip(self.unknowns, u, strict=True)]
 
     def predictions(self, points: Sequence[Floats]) -> list[Floats]:
@@ -136,7 +127,6 @@ class Model:
         return np.clip(found, -MISSED, MISSED)
 
     def residuals_at(self, u: Floats) -> Floats:
-        """r [data] at u."""
         return self.residuals(self.predictions([u])[0])
 
     def jacobian(self, u: Floats, steps: Floats, central: bool) -> Floats:
@@ -191,10 +181,8 @@ class Prospect:
 
     singular: tuple[float, ...]
     """Of the Jacobian, from the largest; in standard deviations of the data for one of the prior."""
-    remaining: tuple[float, ...]
-    """By parameter: expected standard deviation afterwards over that of the prior."""
+    remaining: tuple[float, ...]  # by parameter: expected standard deviation afterwards over that of the prior
     lines: tuple[str, ...]
-    """In words."""
     jacobian: Floats = field(repr=False)
 
     @property
@@ -235,10 +223,8 @@ class Estimate:
     unknown: Unknown
     value: float
     low: float
-    high: float
-    """95 % interval."""
-    remaining: float
-    """Standard deviation over that of the prior."""
+    high: float  # 95 % interval
+    remaining: float  # standard deviation over that of the prior
 
     @property
     def identified(self) -> bool:
@@ -258,16 +244,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Fit:
-    """The result."""
-
     estimates: tuple[Estimate, ...]
-    correlation: Floats
-    """[n, n]."""
-    covariance: Floats
-    """[n, n], of the u."""
+    correlation: Floats  # [n, n]
+    covariance: Floats  # [n, n], of the u
     u: Floats
-    chi2: float
-    """Per degree of freedom, of the data fitted."""
+    chi2: float  # per degree of freedom, of the data fitted
     prospect: Prospect
     before: Mapping[str, float]
     """Held back: root mean square of r at the prior, by kind and in `all`; empty: nothing was."""

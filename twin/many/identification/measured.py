@@ -56,8 +56,7 @@ from isel_twin.base.toml import toml_line
 from isel_twin.wiring import EVENT_KEYS
 
 GAUGE_SIGMA_MM = 0.005
-TIME_SIGMA_S = 0.005
-"""USB adapters keep bytes back for 1 to 16 ms, and hosts are busy now and then."""
+TIME_SIGMA_S = 0.005  # USB adapters keep bytes back for 1 to 16 ms, and hosts are busy now and then
 
 _MM = Limits("mm", -1e5, 1e5)
 _N = Limits("N", -1e4, 1e4)
@@ -88,13 +87,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class Act:
-    """What was done to the machine."""
-
     recording: str
     command: int
     after_s: float
-    content: Mapping[str, Any] = field(default_factory=dict)
-    """Keys of a scenario event."""
+    content: Mapping[str, Any] = field(default_factory=dict)  # keys of a scenario event
 
 
 @dataclass(frozen=True)
@@ -108,8 +104,7 @@ class Stall:
     acceleration_hz_per_ms: int
     start_stop_hz: int
     held_hz: float
-    lost_hz: float
-    """inf: it never stalled."""
+    lost_hz: float  # inf: it never stalled
     command: int | None = None
 
 
@@ -132,8 +127,7 @@ class Measured:
     repeats: tuple[Repeats, ...] = ()
     time_sigma_s: float = TIME_SIGMA_S
     gauge_sigma_mm: float = GAUGE_SIGMA_MM
-    unread: int = 0
-    """Entries whose number is still nan: left out."""
+    unread: int = 0  # entries whose number is still nan: left out
 
     @property
     def names(self) -> list[str]:

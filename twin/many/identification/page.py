@@ -14,15 +14,12 @@ from isel_twin.many.identification.fit import Estimate, Fit
 from isel_twin.report.page import whole_page
 from isel_twin.report.svg import escape
 
-ROWS = 400
-"""Most data listed; the worst ones first."""
+ROWS = 400  # most data listed; the worst ones first
 WIDTH, ROW = 460, 22
-LABEL = 46
-"""Most characters of a label that stand beside its bar."""
+LABEL = 46  # most characters of a label that stand beside its bar
 
 
 def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str]) -> str:
-    """The whole page."""
     if result.worse:
         verdict = "NOT PROMOTED: what was held back is predicted worse than before"
     elif held:

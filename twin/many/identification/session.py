@@ -41,17 +41,14 @@ from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import ScenarioError, event_now
 
-LEAST_S = 0.05
-"""A shorter duration says something of the controller and its line, nothing of the machine."""
-SETTLE_S = 0.3
-"""From the reply, or from a pull at the machine, until a gauge is read."""
+LEAST_S = 0.05  # a shorter duration says something of the controller and its line, nothing of the machine
+SETTLE_S = 0.3  # from the reply, or from a pull at the machine, until a gauge is read
 STALL_SCATTER = 0.03
 """Relative standard deviation of a stall speed beside what its two speeds leave open: near stall the outcome is
 chaotic in narrow bands of speed."""
 START_MM = 3.0
 """Where the carriages of the model stand at power-on: near the switch, so that the first reference run is short."""
-STALL_LOW, STALL_HIGH = 0.6, 1.7
-"""Looked for from and to, over the speed measured."""
+STALL_LOW, STALL_HIGH = 0.6, 1.7  # looked for from and to, over the speed measured
 STALL_COARSE, STALL_FINE = 1.06, 1.02
 """From one speed to the next: upwards until steps are lost, then once more from the last one that held."""
 REST_SIGMA_MM = 0.001
@@ -59,10 +56,8 @@ REST_SIGMA_MM = 0.001
 narrow band (0.7 to 1.5 um on the 4030, over forty places)."""
 REFERENCE_SIGMA_S = 0.015
 """Of the duration of a reference run beside the clock's: a switch that scatters by 10 to 15 um is left at 1 mm/s."""
-MISSED = 1e4
-"""Residual where the model has no value because the command was not answered, in standard deviations."""
-MOST_HALVINGS = 3
-"""Of the time step, for candidates that need a shorter one."""
+MISSED = 1e4  # residual where the model has no value because the command was not answered, in standard deviations
+MOST_HALVINGS = 3  # of the time step, for candidates that need a shorter one
 _PATIENCE_S = 3600.0
 
 
@@ -70,17 +65,14 @@ _PATIENCE_S = 3600.0
 class Datum:
     """One number that was measured."""
 
-    kind: str
-    """duration, reading, stall, scatter."""
+    kind: str  # duration, reading, stall, scatter
     label: str
     recording: str
     value: float
     sigma: float
     unit: str
-    group: str = ""
-    """Readings of one group share an unknown zero, durations what line, adapter and host always take."""
-    scatter: float = 0.0
-    """Standard deviation of the model's own value, by chance; it is part of sigma."""
+    group: str = ""  # readings of one group share an unknown zero, durations what line, adapter and host always take
+    scatter: float = 0.0  # standard deviation of the model's own value, by chance; it is part of sigma
 
 
 @dataclass(frozen=True)
@@ -97,8 +89,7 @@ class Session:
     line_speed: bool = True
     unknown_start: frozenset[int] = field(default_factory=frozenset)
     """Commands whose duration depends on where the carriages stood at power-on."""
-    references: frozenset[int] = field(default_factory=frozenset)
-    """Commands that are reference runs."""
+    references: frozenset[int] = field(default_factory=frozenset)  # commands that are reference runs
 
     @property
     def last(self) -> float:
@@ -218,8 +209,7 @@ class Player:
         self._pieces: list[tuple[int, bytes, bool, int]] = []
         self._twin.listen(self._note)
         self._command = 0
-        self.readings: list[float] = []
-        """Of each reading of the session, mm; nan: its command was never sent."""
+        self.readings: list[float] = []  # of each reading of the session, mm; nan: its command was never sent
         self.unknown_start: set[int] = set()
         self.references: set[int] = set()
         self._referenced: set[int] = set()
@@ -240,7 +230,6 @@ class Player:
     _began_ns = 0
 
     def exchanges(self) -> list[Any]:
-        """The commands as the twin answered them."""
         return paired(sorted(self._pieces, key=lambda piece: piece[0]), _language(self._session.controller))
 
     def play(self) -> None:
@@ -351,7 +340,6 @@ def model_twin(machine: Machine, controller: str, line_speed: bool = False) -> T
 
 
 def referenced(controller: str, machine: Machine) -> Twin:
-    """A twin that has made a reference run."""
     twin = model_twin(machine, controller)
     for command in _language(controller).reference():
         converse(twin, command)

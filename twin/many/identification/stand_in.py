@@ -28,10 +28,8 @@ from isel_twin.recordings.mcap import RecordingWriter
 from isel_twin.recordings.reading import Entry, Recorded
 from isel_twin.wiring import ScenarioError, event_now
 
-THINK_S = 0.05
-"""From a reply to the next command."""
-PLACE = 2.0
-"""The zero of a gauge is drawn from 0 to this, mm."""
+THINK_S = 0.05  # from a reply to the next command
+PLACE = 2.0  # the zero of a gauge is drawn from 0 to this, mm
 
 
 def carry_out(

@@ -1,6 +1,7 @@
 """Studies: one job under many conditions, as a table.
 
     plan.py         what stays the same, what varies: a TOML file, checked when it is read
+    parameters.py   a parameter of a plan, checked against what it changes
     points.py       grid, samples and seeds: the points of a plan
     row.py          one point, one row: a function that runs anywhere
     table.py        rows as they come, in a Parquet file that is whole at any time

@@ -33,34 +33,33 @@ and steps make a grid; each of its points has all samples; each of those has all
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.parameters import FileError, Limits, Place, hint, known, plain, read_toml, rows, table, text
+from isel_twin.base.parameters import FileError, Limits, Place, known, plain, read_toml, table, text
 from isel_twin.base.toml_lines import read_lines
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.twin import PLANTS
 from isel_twin.jobs.checks.job import Bounds
 from isel_twin.jobs.job import JobError, check_controller, decode_job
-from isel_twin.language import SETTINGS_RANGES, create_language
-from isel_twin.machine import LEVELS, Machine, load_machine
-from isel_twin.many.studies.row import OUTCOMES, Work
+from isel_twin.language import create_language
+from isel_twin.machine import load_machine
+from isel_twin.many.studies.parameters import (
+    Parameter,
+    check_names,
+    check_placeholders,
+    checked_number,
+    flat,
+    read_parameter,
+)
+from isel_twin.many.studies.row import Work
 from isel_twin.version import VERSION
-from isel_twin.wiring import EVENT_KEYS
-from isel_twin.wiring.scenario import TIME_KEYS
 
-SECTIONS = ("machine", "settings", "job", "scenario")
-"""Of a plan, beside [sweep]: whose parameters vary."""
-TIMES = "times"
-"""Unit of a value that multiplies what the file has."""
-EVENTS = "events"
-"""The parameter of [scenario] that says which of the named events happen, with blanks between them."""
-MOST_POINTS = 1_000_000
-"""Rows of a table at most."""
+SECTIONS = ("machine", "settings", "job", "scenario")  # of a plan, beside [sweep]: whose parameters vary
+MOST_POINTS = 1_000_000  # rows of a table at most
 
 _WORDS = ("machine", "controller", "plant", "scenario", "job")
 _NUMBERS: Mapping[str, Limits] = {
@@ -73,18 +72,9 @@ _NUMBERS: Mapping[str, Limits] = {
 }
 _OTHERS = ("moves", "seeds", "start_mm", "may_strike", "perturbed", "sampling")
 KEYS = (*_WORDS, *_NUMBERS, *_OTHERS)
-"""Of the table [sweep]."""
-_FORM = ("values", "low", "high", "steps", "unit", "name", "log", "whole")
-"""Keys of a parameter."""
 SAMPLINGS = ("sobol", "saltelli")
-_STEPS = Limits("steps", 2, 100_000, whole=True)
-_ANY = Limits("", -1e300, 1e300)
 _SEED = Limits("", 0, 2**63, whole=True)
 _SEEDS = Limits("seeds", 1, 1_000_000, whole=True)
-_PLACEHOLDER = re.compile(r"[A-Za-z_]\w*")
-_COLUMN = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
-_OWN = ("row", "point", "seed", *OUTCOMES)
-"""Columns that every table has."""
 
 
 class PlanError(FileError):
@@ -92,52 +82,12 @@ class PlanError(FileError):
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """Something that varies."""
-
-    section: str
-    """One of SECTIONS."""
-    key: str
-    """Within it."""
-    name: str
-    """Of its column."""
-    unit: str = ""
-    """As the file of the machine has it; TIMES: a factor; "": none."""
-    values: tuple[Any, ...] = ()
-    """All of one kind; none: it is sampled between `low` and `high`."""
-    low: float = 0.0
-    high: float = 0.0
-    log: bool = False
-    whole: bool = False
-
-    @property
-    def sampled(self) -> bool:
-        """It has a range and no values."""
-        return not self.values
-
-    @property
-    def kind(self) -> str:
-        """Of its column: bool, int64, float64 or string."""
-        if self.sampled:
-            return "int64" if self.whole else "float64"
-        if isinstance(self.values[0], str):
-            return "string"
-        if isinstance(self.values[0], bool):
-            return "bool"
-        return "int64" if all(isinstance(value, int) for value in self.values) else "float64"
-
-
-@dataclass(frozen=True)
 class Plan:
-    """A plan that has been read."""
-
     file: Path
     text: str
-    call: TwinSpec
-    """The twin of all rows, but for what varies; its scenario is the file itself."""
+    call: TwinSpec  # the twin of all rows, but for what varies; its scenario is the file itself
     work: Work
     parameters: tuple[Parameter, ...] = ()
-    """In the order of the file."""
     samples: int = 1
     sampling: str = "sobol"
     sample_seed: int = 0
@@ -157,12 +107,12 @@ def load_plan(path: str | Path) -> Plan:
     call, work = _same(same, place.at("sweep"), file.parent)
     machine = call.as_built
     parameters = tuple(
-        _parameter(section, key, form, place.at(section).at(key), work, machine)
+        read_parameter(section, key, form, place.at(section).at(key), work, machine)
         for section in SECTIONS
-        for key, form in _flat(table(document.get(section, {}), place.at(section)), place.at(section))
+        for key, form in flat(table(document.get(section, {}), place.at(section)), place.at(section))
     )
-    _check_names(parameters, place)
-    _check_placeholders(parameters, work, place)
+    check_names(parameters, place)
+    check_placeholders(parameters, work, place)
     samples, sampled = same.get("samples"), [parameter for parameter in parameters if parameter.sampled]
     where = place.at("sweep").at("samples")
     if samples is not None and not sampled:
@@ -198,13 +148,12 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def _same(content: Mapping[str, Any], place: Place, folder: Path) -> tuple[TwinSpec, Work]:
-    """What stays the same."""
     known(content, KEYS, place)
     for key in _WORDS:
         text(content.get(key, ""), place.at(key))
     for key, limits in _NUMBERS.items():
         if key in content:
-            _number(content[key], limits, place.at(key))
+            checked_number(content[key], limits, place.at(key))
     if "plant" in content:
         text(content["plant"], place.at("plant"), PLANTS)
     if ("job" in content) == ("moves" in content):
@@ -267,14 +216,6 @@ def _events(file: Path) -> list[dict[str, Any]]:
     return [dict(entry) for entry in tables if isinstance(entry, dict)] if isinstance(tables, list) else []
 
 
-def _number(value: Any, limits: Limits, place: Place) -> float:
-    """A number within limits; a whole one stays one."""
-    held = plain(value, limits, place)
-    if limits.whole and not isinstance(value, int):
-        raise place.wrong(f"{value}; allowed: a whole number")
-    return int(value) if limits.whole else held
-
-
 def _triple(value: Any, place: Place) -> tuple[float, float, float]:
     if not isinstance(value, list) or len(value) != len(CARRIAGES):
         raise place.wrong(f"{value!r}; allowed: three numbers, X, Y and Z in mm")
@@ -284,202 +225,8 @@ def _triple(value: Any, place: Place) -> tuple[float, float, float]:
 
 def _seeds(value: Any, place: Place) -> tuple[int, ...]:
     if not isinstance(value, list):
-        return tuple(range(int(_number(value, _SEEDS, place))))
-    seeds = tuple(int(_number(seed, _SEED, place)) for seed in value)
+        return tuple(range(int(checked_number(value, _SEEDS, place))))
+    seeds = tuple(int(checked_number(seed, _SEED, place)) for seed in value)
     if not seeds or len(set(seeds)) < len(seeds):
         raise place.wrong(f"{value!r}; allowed: how many, or a list of different ones")
     return seeds
-
-
-# ---- parameters ------------------------------------------------------------------------------------------------------
-
-
-def _flat(content: Mapping[str, Any], place: Place, prefix: str = "") -> list[tuple[str, Any]]:
-    """Keys with dots and what stands there: `a.b = [1]` and `"a.b" = [1]` are the same. A form has a key of _FORM."""
-    found: list[tuple[str, Any]] = []
-    for key, value in content.items():
-        if isinstance(value, dict) and not any(name in value for name in ("values", "low", "high")):
-            if not value or all(not isinstance(inner, dict | list) for inner in value.values()):
-                raise place.at(prefix + key).wrong(
-                    f"{value!r}; allowed: values = [...], or low and high, with steps or without"
-                )
-            found += _flat(value, place, f"{prefix}{key}.")
-        else:
-            found.append((prefix + key, value))
-    return found
-
-
-def _parameter(section: str, key: str, form: Any, place: Place, work: Work, machine: Machine) -> Parameter:
-    content = {"values": form} if isinstance(form, list) else form
-    if not isinstance(content, dict):
-        raise place.wrong(f"{form!r}; allowed: a list of values, or a table such as {{ low = 1, high = 2 }}")
-    known(content, _FORM, place)
-    unit = text(content.get("unit", ""), place.at("unit"))
-    check = {"machine": _machine_key, "settings": _settings_key, "job": _job_key, "scenario": _scenario_key}[section]
-    is_number = check(key, unit, place, work, machine)
-    name = text(content.get("name", re.sub(r"\W", "_", key)), place.at("name"))
-    if not _COLUMN.fullmatch(name):
-        raise place.at("name").wrong(f"{name!r}; allowed: a word of letters, digits and _, for the column")
-    flags = {}
-    for switch in ("log", "whole"):
-        flags[switch] = content.get(switch, False)
-        if not isinstance(flags[switch], bool):
-            raise place.at(switch).wrong(f"{flags[switch]!r}; allowed: true, false")
-    if "values" in content:
-        for other in ("low", "high", "steps", "log", "whole"):
-            if other in content:
-                raise place.at(other).wrong("there are values; allowed: either values, or low and high")
-        values = _values(content["values"], is_number, place.at("values"))
-        return Parameter(section, key, name, unit, values)
-    for end in ("low", "high"):
-        if end not in content:
-            raise place.at(end).wrong("missing; allowed: low and high, or values = [...]")
-        if is_number is False:
-            raise place.wrong("is no number; allowed: values = [...]")
-    low, high = (plain(content[end], _ANY, place.at(end)) for end in ("low", "high"))
-    whole = bool(flags["whole"] or section == "settings")
-    if not low < high:
-        raise place.at("high").wrong(f"{high:g}; allowed: more than low, {low:g}")
-    if flags["log"] and low <= 0.0:
-        raise place.at("low").wrong(f"{low:g}; allowed with log = true: more than 0")
-    if whole and (low != int(low) or high != int(high)):
-        raise place.wrong(f"{low:g} .. {high:g}; allowed: whole numbers")
-    ranged = Parameter(section, key, name, unit, (), low, high, bool(flags["log"]), whole)
-    if "steps" not in content:
-        return ranged
-    steps = int(_number(content["steps"], _STEPS, place.at("steps")))
-    spread = dict.fromkeys(between(ranged, n / (steps - 1)) for n in range(steps))
-    return replace(ranged, values=tuple(spread))
-
-
-def between(parameter: Parameter, part: float) -> float:
-    """The value so far from low (0) to high (1) of a range; a whole one each number as often as another."""
-    low, high = parameter.low, parameter.high
-    value = low * (high / low) ** part if parameter.log else low + part * (high - low)
-    value = min(max(value, low), high)
-    return round(value) if parameter.whole else value
-
-
-def _values(value: Any, is_number: bool | None, place: Place) -> tuple[Any, ...]:
-    if not isinstance(value, list) or not value:
-        raise place.wrong(f"{value!r}; allowed: a list of values")
-    kinds = {"numbers": (int, float), "texts": (str,), "switches": (bool,)}
-    kind = next(
-        (
-            name
-            for name, types in kinds.items()
-            if all(isinstance(one, types) and (isinstance(one, bool) == (name == "switches")) for one in value)
-        ),
-        None,
-    )
-    if kind is None or (is_number is not None and is_number != (kind == "numbers")):
-        wanted = "numbers" if is_number else "texts or switches" if is_number is False else "all of one kind"
-        raise place.wrong(f"{value!r}; allowed: {wanted}")
-    for number, one in enumerate(value):
-        if one in value[:number]:
-            raise place.wrong(f"{one!r} stands twice; allowed: different ones")
-    return tuple(value)
-
-
-def _machine_key(key: str, unit: str, place: Place, work: Work, machine: Machine) -> bool | None:
-    """Check key and unit; whether it takes numbers (None: whatever the values are)."""
-    if key == "imperfections":
-        _no_unit(unit, place, f"nothing; the values are levels: {', '.join(LEVELS)}")
-        return False
-    listed = {row.parameter: row for row in rows(machine.tree)}
-    for name in [name for name in listed if name.startswith(f"axes.{CARRIAGES[0]}.")]:
-        common = name.replace(f"axes.{CARRIAGES[0]}.", "axes.all.", 1)
-        if all(name.replace(f"axes.{CARRIAGES[0]}.", f"axes.{axis}.", 1) in listed for axis in CARRIAGES):
-            listed[common] = listed[name]
-    if key not in listed:
-        raise place.wrong(f"unknown parameter of {machine.name}; {hint(key, listed, 'isel-twin describe lists them')}")
-    row = listed[key]
-    if isinstance(row.value, str | bool):
-        _no_unit(unit, place, "none")
-        return False
-    needed = row.unit not in ("", "1")
-    allowed = [f"{row.unit!r}"] if needed else []
-    if unit == "" and needed:
-        raise place.at("unit").wrong(f'missing; allowed: unit = "{row.unit}", or unit = "{TIMES}" for multiples')
-    if unit not in ("", row.unit, TIMES):
-        raise place.at("unit").wrong(f"{unit!r}; allowed: {', '.join([*allowed, repr(TIMES)])}")
-    return True
-
-
-def _settings_key(key: str, unit: str, place: Place, work: Work, machine: Machine) -> bool | None:
-    if key not in SETTINGS_RANGES:
-        raise place.wrong(f"unknown setting; {hint(key, SETTINGS_RANGES)}")
-    if not work.moves:
-        raise place.wrong(
-            f"a job file says its settings itself; allowed: write {{{key}}} in the job and {key} in [job], or moves"
-        )
-    _no_unit(unit, place, "none; the key tells it")
-    return True
-
-
-def _job_key(key: str, unit: str, place: Place, work: Work, machine: Machine) -> bool | None:
-    if work.moves:
-        raise place.wrong("moves have no text; allowed: parameters of [settings], or job in place of moves")
-    _no_unit(unit, place, "none; the command tells it")
-    if key.startswith("line "):
-        count = len(work.job_lines)
-        number = key.removeprefix("line ")
-        if not number.isdigit() or not 1 <= int(number) <= count:
-            raise place.wrong(f"{work.job_name} has no such line; allowed: line 1 .. line {count}")
-        return None
-    if not _PLACEHOLDER.fullmatch(key) or f"{{{key}}}" not in work.job:
-        there = dict.fromkeys(re.findall(r"\{([A-Za-z_]\w*)\}", work.job))
-        raise place.wrong(
-            f"{{{key}}} does not stand in {work.job_name}; " + (hint(key, there) if there else 'allowed: "line N"')
-        )
-    return None
-
-
-def _scenario_key(key: str, unit: str, place: Place, work: Work, machine: Machine) -> bool | None:
-    if not work.events:
-        raise place.wrong("there is no scenario; allowed: beside scenario = FILE in [sweep]")
-    if unit not in ("", TIMES):
-        raise place.at("unit").wrong(f"{unit!r}; allowed: {TIMES!r}, or none: keys of a scenario tell their unit")
-    if key == EVENTS:
-        return False
-    name, _, rest = key.partition(".")
-    names = [str(event["name"]) for event in work.events if "name" in event]
-    numbers = [str(number) for number in range(1, len(work.events) + 1)]
-    if name not in (*names, *numbers):
-        raise place.wrong(f"there is no event {name!r}; {hint(name, [*names, *numbers, EVENTS])}")
-    first = rest.partition(".")[0]
-    if first not in (*TIME_KEYS, *EVENT_KEYS):
-        raise place.wrong(f"unknown key of an event; {hint(first, (*TIME_KEYS, *EVENT_KEYS))}")
-    return True if unit == TIMES else None
-
-
-def _no_unit(unit: str, place: Place, allowed: str) -> None:
-    if unit:
-        raise place.at("unit").wrong(f"{unit!r}; allowed: {allowed}")
-
-
-def _check_names(parameters: Sequence[Parameter], place: Place) -> None:
-    names: list[str] = []
-    for parameter in parameters:
-        where = place.at(parameter.section).at(parameter.key)
-        if parameter.name in (*names, *_OWN):
-            whose = "another parameter" if parameter.name in names else "an outcome"
-            raise where.wrong(
-                f'the column {parameter.name!r} is that of {whose}; allowed: name = "..." gives it another one'
-            )
-        names.append(parameter.name)
-
-
-def _check_placeholders(parameters: Sequence[Parameter], work: Work, place: Place) -> None:
-    """Every event that `events` names must be there."""
-    names = [str(event["name"]) for event in work.events if "name" in event]
-    for parameter in parameters:
-        if (parameter.section, parameter.key) != ("scenario", EVENTS):
-            continue
-        where = place.at("scenario").at(EVENTS)
-        if not names:
-            raise where.wrong("no event of the scenario has a name; allowed: beside events with name = '...'")
-        for value in parameter.values:
-            for name in str(value).split():
-                if name not in names:
-                    raise where.wrong(f"there is no event {name!r}; {hint(name, names)}")

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from isel_twin.base.errors import CallError
 from isel_twin.core.spec import TwinSpec
-from isel_twin.many.studies.plan import Plan, between
+from isel_twin.many.studies.parameters import between
+from isel_twin.many.studies.plan import Plan
 from isel_twin.many.studies.row import Point
 
 
@@ -84,7 +85,6 @@ def points(plan: Plan) -> list[Point]:
 
 
 def _sample(plan: Plan, unit: NDArray[np.float64]) -> tuple[float, ...]:
-    """One value for each sampled parameter."""
     sampled = [parameter for parameter in plan.parameters if parameter.sampled]
     return tuple(between(parameter, float(part)) for parameter, part in zip(sampled, unit, strict=True))
 

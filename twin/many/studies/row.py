@@ -61,20 +61,15 @@ class Work:
 
     version: str
     job_name: str
-    job: str = ""
-    """Text of the job with its placeholders; "" if there are moves."""
-    moves: tuple[tuple[float, float, float], ...] = ()
-    """Targets in mm, after a reference run."""
-    spec: TwinSpec = field(default_factory=TwinSpec)
-    """The twin of all rows, but for its seed, events and overrides."""
+    job: str = ""  # text of the job with its placeholders; "" if there are moves
+    moves: tuple[tuple[float, float, float], ...] = ()  # targets in mm, after a reference run
+    spec: TwinSpec = field(default_factory=TwinSpec)  # the twin of all rows, but for its seed, events and overrides
     machine_digest: str = ""
     events: tuple[Mapping[str, Any], ...] = ()
-    """Tables of the scenario."""
     perturbed: bool = False
     """Each seed has a slightly different machine, as repetitions of `isel-twin run --robust` have."""
     bounds: Bounds = field(default_factory=Bounds)
-    parameters: tuple[tuple[str, str, str], ...] = ()
-    """Section, key and unit of each value of a point."""
+    parameters: tuple[tuple[str, str, str], ...] = ()  # section, key and unit of each value of a point
 
     @property
     def job_lines(self) -> list[str]:
@@ -84,14 +79,9 @@ class Work:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a sweep."""
-
-    number: int
-    """Of its row, from 1."""
-    id: str
-    """The same for the same content, in whatever plan."""
-    values: tuple[Any, ...]
-    """In the order of `Work.parameters`."""
+    number: int  # of its row, from 1
+    id: str  # the same for the same content, in whatever plan
+    values: tuple[Any, ...]  # in the order of `Work.parameters`
     seed: int
 
 
@@ -182,7 +172,6 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
 
 
 def _of(given: Mapping[tuple[str, str, str], Any], section: str) -> list[tuple[str, str, Any]]:
-    """Key, unit and value of the parameters of a section."""
     return [(key, unit, value) for (where, key, unit), value in given.items() if where == section]
 
 

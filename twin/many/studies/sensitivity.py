@@ -34,10 +34,8 @@ from isel_twin.many.studies.points import all_points
 
 OUTCOME_TITLES: Mapping[str, str] = {"margin_moves": "least torque margin", "cycle_s": "duration", "ok": "failure"}
 """Outcomes that are looked at, and what they are called."""
-LEAST_ROWS = 64
-"""Fewer tell nothing."""
-HARMONICS = 10
-"""Of RBD-FAST: its usual number."""
+LEAST_ROWS = 64  # fewer tell nothing
+HARMONICS = 10  # of RBD-FAST: its usual number
 RESAMPLES = 100
 _KINDS = (".png", ".svg", ".pdf")
 
@@ -49,8 +47,7 @@ class Index:
     outcome: str
     parameter: str
     first: float
-    first_conf: float
-    """Half of the interval."""
+    first_conf: float  # half of the interval
     total: float | None = None
     total_conf: float | None = None
 
@@ -208,7 +205,6 @@ def draw(path: Path, plan: Plan, rows: Sequence[Mapping[str, Any]], found: Seque
 
 
 def _range(outcome: str, values: Sequence[float]) -> str:
-    """Where the outcome lies, in words."""
     if outcome == "ok":
         return f"{100.0 * sum(values) / len(values):.0f} % of the rows"
     if outcome == "margin_moves":

@@ -30,14 +30,11 @@ if TYPE_CHECKING:
 
     from isel_twin.many.studies.plan import Plan
 
-MOST_WAITING = 10_000
-"""Rows that wait in the journal at most."""
-PART_WAITING = 16
-"""And the part of the table that they are at most, one in so many."""
+MOST_WAITING = 10_000  # rows that wait in the journal at most
+PART_WAITING = 16  # and the part of the table that they are at most, one in so many
 
 
 def journal_of(file: Path) -> Path:
-    """The journal of a table."""
     return file.with_name(f"{file.name}.journal")
 
 
@@ -50,8 +47,7 @@ class Table:
     def __init__(self, file: Path, plan: Plan, points: Sequence[Point]) -> None:
         _need_pyarrow()
         self.file = file
-        self.rows: dict[str, dict[str, Any]] = {}
-        """By id of the point."""
+        self.rows: dict[str, dict[str, Any]] = {}  # by id of the point
         self._points = {point.id: point for point in points}
         self._plan = plan
         self._schema = _schema(plan)

@@ -32,8 +32,7 @@ from isel_twin.many.tuning.space import Group, Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-NEW = 3
-"""Most moves of a trial that try something new: with more, one of them nearly always loses steps."""
+NEW = 3  # most moves of a trial that try something new: with more, one of them nearly always loses steps
 STEP = {"speed_hz": 0.2, "acceleration_hz_per_ms": 0.6, "start_stop_hz": 0.6}
 """Standard deviation of a large step from the best, as the logarithm of a ratio; others are down to a tenth of it."""
 
@@ -102,7 +101,6 @@ def composed(problem: Problem, tried: Sequence[Tried], least: float, seed: int, 
 
 
 def _step(group: Group, best: Known, draw: np.random.Generator) -> dict[str, int]:
-    """Something near the best."""
     part = 10.0 ** draw.uniform(-1.0, 0.0)
     return {
         one.name: one.nearest(

@@ -50,14 +50,10 @@ class Repetition:
     """A job made once."""
 
     number: int
-    time_s: float
-    """From the first move to the end of the last line that was made."""
-    margin: float
-    """Least of all motors from the first move on; 0 if anything is wrong."""
-    why: str = ""
-    """What is wrong, with the line; nothing if all is well."""
-    slipped: bool = False
-    """It is that steps were lost."""
+    time_s: float  # from the first move to the end of the last line that was made
+    margin: float  # least of all motors from the first move on; 0 if anything is wrong
+    why: str = ""  # what is wrong, with the line; nothing if all is well
+    slipped: bool = False  # it is that steps were lost
     moves: tuple[tuple[float, float], ...] = ()
     """Time and margin of each move that was made, the one in which anything went wrong the last."""
 
@@ -66,23 +62,17 @@ class Repetition:
 class Judgement:
     """What is known of a setting."""
 
-    time_s: float
-    """On the machine as it is."""
-    margin: float
-    """Least of all repetitions; 0 if anything is wrong."""
-    why: str = ""
-    """What is wrong, with line and repetition; nothing if all is well."""
-    repetitions: int = 0
-    """That were made, the machine as it is among them."""
-    slipped: bool = False
-    """What is wrong is that steps were lost."""
+    time_s: float  # on the machine as it is
+    margin: float  # least of all repetitions; 0 if anything is wrong
+    why: str = ""  # what is wrong, with line and repetition; nothing if all is well
+    repetitions: int = 0  # that were made, the machine as it is among them
+    slipped: bool = False  # what is wrong is that steps were lost
     moves: tuple[tuple[float, float], ...] = ()
     """Time of each move on the machine as it is, and its least margin in all repetitions. If anything is wrong, it was
     in the last of these moves."""
 
     @property
     def good(self) -> bool:
-        """Nothing is wrong."""
         return not self.why
 
     @classmethod

@@ -17,21 +17,16 @@ from isel_twin.language import MoveSettings
 from isel_twin.many.tuning.judge import Judgement, Repetition, Weather, repetitions
 from isel_twin.many.tuning.space import Candidate, Problem
 
-ALONE = 5
-"""Per cent of the repetitions that may have kept less than the margin that nearly all keep."""
+ALONE = 5  # per cent of the repetitions that may have kept less than the margin that nearly all keep
 
 
-PUT_TOGETHER = -1
-"""In place of the number of a trial: no trial was made of it, its moves are from several."""
+PUT_TOGETHER = -1  # in place of the number of a trial: no trial was made of it, its moves are from several
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A trial of a study."""
-
     number: int
-    values: Mapping[str, int]
-    """Of the parameters of the problem."""
+    values: Mapping[str, int]  # of the parameters of the problem
     judgement: Judgement
 
 
@@ -39,20 +34,13 @@ class Tried:
 class Held:
     """How a setting did on machines that the study has not seen."""
 
-    wanted: int
-    """Repetitions."""
-    made: int
-    """The last of them went wrong if these are fewer."""
-    margin: float
-    """Least of all."""
-    nearly_all: float
-    """Margin that all but ALONE per cent of them keep."""
-    why: str = ""
-    """What was wrong in the last one."""
-    lost: int = 0
-    """Repetitions in which something was wrong: 0, or 1, as the first one ends them."""
-    last: Repetition | None = None
-    """The last one."""
+    wanted: int  # repetitions
+    made: int  # the last of them went wrong if these are fewer
+    margin: float  # least of all
+    nearly_all: float  # margin that all but ALONE per cent of them keep
+    why: str = ""  # what was wrong in the last one
+    lost: int = 0  # repetitions in which something was wrong: 0, or 1, as the first one ends them
+    last: Repetition | None = None  # the last one
 
     @property
     def good(self) -> bool:
@@ -62,16 +50,12 @@ class Held:
 
 @dataclass(frozen=True)
 class Tuned:
-    """A setting that has been found."""
-
     tried: Tried
     candidate: Candidate
-    """The job with it."""
     held: Held
     permanent: tuple[str, ...]
     """Lines that make its ramps the controller's own; those of the most careful move if each has its own."""
-    kept: MoveSettings
-    """What these make permanent; its speed stands in the job."""
+    kept: MoveSettings  # what these make permanent; its speed stands in the job
 
 
 def front(tried: Sequence[Tried]) -> list[Tried]:
@@ -142,7 +126,6 @@ def gain(now_s: float, before_s: float) -> float:
 
 
 def as_json(judgement: Judgement) -> dict[str, Any]:
-    """In JSON's types."""
     return {
         "good": judgement.good,
         "time_s": round(judgement.time_s, 6),

@@ -26,8 +26,7 @@ from isel_twin.language import JobMove, LanguageError, MoveSettings, RetimesJobs
 
 SETTINGS = ("speed_hz", "acceleration_hz_per_ms", "start_stop_hz")
 """Names of `MoveSettings`; speeds count by their differences, ramps by their ratios."""
-SLOWEST = 2
-"""What the job has, divided by this, is the lowest that is tried."""
+SLOWEST = 2  # what the job has, divided by this, is the lowest that is tried
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
 
@@ -36,8 +35,7 @@ _LINE_END = re.compile(r"(\r\n|\r|\n)")
 class Parameter:
     """One number to be found."""
 
-    name: str
-    """`speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`."""
+    name: str  # `speed_hz`, or for the moves that read like the one in line 9 `speed_hz.9`
     setting: str
     low: int
     high: int
@@ -48,16 +46,12 @@ class Parameter:
         return self.setting != "speed_hz"
 
     def nearest(self, value: int) -> int:
-        """The value within the range."""
         return min(max(value, self.low), self.high)
 
 
 @dataclass(frozen=True)
 class Group:
-    """Moves that are made with the same settings."""
-
-    name: str
-    """Line number of the first of them; "" if they are all moves of the job."""
+    name: str  # line number of the first of them; "" if they are all moves of the job
     moves: tuple[JobMove, ...]
     parameters: tuple[Parameter, ...]
 
@@ -72,32 +66,25 @@ class Group:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A job with certain settings."""
-
     text: str
     lines: tuple[Line, ...]
-    first: int
-    """Number of the line with which the first move begins: what sets its ramps, or the move."""
-    moves: tuple[int, ...]
-    """Numbers of the lines of all moves, as `Problem.moves` has them."""
+    first: int  # number of the line with which the first move begins: what sets its ramps, or the move
+    moves: tuple[int, ...]  # numbers of the lines of all moves, as `Problem.moves` has them
 
 
 @dataclass(frozen=True)
 class Problem:
     """A job on a machine, and what may be changed. Raises ValueError or CallError for one that cannot be tuned."""
 
-    text: str
-    """Of the job file."""
+    text: str  # of the job file
     call: TwinSpec = field(default_factory=TwinSpec)
     each_move: bool = False
     rapid_hz: int | None = None
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     """Narrower than the language's, by the names of SETTINGS."""
-    repetitions: int = 5
-    """On slightly different machines, with which a setting is judged beside the machine as it is."""
+    repetitions: int = 5  # on slightly different machines, with which a setting is judged beside the machine as it is
     timeout_s: float = 3600.0
-    flash: bytes | None = None
-    """Image of the controller's flash memory."""
+    flash: bytes | None = None  # image of the controller's flash memory
 
     def __post_init__(self) -> None:
         if self.call.plant == "kinematic":
@@ -121,7 +108,6 @@ class Problem:
 
     @cached_property
     def lines(self) -> tuple[Line, ...]:
-        """Of the job."""
         return tuple(self._parsed(self.text))
 
     def _parsed(self, text: str) -> list[Line]:
@@ -129,7 +115,6 @@ class Problem:
 
     @cached_property
     def moves(self) -> Sequence[JobMove]:
-        """Of the job."""
         return self.language.job_moves([line.command for line in self.lines])
 
     @cached_property
@@ -182,7 +167,6 @@ class Problem:
 
     @property
     def parameters(self) -> list[Parameter]:
-        """All of them."""
         return [parameter for group in self.groups for parameter in group.parameters]
 
     def nearest(self) -> dict[str, int]:
@@ -214,7 +198,6 @@ class Problem:
         return self._with(self.settings(values), self.rapid_from_hz)
 
     def as_it_stands(self) -> Candidate:
-        """The job."""
         numbers = tuple(self.lines[move.line].number for move in self.moves)
         return Candidate(self.text, self.lines, numbers[0], numbers)
 

@@ -35,14 +35,11 @@ from isel_twin.many.tuning.space import Parameter, Problem
 if TYPE_CHECKING:
     import optuna
 
-BATCH = 8
-"""Trials that are chosen together."""
-RANDOM = 12
-"""Trials at the beginning that are drawn at random, and at most a third of all."""
+BATCH = 8  # trials that are chosen together
+RANDOM = 12  # trials at the beginning that are drawn at random, and at most a third of all
 
 
-MENDED = 60
-"""Times that the best of each move is mended before it is given up."""
+MENDED = 60  # times that the best of each move is mended before it is given up
 
 
 class StudyError(ValueError):
@@ -186,7 +183,6 @@ class Study:
         return None
 
     def _left_over(self) -> list[optuna.trial.FrozenTrial]:
-        """Trials that were asked and never told."""
         from optuna.trial import TrialState
 
         return self._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
@@ -241,7 +237,6 @@ class Study:
 
 
 def _between(parameter: Parameter, share: float) -> int:
-    """A value so far up in the range."""
     if parameter.log:
         return parameter.nearest(round(parameter.low * (parameter.high / parameter.low) ** share))
     return parameter.nearest(round(parameter.low + share * (parameter.high - parameter.low)))
@@ -279,7 +274,6 @@ def _opened(storage: str | None, name: str) -> optuna.Study:
 
 
 def _place(storage: str | None) -> str:
-    """A storage for people."""
     return "in memory" if storage is None else storage.removeprefix("sqlite:///")
 
 
