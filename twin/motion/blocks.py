@@ -145,9 +145,6 @@ class State:
     ended: bool
 
 
-# ---- blocks one after the other --------------------------------------------------------------------------------------
-
-
 def long_enough(rows: int) -> bool:
     return rows >= BLOCK
 

@@ -273,8 +273,6 @@ class Joined:
         if k < self.forgotten:
             raise IndexError(f"set point {k}" + f": those before {self.forgotten} are forgotten" * (k >= 0))
 
-    # ---- places ----------------------------------------------------------------------------------------------------
-
     @property
     def period_s(self) -> float:
         return self.period_ns / SECOND_NS

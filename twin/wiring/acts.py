@@ -212,9 +212,6 @@ def _of_line(chance: Literal["noise", "dropped", "doubled"]) -> Deed:
     return lambda site, value, _: setattr(site.line, chance, value)
 
 
-# ---- the table -------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Act:
     """One thing that an event can do."""
