@@ -23,16 +23,7 @@ For lambda the command is smoothed between its pulses.
     |-----------|          pulses within the sub-step act in it by the time mean of the command:
     __|``````````          a pulse after 0.2 dt moves the mean by 0.8 microsteps
 
-How a kernel uses it, with the records of shaft.py:
-
-    parameters = np.concatenate([axis_parameters(motor, stage, screw, dt_s) for ...])    # [n] AXIS_PARAMETERS
-    states = axis_states(n)                                                               # [n] AXIS_STATE
-
-    @njit
-    def kernel(parameters, states, ...):
-        for i in range(len(states)):
-            mean = ...                  # time mean of the microstep counter over this sub-step, a fraction is right
-            force_n = step_axis(parameters[i], states[i], mean, phases, fraction, x_mid_m, v_m_s, 0.0)
+`follow` in curves.py shows how compiled code uses it, with the records of shaft.py.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ Definitions and closed forms are in docs/step_streams.md and docs/set_points.md.
 
 from __future__ import annotations
 
-from isel_twin.motion.circle import circle, helix
+from isel_twin.motion.circle import circle
 from isel_twin.motion.motion import Motion
 from isel_twin.motion.path import Displacement, StepPath, line
 from isel_twin.motion.record import Steps
@@ -43,7 +43,6 @@ __all__ = [
     "TimeLaw",
     "circle",
     "constant",
-    "helix",
     "line",
     "trapezoid",
 ]

@@ -45,7 +45,7 @@ class PlanBlock:
         return float(self.phases[-1, T] + self.phases[-1, DT]) if len(self.phases) else 0.0
 
     def row(self, t_s: float) -> int:
-        """The phase at this time; -1 before the first."""
+        """Number of the phase at this time; -1 before the first."""
         return int(self.phases[:, T].searchsorted(t_s, side="right")) - 1
 
     def split(self, row: int) -> tuple[PlanBlock, PlanBlock]:
@@ -145,16 +145,11 @@ class State:
     ended: bool
 
 
-# ---- blocks one after the other --------------------------------------------------------------------------------------
-
-
 def long_enough(rows: int) -> bool:
-    """True if so many phases may be a block of their own."""
     return rows >= BLOCK
 
 
 def block_at(blocks: Sequence[PlanBlock], t_s: float) -> int:
-    """Number of the block at this time."""
     return max(bisect_right(blocks, t_s, key=lambda block: block.start_s) - 1, 0)
 
 

@@ -54,35 +54,19 @@ def circle(
     ry: int,
     clockwise: bool,
     axes: tuple[int, int] = (0, 1),
+    third_axis: int | None = None,
+    third_steps: int = 0,
     axis_count: int = 4,
 ) -> Circle:
-    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3.
+    """An arc of `ticks` single-axis steps; iMC manual 2.2.28 and 2.3. A helix (2.2.27) has a third axis, whose
+    `third_steps` (signed) are spread evenly over the ticks.
 
     d: start value of the difference register. xs, ys: start point in steps from the centre. rx, ry: sense of each axis
     at the start; only the signs count, and only to understand d, as position and direction say the same. axes: first
     and second axis of the plane (0 X, 1 Y ...) out of axis_count.
 
-    Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not two.
-    """
-    return helix(ticks, d, xs, ys, rx, ry, clockwise, axes, None, 0, axis_count)
-
-
-def helix(
-    ticks: int,
-    d: int,
-    xs: int,
-    ys: int,
-    rx: int,
-    ry: int,
-    clockwise: bool,
-    axes: tuple[int, int],
-    third_axis: int | None,
-    third_steps: int,
-    axis_count: int = 4,
-) -> Circle:
-    """A circle with `third_steps` (signed) of a third axis spread evenly over its ticks; iMC manual 2.2.27.
-
-    Raises ValueError like `circle`, and if the third axis has more steps than there are ticks.
+    Raises ValueError for a negative or too large tick number, too large coordinates, axes that are not different, or a
+    third axis with more steps than there are ticks.
     """
     used = [*axes] if third_axis is None else [*axes, third_axis]
     if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(axis_count)):

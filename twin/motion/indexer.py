@@ -83,8 +83,6 @@ class Indexer:
     def stands(self, axis: int, k: int) -> bool:
         return k >= self.stands_at(axis)
 
-    # ---- other phases from tick k on --------------------------------------------------------------------------------
-
     def braked(self, axis: int, k: int, sharpness: float = 1.0) -> Indexer:
         """Down to standstill; the acceleration is `sharpness` times that of the plan."""
         t, s, v = self._state(axis, k)

@@ -80,7 +80,7 @@ class Joined:
     scale: float
     ceiling: float
     identity: object
-    hold: bool  # it has been told to hold
+    hold: bool
     dropped: bool  # it has been stopped: pieces that were left are forgotten, and none can be appended
     ticks: int  # number of set points: after the last one it stands, at the end of the chain or where it is held
     blocks: tuple[PlanBlock, ...]
@@ -176,13 +176,12 @@ class Joined:
         sharpness: float = 1.0,
         wanted: tuple[int, float] | None = None,
     ) -> Joined:
-        """The same up to tick k, then otherwise; what is not said stays. k may lie beyond the last tick: it stood.
+        """The same up to tick k, which may lie beyond the last one, then otherwise; what is not given stays.
 
         drop: forget the pieces that have not begun, but for those it needs to stop; with hold, the rest of all. append:
         pieces at the end, after what was dropped. scale, ceiling: see `joined`; speeds above them fall as the ramps
-        allow, joints keep their entry speeds. hold: True brakes along the path and stands, with what is left waiting;
-        False goes on. sharpness: factor of the accelerations of the pieces while it brakes for a hold. wanted: number
-        of pieces, and another wanted speed on what is left of them.
+        allow, joints keep their entry speeds. hold: True brakes along the path and stands, False goes on. sharpness:
+        factor of the accelerations while it brakes for a hold. wanted: number of pieces, and their new wanted speed.
 
         A ramp under way goes on unchanged if the new plan has the same; otherwise a new one begins at the momentary
         speed. A falling sin^2 ramp without which a joint would be passed too fast is finished first.
@@ -273,8 +272,6 @@ class Joined:
     def _check_known(self, k: int) -> None:
         if k < self.forgotten:
             raise IndexError(f"set point {k}" + f": those before {self.forgotten} are forgotten" * (k >= 0))
-
-    # ---- places ----------------------------------------------------------------------------------------------------
 
     @property
     def period_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -76,7 +76,7 @@ def piece(
 ) -> Pieces:
     columns = ([values] for values in (displacement, length, speed, limit, acceleration, entry))
     curves = () if curve is None else ((0, curve),)
-    return Pieces(*(np.array(column, dtype=np.float64) for column in columns), curves)
+    return _pieces((np.array(column, dtype=np.float64) for column in columns), curves)
 
 
 def chain(parts: Sequence[Pieces]) -> Pieces:
@@ -90,7 +90,12 @@ def chain(parts: Sequence[Pieces]) -> Pieces:
         curves += [(done + j, curve) for j, curve in part.curves]
         done += len(part)
     columns = zip(*(part.columns for part in parts), strict=True)
-    return Pieces(*map(np.concatenate, columns), tuple(curves))
+    return _pieces(map(np.concatenate, columns), tuple(curves))
+
+
+def _pieces(columns: Iterable[NDArray[np.float64]], curves: tuple[tuple[int, Curve], ...]) -> Pieces:
+    displacement, length, speed, limit, acceleration, entry = columns
+    return Pieces(displacement, length, speed, limit, acceleration, entry, curves)
 
 
 def table(pieces: Pieces) -> NDArray[np.float64]:

@@ -43,7 +43,6 @@ class Stream:
 
     @property
     def lead_ns(self) -> int:
-        """`Motion.lead_ns` of the motion being made, 0 if there is none."""
         return 0 if self._motion is None else self._motion.lead_ns
 
     def steps(self, t_ns: int) -> Steps:

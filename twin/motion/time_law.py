@@ -44,9 +44,6 @@ rounded rest of T costs 1 u of the sum and 1 u of the rest."""
 ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
 
 
-# ---- the public part -----------------------------------------------------------------------------------------------
-
-
 class TimeLaw(Protocol):
     """What a `StepRun` asks of a time law. Immutable; controllers may have others."""
 

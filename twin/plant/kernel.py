@@ -93,7 +93,7 @@ def _wake(plant, axes, drives, states, supply):
 
 @njit(nogil=True, error_model="numpy")
 def wake(memory):
-    """Leave the frozen state, before something is changed from outside."""
+    """Leave the frozen state: something is changed from outside."""
     parts = parts_of(memory)
     _wake(parts.plant[0], parts.axes, parts.drives, parts.states, parts.supply[0])
 
@@ -209,10 +209,9 @@ def _look(memory):
 
 @njit(nogil=True, error_model="numpy")
 def _take(parts, at):
-    """Take a sample: the sub-step `at`, which is now or, if nothing moves, later; places and speeds of the joints [nv]
-    each, what was commanded and the rotors [m] each, current fractions and margins [3] each, voltage of the supply.
-
-    Places are those `sample_ahead_ns` after it, as `advance` has them at the end of a call."""
+    """Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv],
+    commanded and rotors [m], current fractions and margins [3], supply voltage. Places are those `sample_ahead_ns`
+    after it."""
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
         return

@@ -24,7 +24,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.dynamics import drop_stale_code
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine
-from isel_twin.plant import Plant, Threshold, lead
+from isel_twin.plant import Threshold, lead
 from isel_twin.plant.lead import all_behind, begin, behind, no_leads
 
 FAR = 1 << 62  # a count that no axis reaches
@@ -49,7 +49,6 @@ def _bounds(axes, axis, sense, strike, release, struck):
 
 @njit()
 def _changes(s, t_ns, commanded, leads, axis, sense, strike, release, struck):
-    """True if switch s is in another state at t_ns."""
     beyond = sense[s] * (commanded[axis[s]] - behind(leads[axis[s]], t_ns))
     return (beyond > (release[s] if struck[s] else strike[s])) != struck[s]
 
@@ -131,7 +130,7 @@ def _first_change(start_ns, until_ns, commanded, leads, axis, sense, strike, rel
 
 @njit()
 def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sense, strike, release, struck):
-    """Go on from start_ns with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
+    """Go on with ticks and what is led until a switch changes. Return (ticks made, time reached)."""
     made = 0
     ticks = t_ns.shape[0]
     now_ns = start_ns
@@ -158,8 +157,8 @@ def _lead(start_ns, until_ns, lead_ns, t_ns, delta, commanded, leads, axis, sens
 drop_stale_code(_lead, lead.__file__)
 
 
-class KinematicPlant(Plant):
-    """A plant without physics: nothing lags, and the settings that are not here (forces, phases ...) have no effect."""
+class KinematicPlant:
+    """Implements `isel_twin.plant.Plant` without physics: nothing lags, forces, brake and phases have no effect."""
 
     physics = False
 
@@ -221,6 +220,12 @@ class KinematicPlant(Plant):
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
         self._stages_on = stages
+
+    def _no_effect(self, *_: Any, **__: Any) -> None:
+        """What only a plant with physics does."""
+
+    apply_force = set_cut = reset_drives = set_phase_lost = watch_margin = _no_effect
+    set_friction = set_obstacle = set_payload = set_undervoltage = _no_effect
 
     def set_trip_point(self, threshold: int, position_mm: float) -> None:
         switch = self._thresholds[threshold]

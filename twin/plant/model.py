@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.errors import one_line
 from isel_twin.machine import Machine, MachineError
 from isel_twin.plant import PLACES
 
@@ -57,7 +58,7 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     try:
         spec = mujoco.MjSpec.from_file(str(machine.model_file))
     except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+        raise MachineError(f"{machine.model_file}: {one_line(str(error))}") from None
     _need(machine, spec, [axis.name for axis in machine.axes], "joint")
     _need(machine, spec, [mode.joint for mode in machine.structure], "joint")
     _need(machine, spec, machine.masses_kg, "body")
@@ -72,7 +73,7 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
             fixture = mujoco.MjSpec.from_file(str(machine.fixture_file))
             spec.attach(fixture, prefix="fixture/", site=spec.site("table_top"))
         except ValueError as error:
-            raise MachineError(f"{machine.fixture_file}: {_one_line(error)}") from None
+            raise MachineError(f"{machine.fixture_file}: {one_line(str(error))}") from None
     if not visual:
         for geom in list(spec.geoms):
             if geom.contype == 0 and geom.conaffinity == 0:
@@ -92,7 +93,7 @@ def compile_model(machine: Machine, *, visual: bool = True) -> mujoco.MjModel:
     try:
         model = spec.compile()
     except ValueError as error:
-        raise MachineError(f"{machine.model_file}: {_one_line(error)}") from None
+        raise MachineError(f"{machine.model_file}: {one_line(str(error))}") from None
     if model.nq != model.nv:
         raise MachineError(f"{machine.file}: model, fixture: a ball or free joint; allowed: slide and hinge joints")
     return model
@@ -183,10 +184,6 @@ def mode_hz(machine: Machine, model: mujoco.MjModel) -> dict[str, float]:
         mass_kg = model.body_subtreemass[model.jnt_bodyid[model.joint(mode.joint).id]]
         found[mode.joint] = math.sqrt(mode.stiffness_n_per_m / mass_kg) / (2.0 * math.pi)
     return found
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def _need(machine: Machine, spec: mujoco.MjSpec, names: Iterable[str], kind: str) -> None:

@@ -175,10 +175,8 @@ def draw(
 
 
 def _renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
-    """A renderer; on a Linux machine without a screen, unless MUJOCO_GL says otherwise, one that needs none.
-
-    MuJoCo chooses its OpenGL backend once and for all when it is imported, and then one that needs a screen.
-    """
+    """A renderer; on Linux without a screen, unless MUJOCO_GL says otherwise, one that needs none: when imported,
+    MuJoCo chooses an OpenGL backend that does."""
     from mujoco.rendering.classic import gl_context
 
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

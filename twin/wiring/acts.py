@@ -136,7 +136,7 @@ def _key(name: str, value: Any, place: Place, keys: Mapping[str, Key]) -> Any:
 
 
 def _pairs(act: Act, value: Any, place: Place, there: Known) -> dict[str, str]:
-    """Two contacts that exist for each entry, or a contact and ""."""
+    """By contact, another one or ""."""
     values, contacts = table(value, place), there.contacts
     for name, other in values.items():
         if name not in contacts:
@@ -210,9 +210,6 @@ def _begin_cut(site: Site, cut: Any, _: Moment) -> None:
 
 def _of_line(chance: Literal["noise", "dropped", "doubled"]) -> Deed:
     return lambda site, value, _: setattr(site.line, chance, value)
-
-
-# ---- the table -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ class Schedule:
     # What is told; `take` follows at the same instant. The first word about a state is how it is at power-on.
 
     def heard(self, data: bytes, sent: bool) -> None:
-        """Bytes of the host have arrived (sent) or the controller has answered some."""
+        """Bytes of the host have arrived (sent), or of the controller."""
         if not self.of_messages:
             return
         kind = "sent" if sent else "replied"
@@ -169,7 +169,6 @@ class Schedule:
         self._so[place] = so
 
     def _begin(self, place: int, t_ns: int, later_ns: int = 0) -> None:
-        """The condition of an event has been met at t_ns."""
         event = self.events[place]
         if t_ns >= self._armed_ns[place] and (not event.times or self._begun[place] < event.times):
             self._begun[place] += 1
@@ -194,5 +193,4 @@ class Schedule:
 
 
 def _bytes(text: str) -> bytes:
-    """The bytes of a readable text, <13> being the byte 13."""
     return re.sub(r"<(\d{1,3})>", lambda found: chr(int(found[1]) % 256), text).encode("latin-1", "replace")

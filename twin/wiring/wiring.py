@@ -202,7 +202,6 @@ class Wiring:
 
     @property
     def events_left(self) -> int:
-        """Events of the scenario that are still to come."""
         return self._schedule.left
 
     def heard(self, data: bytes, sent: bool) -> None:
@@ -302,7 +301,6 @@ class Wiring:
             self._schedule.look(self._holds)
 
     def _holds(self, condition: Trigger) -> bool:
-        """True if the output or input has the state that an event waits for."""
         name, value = condition.name, condition.value
         if condition.kind == "output":
             return bool(self.outputs.get(name, OUTPUTS.get(name, 0)) == value)
