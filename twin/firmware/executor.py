@@ -222,11 +222,10 @@ class Executor:
                 case Pause(ns):
                     self._pause_end_ns = self.now_ns + ns
                 case Travel(path, law, first):
-                    motion = StepRun(path, law, self.now_ns, first)
-                    if motion.first == motion.last:
-                        result = Ended(motion.last)
+                    if not law.ticks:
+                        result = Ended(first)
                         continue
-                    self.motion = motion
+                    self.motion = StepRun(path, law, self.now_ns, first)
             return
 
     def _stop(self) -> _Stopping:
