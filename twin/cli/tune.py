@@ -35,7 +35,7 @@ from isel_twin.core.spec import MACHINE, TwinSpec
 if TYPE_CHECKING:
     from isel_twin.base.crew import Crew
     from isel_twin.many.tuning import Problem, Tuned
-    from isel_twin.many.tuning.judge import Judgement, Repetition
+    from isel_twin.many.tuning.judge import Judgement
     from isel_twin.many.tuning.result import Tried
     from isel_twin.many.tuning.study import Study
 
@@ -238,7 +238,7 @@ def _chosen(
         if held.good:
             return tuned(problem, tried, held)
         show.fell(tried, held.why)
-        if held.last is not None and held.last.number not in hard:
+        if held.last.number not in hard:
             hard.append(held.last.number)
     return None
 
@@ -303,7 +303,7 @@ class _Json:
     def confirms(self, tried: Tried) -> None:
         """A setting is going to be confirmed."""
 
-    def confirmed(self, repetition: Repetition) -> None:
+    def confirmed(self, repetition: Judgement) -> None:
         """It has been made once more."""
 
     def fell(self, tried: Tried, why: str) -> None:
@@ -393,7 +393,7 @@ class _Table:
             self._task, description=f"confirms trial {tried.number}", total=self._confirm, completed=0
         )
 
-    def confirmed(self, repetition: Repetition) -> None:
+    def confirmed(self, repetition: Judgement) -> None:
         """See _Json."""
         self._progress.advance(self._task)
 
