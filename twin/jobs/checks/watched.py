@@ -96,8 +96,8 @@ class Watched:
         self.begin_ns = self.twin.time_ns
 
     def play(self, job: str | os.PathLike[str], timeout_s: float = TIMEOUT_S) -> JobRun:
-        """Play a job file to its end, and begin anew with it (`begin`). timeout_s: virtual seconds that a line may take,
-        else the job ends. Raises JobError (ValueError) for a job that cannot be played, OSError."""
+        """Play a job file to its end, and begin anew with it. timeout_s: virtual seconds that a line may take. Raises
+        JobError (ValueError) for a job that cannot be played, OSError."""
         __tracebackhide__ = True
         path, twin = Path(job), self.twin
         try:
