@@ -130,9 +130,6 @@ def cluster(address: str) -> Crew:
     return Crew(lambda: _dask(address), 256)
 
 
-# What they compute ----------------------------------------------------------------------------------------------------
-
-
 def finished(
     function: Callable[[Item], Result], items: Sequence[Item], crew: Crew, stop: Stop | None = None
 ) -> Generator[tuple[int, Result | Lost], None, None]:
@@ -239,8 +236,6 @@ def _result(future: Future[Result]) -> Result | Lost:
         return Lost(one_line(str(error)))
 
 
-# Whether anybody still waits ------------------------------------------------------------------------------------------
-
 _asked = threading.local()
 _flags: Sequence[int] = ()  # in a local worker: those of its crew
 
@@ -267,9 +262,6 @@ def _work(function: Callable[[Item], Result], shared: Sequence[int] | None, slot
     flags = _flags if shared is None else shared
     with _asking(lambda: bool(flags[slot])):
         return function(item)
-
-
-# Local processes ------------------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -316,9 +308,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-# A cluster ------------------------------------------------------------------------------------------------------------
 
 
 @contextmanager

@@ -293,8 +293,9 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in change.items():
         old = result.get(key)
-        deep = isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value
-        result[key] = merge(old, value) if deep else value
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and "value" not in value:
+            value = merge(old, value)
+        result[key] = value
     return result
 
 

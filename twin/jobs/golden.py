@@ -157,9 +157,6 @@ def _axis_digest(t_ns: NDArray[np.int64], delta: NDArray[Any]) -> str:
     return _digest(t_ns[own], delta[own]) if len(own) else "-"
 
 
-# The file
-
-
 def golden_file(job: Path) -> Path:
     return job.with_suffix(SUFFIX)
 
@@ -227,7 +224,7 @@ def load(path: str | Path) -> Golden:
 
 
 # of values that are no text
-_KINDS: Mapping[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
+_KINDS: dict[str, tuple[type, ...]] = {"seed": (int,), "line": (int,), "set": (dict,), "ok": (bool,)}
 _KINDS |= {"cycle_s": (int, float), **dict.fromkeys(("counts", "ticks", "position_mm", "lost_steps"), (list,))}
 
 
@@ -256,9 +253,6 @@ def _move(entry: Any, place: Place) -> Move:
     values |= {key: tuple(values.get(key, "").split()) for key in ("axes", "windows")}
     values |= {key: tuple(values.get(key, ())) for key in ("counts", "ticks")}
     return Move(**values)
-
-
-# What is different
 
 
 @dataclass(frozen=True)

@@ -88,8 +88,6 @@ class Watched:
         twin.listen(self._note)
         twin.observe(self._look, round(interval_s * SECOND_NS))
 
-    # What is done
-
     def begin(self) -> None:
         """Look only at what comes from now on: path, switches, margins, time and replies. Lost steps stay lost."""
         self._close()
@@ -127,8 +125,6 @@ class Watched:
             self._rested_ns = self.twin.time_ns
         self._look_for_losses()
 
-    # What there is to see
-
     @property
     def commands(self) -> list[Command]:
         """All since `begin`, in their order."""
@@ -163,8 +159,6 @@ class Watched:
         """Its reply as `Twin.query` gives it."""
         language = self.twin.language
         return readable(command.reply) if language is None else language.text(command.reply)
-
-    # Inside
 
     def _begins(self, line: Line) -> None:
         self._line, self._fresh = line.number, True

@@ -145,8 +145,8 @@ class Measured:
     def of(self, recording: str) -> Measured:
         """What belongs to one recording."""
         lists: tuple[tuple[Any, ...], ...] = (self.readings, self.acts, self.stalls, self.repeats)
-        own = (tuple(item for item in each if item.recording == recording) for each in lists)
-        return Measured(*own, self.time_sigma_s, self.gauge_sigma_mm)
+        readings, acts, stalls, repeats = (tuple(one for one in each if one.recording == recording) for each in lists)
+        return Measured(readings, acts, stalls, repeats, self.time_sigma_s, self.gauge_sigma_mm)
 
     def __add__(self, other: Measured) -> Measured:
         return Measured(
@@ -288,9 +288,6 @@ def _repeats(item: dict[str, Any], place: Place) -> Repeats:
         raise place.at("mm").wrong(f"{item['mm']!r}; allowed: a list of numbers")
     recording, axis = text(item["recording"], place.at("recording")), text(item["axis"], place.at("axis"), CARRIAGES)
     return Repeats(recording, axis, tuple(_plain({"mm": value}, "mm", _MM, place) for value in item["mm"]))
-
-
-# Writing --------------------------------------------------------------------------------------------------------------
 
 
 def written(measured: Measured, comments: Mapping[int, str] | None = None) -> str:

@@ -194,9 +194,6 @@ def _value(tree: Any, key: str) -> float:
     return float(tree["value"] if isinstance(tree, Mapping) else tree)
 
 
-# ---- job -------------------------------------------------------------------------------------------------------------
-
-
 def _lines(work: Work, given: Mapping[tuple[str, str, str], Any], call: TwinSpec) -> list[Line]:
     from isel_twin.jobs.job import parse_job
     from isel_twin.language import create_language
@@ -239,9 +236,6 @@ def _moves(work: Work, settings: Mapping[str, int], machine: Machine) -> list[Li
         counts = [round(mm * axis.steps_per_mm) for mm, axis in zip(target_mm, machine.axes, strict=True)]
         frames += language.move(counts, how)
     return [Line(number, readable(frame), (frame,)) for number, frame in enumerate(frames, 1)]
-
-
-# ---- scenario --------------------------------------------------------------------------------------------------------
 
 
 def _events(work: Work, given: Sequence[tuple[str, str, Any]]) -> list[dict[str, Any]]:

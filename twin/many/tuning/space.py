@@ -96,8 +96,6 @@ class Problem:
         if not any(group.parameters for group in self.groups):
             raise ValueError("nothing is left to be tried: every range is a single number")
 
-    # ---- the job as it stands ---------------------------------------------------------------------------------------
-
     @cached_property
     def language(self) -> RetimesJobs:
         """Raises LanguageError if it cannot bring settings into a job."""
@@ -125,8 +123,6 @@ class Problem:
         if self.rapid_hz is not None:
             return self.rapid_hz
         return max(1, max((speed for move in self.moves for speed in move.speeds_hz), default=0) // 2)
-
-    # ---- what can be set --------------------------------------------------------------------------------------------
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -193,8 +189,6 @@ class Problem:
             return values[name]
         return min(max(max(self._now(group, setting), default=low), low), high)
 
-    # ---- jobs --------------------------------------------------------------------------------------------------------
-
     def candidate(self, values: Mapping[str, int]) -> Candidate:
         """The job with these values of the parameters."""
         return self._with(self.settings(values), self.rapid_from_hz)
@@ -218,8 +212,6 @@ class Problem:
         numbers = tuple(lines[ends[move.line] - 1].number for move in self.moves)
         first = self.moves[0].line
         return Candidate(text, lines, lines[ends[first] - len(made[first])].number, numbers)
-
-    # ---- what it is --------------------------------------------------------------------------------------------------
 
     def about(self) -> dict[str, Any]:
         """What results depend on, in JSON's types: a study of anything else is another study."""

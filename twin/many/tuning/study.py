@@ -88,8 +88,6 @@ class Study:
                 "storage"
             )
 
-    # ---- what is known -----------------------------------------------------------------------------------------------
-
     @property
     def tried(self) -> list[Tried]:
         """All trials that are over, in their order."""
@@ -100,8 +98,6 @@ class Study:
         """How the job does `as it stands`, or with the `defaults` of the controller, if that has been judged."""
         told = self._study.user_attrs.get(what)
         return None if told is None else _judgement(told)
-
-    # ---- what is found out -------------------------------------------------------------------------------------------
 
     def judge_references(self, stop: Stop | None = None) -> None:
         """Judge the job as it stands and with the defaults of the controller, unless that has been done."""
