@@ -2,7 +2,7 @@
 
 A motion is a sequence of ticks; at each tick every axis changes its command by a whole number.
 
-    motion.py       the protocol: what every motion offers, and what it means that one continues another
+    motion.py       the protocol, and what it means that one motion continues another
     time_law.py     when the ticks of steps fall: the trapezoidal law, exact to the nanosecond
     path.py         which axes step at a tick: line
     circle.py       the paths that are not straight: circle, helix

@@ -20,25 +20,21 @@ from numpy.typing import NDArray
 from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
 from isel_twin.motion.pieces import Curve, Pieces, table
 
-BLOCK = 512
-"""Phases in a block of a plan, at least: more are copied less often, fewer are copied sooner."""
+BLOCK = 512  # phases in a block of a plan, at least: more are copied less often, fewer are copied sooner
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlanBlock:
     """A stretch of the plan: phases in the order of time, and the pieces that they, or later ones, lead along."""
 
-    first: int
-    """Number of its first piece; it may be the last one of the block before."""
+    first: int  # number of its first piece; it may be the last one of the block before
     phases: NDArray[np.float64]
     piece: NDArray[np.int32]
     back: NDArray[np.int8]
-    corner: NDArray[np.float64]
-    """float64 [pieces + 1, axes], where pieces begin and the last one ends, increments from tick 0 on."""
+    corner: NDArray[np.float64]  # [pieces + 1, axes], increments at which pieces begin and the last one ends
     table: NDArray[np.float64]
     curves: tuple[tuple[int, Curve], ...]
-    settled: int
-    """The last piece (of the block) whose beginning keeps its speed whatever is appended."""
+    settled: int  # the last piece (of the block) whose beginning keeps its speed whatever is appended
 
     @property
     def start_s(self) -> float:

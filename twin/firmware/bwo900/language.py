@@ -21,7 +21,8 @@ from isel_twin.firmware.bwo900.numbers import Axis, G, M, P
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
 from isel_twin.firmware.bwo900.programs.lines import END
 from isel_twin.firmware.bwo900.programs.stored import program_name
-from isel_twin.firmware.bwo900.programs.syntax import Block, parse_block
+from isel_twin.firmware.bwo900.programs.syntax import parse_block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 from isel_twin.language import (
     SETTINGS_RANGES,
     LanguageError,
@@ -360,7 +361,7 @@ def explain(text: str) -> str:
         return f"no block: M{error.number} {error.detail}".rstrip()
 
 
-def _explained(block: Block) -> str:
+def _explained(block: ProgramBlock) -> str:
     parts = [] if block.number is None else [f"block {block.number}"]
     if block.skip:
         parts.append("may be skipped")

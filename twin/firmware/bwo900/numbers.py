@@ -138,7 +138,7 @@ class P:
     CYCLES_FIRST, CYCLES_LAST = 10, 39
     SIZE_1 = 11
     INNER_RADIUS = 11
-    """Of a circular pocket: the radius that has been drilled."""
+    """Of a circular pocket: the radius drilled before."""
     SIZE_2 = 12
     POCKET_DEPTH = 13
     POCKET_RADIUS = 14
@@ -169,7 +169,6 @@ class P:
     ROTATION_U0, ROTATION_V0, ROTATION_ANGLE = 160, 161, 163
     ROTATION_DU, ROTATION_DV, ROTATION_DANGLE = 165, 166, 168
     # areas (8.1)
-    USER_END = 7_000
     FIXED_FIRST, FIXED_LAST = 7_000, 9_999
     COMMON_FIRST, COMMON_LAST = 11_000, 11_999
     AXES_FIRST = 12_000

@@ -139,7 +139,7 @@ class Parameters:
         return self._values.get(self.address(area, number)) or default
 
     def loaded(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether it has a value."""
+        """True if it has a value."""
         return self.address(area, number, channel) in self._values
 
     def read(self, area: str, number: int, channel: int = 1) -> float:
@@ -174,11 +174,11 @@ class Parameters:
         self._status[q] = (self._status.get(q, 0) | status if add else status) & ~LOADED
 
     def has(self, number: int, bits: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether bits of the status are set."""
+        """True if bits of the status are set."""
         return bool(self._status.get(self.address(area, number, channel), 0) & bits)
 
     def locked(self, number: int, area: str = "P", channel: int = 1) -> bool:
-        """Whether a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
+        """True if a program must not write it: byte 3 of its status has the bit of a lock, 1 to 4, that is set.
 
         P8510 sets locks in AUTO, P11008 = 1 those of P11018 and P11009 = 1 those of P11019, -1 lifts them; P8511 lifts
         them for programs.

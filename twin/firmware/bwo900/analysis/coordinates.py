@@ -9,13 +9,14 @@ program's is worked out anew (`renew`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, YZ, ZX, Plane, Point
 from isel_twin.firmware.bwo900.geometry.frames import Frame, Rotation
-from isel_twin.firmware.bwo900.geometry.groups import START, Modal
+from isel_twin.firmware.bwo900.geometry.groups import COORDINATES, GROUPS, START, ZERO, Modal
+from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
@@ -239,3 +240,22 @@ def _plane_of(value: float, default: Plane) -> Plane:
     """A plane as a parameter says: its axes, from 1, in the lower three bytes; the default if that is none."""
     axes = tuple(byte(value, number) - 1 for number in (1, 2, 3))
     return Plane(*axes) if sorted(axes) == [0, 1, 2] else default
+
+
+def start_state(p: Parameters) -> Iterator[int]:
+    """G functions that a program begins with, beyond START (P8830, P8853, P8650 to the first deleted one)."""
+    if zero := int(p.get(P.START_ZERO)):
+        yield _known(zero, ZERO)
+    if coordinates := int(p.get(P.START_COORDINATES)):
+        yield _known(coordinates, COORDINATES)
+    for number in range(P.START_G_FIRST, P.START_G_LAST + 1):
+        if not p.loaded(number):
+            return
+        yield _known(int(p.get(number)), None)
+
+
+def _known(number: int, group: int | None) -> int:
+    """A G function that stays, of that group if one is given. Raises ProgramError M1249."""
+    if GROUPS.get(number) is None or (group is not None and GROUPS[number] != group):
+        raise ProgramError(Code.WRONG_START_STATE, f"G{number} at the start of a program")
+    return number

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
-from isel_twin.firmware.bwo900.analysis.cycles.call import Call, Kind, Move
+from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.analysis.cycles.moves import Moves
 from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.reader import Reader
@@ -21,7 +21,7 @@ from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Level
 from isel_twin.firmware.bwo900.analysis.targets import Targets
 from isel_twin.firmware.bwo900.analysis.tools import Tools
-from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, Machine, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, Correction, MFunction, Stop
 from isel_twin.firmware.bwo900.geometry.elements import Element
 from isel_twin.firmware.bwo900.geometry.groups import Modal
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
@@ -50,7 +50,7 @@ class Cycle:
     said: Said
     level: Level
     moves: Moves
-    post: list[Machine]
+    post: list[MFunction]
     stop: Stop
     modal: Modal
     """In force again at its end."""
@@ -73,7 +73,7 @@ def chosen(numbers: Sequence[int], staying: int | None) -> tuple[int, int | None
 
 
 def comes_first(pattern: int | None, coordinates: Coordinates, targets: Mapping[int, float]) -> bool:
-    """Whether a pattern begins with a move to where it lies."""
+    """True if a pattern begins with a move to where it lies."""
     plane = coordinates.frame.plane
     return pattern == G.CIRCLE_OF_PLACES or (
         pattern is not None and not {plane.first, plane.second}.isdisjoint(targets)
@@ -111,7 +111,7 @@ def call_of(
 
 
 def step(
-    move: Move, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
+    move: CycleMove, said: Said, coordinates: Coordinates, targets: Targets, functions: Functions, programmed: int
 ) -> tuple[tuple[Element, ...], dict[str, object]]:
     """Elements of a move, and what its PathBlock has that its block does not say. programmed: 0 to 3, of G00 to G03."""
     coordinates.g(MOTION.get(move.kind, programmed))
@@ -122,7 +122,7 @@ def step(
         elements = (targets.arc(said, move.target, move.centre, turn),)
     elif move.target:
         elements = targets.path(said, move.target)
-    post = tuple(Machine(code, (), functions.of(code).halt) for code in move.m)
+    post = tuple(MFunction(code, (), functions.of(code).halt) for code in move.m)
     changes: dict[str, object] = {"post": post, "main": False, "correction": Correction()}
     if move.exact_stop or move.dwell_s is not None:
         changes["end"] = BlockEnd.EXACT_STOP

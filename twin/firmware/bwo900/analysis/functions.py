@@ -47,11 +47,11 @@ class Functions:
         self.take_over()
 
     def take_over(self) -> None:
-        """The table as it is now counts."""
+        """Read the table anew."""
         p = self._parameters
         in_channel = bool(p.get(Q.M_IN_CHANNEL, 0.0, "q"))
         self._bits: dict[int, float] = {}
-        """Four of them, by the lowest number; those that nobody has defined are missing."""
+        """Four definitions each, by their lowest number / 4; places where none is defined are missing."""
         for place in range(HIGHEST // 4 + 1):
             in_system = 4 * place < IN_SYSTEM and not in_channel
             if bits := p.get((P.M_TABLE_COMMON if in_system else P.M_TABLE) + place):

@@ -15,7 +15,7 @@ from typing import Final
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.numbers import P
 from isel_twin.firmware.bwo900.parameters import Parameters
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 OTHERS: Final[Mapping[str, int]] = {
     "I": P.HANDED_I, "J": P.HANDED_J, "K": P.HANDED_K, "R": P.HANDED_R, "T": P.HANDED_T, "f": P.HANDED_END_FEED,
@@ -37,7 +37,7 @@ def clear(p: Parameters) -> None:
                     p.write(number, None)
 
 
-def handed(block: Block, p: Parameters, values: Values, names: Mapping[str, int]) -> Block:
+def handed(block: ProgramBlock, p: Parameters, values: Values, names: Mapping[str, int]) -> ProgramBlock:
     """Hand over what is to be; what is left of the block. names: axes by their letters. Raises ProgramError."""
     own = _own(p)
     for word in block.words:

@@ -9,7 +9,8 @@ Two of a group in one block, numbers that are in no table, and what is not in th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.coordinates import Coordinates
@@ -17,21 +18,24 @@ from isel_twin.firmware.bwo900.analysis.functions import Functions
 from isel_twin.firmware.bwo900.analysis.handed import handed
 from isel_twin.firmware.bwo900.analysis.said import Called, Said
 from isel_twin.firmware.bwo900.analysis.stack import Goal, Stack
+from isel_twin.firmware.bwo900.analysis.tools import Tools
 from isel_twin.firmware.bwo900.analysis.values import Values
-from isel_twin.firmware.bwo900.geometry.blocks import Machine, Stop
+from isel_twin.firmware.bwo900.geometry.blocks import MFunction, Stop
 from isel_twin.firmware.bwo900.geometry.groups import BEYOND, BLOCKWISE, GROUPS, MIRROR, SHIFT, ZERO, ZERO_POINTS
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
-from isel_twin.firmware.bwo900.programs.syntax import Block, MWord, Word
+from isel_twin.firmware.bwo900.programs.words import MWord, ProgramBlock, Word
 
 CENTRES: Final = "IJK"
 LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
+WITH_Z5, WITHOUT_TABLE = 0x01, 0x02
+"""Bits of P8807, byte 1: T needs Z5; T takes nothing from the table."""
 
 
 class Reader:
@@ -44,11 +48,12 @@ class Reader:
         stack: Stack,
         values: Values,
         coordinates: Coordinates,
+        tools: Tools,
         cycles: Collection[int],
     ) -> None:
         """cycles: numbers of the G functions that are cycles."""
         self._parameters, self._store, self._stack, self._values = parameters, store, stack, values
-        self._coordinates, self._cycles = coordinates, cycles
+        self._coordinates, self._tools, self._cycles = coordinates, tools, cycles
         self.functions = Functions(parameters)
         self.clear()
 
@@ -58,6 +63,7 @@ class Reader:
         """S of the first spindle."""
         self.turning = 0
         """+1 M03, -1 M04, 0 M05."""
+        self._tool: int | None = None
         self.drilling: int | None = None
         """The drilling cycle that stays."""
 
@@ -88,7 +94,7 @@ class Reader:
 
     # G functions
 
-    def _cycle_of_user(self, block: Block) -> Called | None:
+    def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
         """The cycle Z that the block calls."""
         numbers = (g.number for g in block.g)
         known = (n for n in numbers if not (n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles))
@@ -183,6 +189,28 @@ class Reader:
                 if spindle == 1:
                     self.speed_rpm = said.speeds[spindle]
 
+    def select_tool(self, said: Said) -> None:
+        """The tool of a T word, and M16."""
+        if said.tool is None:
+            return
+        flags = byte(self._parameters.get(P.START_FLAGS_2), 1)
+        self._parameters.write(
+            P.TOOL_INFO, float(M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0)
+        )
+        word = said.block.word("T")
+        column = word.column if word else 0
+        if said.tool != self._tool and not flags & WITHOUT_TABLE:
+            with _at(column):
+                self._tools.request(said.tool)
+        self._tool = said.tool
+        said.parameters.append((P.TOOL_ASKED, float(said.tool)))
+        if said.activates:
+            with _at(column):
+                self._tools.reckon(said.tool)
+        else:
+            said.parameters += self._tools.requested()
+        said.hidden = "Z5" in self._store or bool(flags & WITH_Z5)
+
     # M functions
 
     def _m(self, m: MWord, said: Said) -> None:
@@ -266,7 +294,7 @@ class Reader:
             raise ProgramError(Code.M_DEFINED_OTHERWISE, f"M{m.number} {wrong}", m.column)
         if defined.jump:
             said.jump = self._goal(values, m)
-        function = Machine(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
+        function = MFunction(m.number, tuple(float(v or 0) for v in values), defined.halt, defined.jump)
         if defined.pre:
             said.pre.append(function)
         if defined.post:
@@ -274,3 +302,13 @@ class Reader:
         self.turning = {M.SPINDLE_RIGHT: 1, M.SPINDLE_LEFT: -1, M.SPINDLE_OFF: 0}.get(m.number, self.turning)
         said.synchronises = said.synchronises or defined.synchronises
         said.changes = said.changes or m.number == M.TOOL_CHANGE
+
+
+@contextmanager
+def _at(column: int) -> Iterator[None]:
+    """What is wrong is wrong with the word there."""
+    try:
+        yield
+    except ProgramError as error:
+        error.column = error.column or column
+        raise

@@ -17,7 +17,7 @@ from typing import Final
 
 from isel_twin.firmware.bwo900.analysis.interpreter import Interpreter, Waiting
 from isel_twin.firmware.bwo900.geometry.blocks import BlockEnd, PathBlock, Stop
-from isel_twin.firmware.bwo900.geometry.elements import Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Point, Straight
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P
 
@@ -56,7 +56,7 @@ def find(
 
 
 def _way(block: PathBlock, position: Point) -> PathBlock:
-    elements = () if position == block.start else (Line(position, block.start),)
+    elements = () if position == block.start else (Straight(position, block.start),)
     return PathBlock(
         block.program,
         block.number,

@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.programs.stored import Blocks, Store
-from isel_twin.firmware.bwo900.programs.syntax import Block
+from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 DEEPEST_CALLS: Final = 6
 """Subprograms inside each other (M1220)."""
@@ -43,7 +43,7 @@ class Level:
 
     @property
     def over(self) -> bool:
-        """There is no next block, or none that has come yet."""
+        """There is no next block, or a fed one has not come yet."""
         return self.place >= len(self.program) or (self.last is not None and self.place > self.last)
 
     @property
@@ -51,18 +51,18 @@ class Level:
         """Its name and the number of the block that was taken last."""
         return self.program.name, max(self.program.number(max(self.place - 1, 0)), 0)
 
-    def take(self) -> Block:
-        """The next block; the one behind it is the next now. Raises ProgramError for a block that makes no sense."""
+    def take(self) -> ProgramBlock:
+        """The next block, and step on. Raises ProgramError for a block that makes no sense."""
         block = self.program.block(self.place)
         self.place += 1
         return block
 
     def leave(self) -> None:
-        """Nothing more of it."""
+        """Its end is reached: M02, M29, M30."""
         self.place, self.last = len(self.program), None
 
     def repeat(self) -> None:
-        """From its first block on, without open loops. Raises ProgramError M1269."""
+        """Begin again at its first block, without open loops. Raises ProgramError M1269."""
         self._leads_back("M29")
         self.place, self.loops = 0, []
 
@@ -92,14 +92,14 @@ class Stack:
         self._store = store
         self._levels: list[Level] = []
         self.opened: frozenset[str] = frozenset()
-        """Programs that have been open; whoever carries them out clears it."""
+        """Programs that have been open since the start; the interpreter clears it at the end."""
 
     def __len__(self) -> int:
         return len(self._levels)
 
     @property
     def top(self) -> Level:
-        """What is being executed; there must be something."""
+        """The program that is analysed; there must be one."""
         return self._levels[-1]
 
     @property
@@ -153,7 +153,7 @@ class Stack:
         return any(level.cycle for level in self._levels)
 
     def is_subprogram(self, level: Level) -> bool:
-        """Whether this level is on top, and not the main program's."""
+        """True if this level is on top, and not the main program's."""
         return len(self._levels) > 1 and self._levels[-1] is level
 
     def begin(self, program: Blocks, place: int) -> None:
@@ -162,11 +162,11 @@ class Stack:
         self.opened = self.open
 
     def clear(self) -> None:
-        """No program any more."""
+        """Close all programs."""
         self._levels = []
 
     def pop(self) -> None:
-        """The one on top has come to its end."""
+        """Close the program on top."""
         self._levels.pop()
 
     def go(self, goal: Goal) -> None:

@@ -17,9 +17,9 @@ from isel_twin.firmware.bwo900.analysis.reader import CENTRES
 from isel_twin.firmware.bwo900.analysis.said import Said
 from isel_twin.firmware.bwo900.analysis.values import Values
 from isel_twin.firmware.bwo900.geometry.circles import arc_by_centre, arc_by_radius
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Point, Straight
 from isel_twin.firmware.bwo900.geometry.frames import Frame, polar
-from isel_twin.firmware.bwo900.geometry.groups import CORRECTION
+from isel_twin.firmware.bwo900.geometry.groups import CIRCLES, CORRECTION
 from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, message
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
@@ -71,7 +71,8 @@ class Targets:
         names, modal, plane = coordinates.names, coordinates.modal, coordinates.frame.plane
         named: dict[int, float] = {}
         radial: dict[str, float] = {}
-        letters = self._polar_letters() if modal.polar == G.POLAR_ON else {}
+        in_polar = modal.polar == G.POLAR_ON
+        letters = self._polar_letters() if in_polar else {}
         for word in said.block.words:
             if word.name in taken:
                 if word.name in names:
@@ -83,11 +84,11 @@ class Targets:
                 radial[letters[word.name]] = self._values.of(word.value)
             elif word.name[0] not in "FSTIJKRft":
                 raise ProgramError(Code.UNKNOWN_AXIS, word.name, word.column)
-        if said.shifts or said.groups.get(CORRECTION) == G.AXIS_CORRECTION_ON:
+        if said.shifts or (said.groups and said.groups.get(CORRECTION) == G.AXIS_CORRECTION_ON):
             self._consume(named, radial, said)
             return None
         relative = set(named)
-        if modal.polar == G.POLAR_ON:
+        if in_polar:
             self._read_pole(named.pop(plane.first, None), named.pop(plane.second, None))
             relative = set(named)
             if radial:
@@ -143,15 +144,15 @@ class Targets:
         coordinates = self._coordinates
         frame, start, bare = self._frame_of(said)
         goal = tuple(targets.get(axis, value) for axis, value in enumerate(start))
-        if G.THREE_POINTS in said.blockwise and coordinates.modal.motion == G.RAPID:
+        if said.blockwise and G.THREE_POINTS in said.blockwise and coordinates.modal.motion == G.RAPID:
             coordinates.g(G.LINE)
         motion = coordinates.modal.motion
         end = coordinates.machine(frame, goal, targets)
         element: Element | None
-        if motion in (G.CIRCLE_CLOCKWISE, G.CIRCLE_COUNTER_CLOCKWISE) and self._turns(targets):
+        if motion in CIRCLES and self._turns(targets):
             element = self._circle(said, frame, start, end)
         else:
-            element = Line(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
+            element = Straight(coordinates.position, end) if math.dist(coordinates.position, end) > NEAR_MM else None
         if element is not None and motion and self.feed_mm_min is None and said.feed is None:
             raise ProgramError(Code.NO_FEED)
         coordinates.arrive(end, coordinates.frame.program(end) if bare else goal, targets)
@@ -173,7 +174,7 @@ class Targets:
     def _frame_of(self, said: Said) -> tuple[Frame, Point, bool]:
         """The frame that a block's places are in, where the path has got to in it, and whether it is G66's."""
         coordinates = self._coordinates
-        if G.BARE in said.blockwise:
+        if said.blockwise and G.BARE in said.blockwise:
             bare = coordinates.frame.bare
             return bare, bare.program(coordinates.position), True
         return coordinates.frame, coordinates.program_position, False
@@ -185,7 +186,7 @@ class Targets:
         return arc_by_centre(here, end, frame.plane, there, turn, self._parameters.given(P.CENTRE_ERROR, 0.003))
 
     def _turns(self, targets: Mapping[int, float]) -> bool:
-        """Whether a block with G02 or G03 has a circle to make."""
+        """True if a block with G02 or G03 has a circle to make."""
         plane = self._coordinates.frame.plane
         return plane.first in targets or plane.second in targets or bool(self._centre or self._radius)
 

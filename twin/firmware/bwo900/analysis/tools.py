@@ -34,17 +34,17 @@ TAKE_REAL_TIME, PUT_BACK = (P.TOOL_TAKE, 2), (P.TOOL_PUT_BACK, 1)
 
 
 def told(number: int) -> bool:
-    """Whether a parameter is one of those of a record that have a value without a tool, too: 0, as of T0."""
+    """True if a parameter belongs to those of a record that read 0 when there is no tool, as T0 does."""
     return P.TOOL_REQUESTED <= number < P.TOOL_REAL_TIME + SIZE and (number - P.TOOL_REQUESTED) % SIZE <= QUADRANT
 
 
 class Tools:
-    """The tools of a control, all of it in its parameters."""
+    """The tools of a control; all their data are in its parameters."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._radius: tuple[int, float] = (-1, 0.0)
-        """Revision of the parameters, and the radius that they have come to: every block asks for it."""
+        """Cache: revision of the parameters and the radius at it, for every block asks."""
 
     @property
     def radius_mm(self) -> float:

@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.programs.expressions import (
     evaluate,
     whole,
 )
-from isel_twin.firmware.bwo900.programs.syntax import Assign, Block
+from isel_twin.firmware.bwo900.programs.words import Assign, ProgramBlock
 
 Later: TypeAlias = list[tuple[int, float | None]]
 """Parameters P that are written when a block is executed: number, value."""
@@ -57,19 +57,19 @@ class Values:
         """The value of an expression. Raises ProgramError, see `evaluate`."""
         return expression.value if isinstance(expression, Number) else evaluate(expression, self)
 
-    def holds(self, block: Block) -> bool:
-        """Whether what a block waits for is true: waituntil."""
+    def holds(self, block: ProgramBlock) -> bool:
+        """True if what a block waits for is true: waituntil."""
         wait = block.wait
         return wait is None or compare(self.of(wait.left), wait.relation, self.of(wait.right))
 
-    def jump(self, block: Block) -> int | None:
+    def jump(self, block: ProgramBlock) -> int | None:
         """The block that the first comparison that is true leads to."""
         for jump in block.jumps:
             if compare(self.of(jump.left), jump.relation, self.of(jump.right)):
                 return whole(self.of(jump.target), Code.NO_BLOCK)
         return None
 
-    def assign(self, block: Block) -> Later:
+    def assign(self, block: ProgramBlock) -> Later:
         """Carry out the assignments; what is to be written in real time is returned."""
         later: Later = []
         for assign in block.assignments:
@@ -99,8 +99,8 @@ class Values:
         if own:
             self._written(number, value)
 
-    def synchronises(self, block: Block) -> bool:
-        """Whether analysis waits for one of the parameters that a block writes."""
+    def synchronises(self, block: ProgramBlock) -> bool:
+        """True if analysis waits for one of the parameters that a block writes."""
         return any(self._synchronises(assign) for assign in block.assignments)
 
     def _synchronises(self, assign: Assign) -> bool:

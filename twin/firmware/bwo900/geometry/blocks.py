@@ -13,7 +13,7 @@ from enum import Enum
 
 from isel_twin.firmware.bwo900.geometry.elements import XY, Arc, Element, Plane, Point
 from isel_twin.firmware.bwo900.geometry.in_force import AT_REST, InForce
-from isel_twin.firmware.bwo900.programs.syntax import Text
+from isel_twin.firmware.bwo900.programs.words import Text
 
 
 class BlockEnd(Enum):
@@ -43,7 +43,7 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
+class MFunction:
     """An M function on its way to the PLC: number, values behind its points; halt: until it is acknowledged."""
 
     code: int
@@ -83,8 +83,8 @@ class PathBlock:
     """G12 with P71."""
     three_points: bool = False
     """G123: its only element is a line; the next one decides what becomes of both."""
-    pre: tuple[Machine, ...] = ()
-    post: tuple[Machine, ...] = ()
+    pre: tuple[MFunction, ...] = ()
+    post: tuple[MFunction, ...] = ()
     dwell_s: float | None = None
     """G04: after the path, before the post functions."""
     speeds: Mapping[int, float] = field(default_factory=dict)
@@ -116,18 +116,18 @@ class PathBlock:
 
     @property
     def speaks(self) -> bool:
-        """Whether something happens as it begins."""
+        """True if something happens as it begins."""
         said = self.text is not None or self.tool is not None
         return bool(self.pre or self.parameters or self.speeds or self.watched or said)
 
     @property
     def in_real_time(self) -> bool:
-        """Whether it is more than parameters and jumps."""
+        """True if it is more than parameters and jumps."""
         return bool(self.elements or self.post or self.dwell_s is not None or self.stop is not Stop.NONE or self.speaks)
 
     @property
     def stands(self) -> bool:
-        """Whether the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
+        """True if the axes stand at its end and something is waited for: their following error, a time, M00, M01."""
         return self.end is BlockEnd.EXACT_STOP or self.dwell_s is not None or self.stop is not Stop.NONE
 
     @property

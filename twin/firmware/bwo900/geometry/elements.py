@@ -45,7 +45,7 @@ YZ: Final = Plane(1, 2, 0)
 
 
 @dataclass(frozen=True)
-class Line:
+class Straight:
     """A straight line."""
 
     start: Point
@@ -75,9 +75,9 @@ class Line:
         """Lowest and highest coordinate of an axis on it."""
         return min(self.start[axis], self.end[axis]), max(self.start[axis], self.end[axis])
 
-    def reversed(self) -> Line:
+    def reversed(self) -> Straight:
         """The same, the other way."""
-        return Line(self.end, self.start)
+        return Straight(self.end, self.start)
 
 
 @dataclass(frozen=True)
@@ -163,5 +163,5 @@ class Arc:
         return Arc(self.end, self.start, self.plane, self.centre, -self.sweep_rad)
 
 
-Element: TypeAlias = Line | Arc
+Element: TypeAlias = Straight | Arc
 """One piece of a path."""

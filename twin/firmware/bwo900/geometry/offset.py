@@ -32,7 +32,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from isel_twin.firmware.bwo900.geometry.blocks import Correction, PathBlock
-from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Line, Plane, Point
+from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Point, Straight
 from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
@@ -47,7 +47,7 @@ SHARPEST: Final = 120.0
 
 
 def corner_arc(deviation_deg: float, threshold: float | None) -> bool:
-    """Whether an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
+    """True if an outer corner gets an arc. threshold: P8845, None deleted: always; 0: above 120 degrees."""
     if threshold is None:
         return True
     return deviation_deg > (threshold or SHARPEST)
@@ -184,7 +184,7 @@ class Offset:
         moved = _beside(element, plane, correction)
         if last.approach:
             begin, share = moved.start, 0.0
-            self._over(last, Line(last.begin, plane.into(last.element.end, *plane.of(begin))))
+            self._over(last, Straight(last.begin, plane.into(last.element.end, *plane.of(begin))))
         else:
             begin, share = self._meet(last, element, correction.side)
         self._last = _Last(element, moved, begin, share, entry, correction)
@@ -225,7 +225,7 @@ class Offset:
         if last is None:
             return
         if last.approach:
-            self._over(last, Line(last.begin, last.element.end))
+            self._over(last, Straight(last.begin, last.element.end))
             return
         self._over(last, _between(last, last.moved.end, 1.0))
         self._place = last.plane, last.plane.of(last.moved.end)
@@ -239,7 +239,7 @@ class Offset:
             return
         if isinstance(element, Arc):
             raise ProgramError(Code.NO_APPROACH, "the correction is switched off with a line")
-        entry.add(Line(_moved(element.start, *place), element.end))
+        entry.add(Straight(_moved(element.start, *place), element.end))
 
 
 def _beside(element: Element, plane: Plane, correction: Correction) -> Element:
@@ -285,12 +285,12 @@ def _beyond(element: Element, share: float, least: float) -> float:
 def _between(last: _Last, end: Point, share: float) -> Element:
     """The moved element from where it begins to `end`. Raises ProgramError M1223."""
     moved, plane = last.moved, last.plane
-    if isinstance(moved, Line):
+    if isinstance(moved, Straight):
         d = heading(moved, plane, 0.0)
         (u, v), (begin_u, begin_v) = plane.of(end), plane.of(last.begin)
         if (u - begin_u) * d[0] + (v - begin_v) * d[1] < -NEAR_MM:
             raise _too_short(last, "path")
-        return Line(last.begin, end)
+        return Straight(last.begin, end)
     if share < last.share - NEAR:
         raise _too_short(last, "arc")
     return replace(moved, start=last.begin, end=end, sweep_rad=(share - last.share) * moved.sweep_rad)
@@ -308,4 +308,4 @@ def _moved(point: Point, plane: Plane, place: UV) -> Point:
 
 def _at(element: Element, plane: Plane, place: UV) -> Element:
     """A move across the plane at another place of it."""
-    return Line(_moved(element.start, plane, place), _moved(element.end, plane, place))
+    return Straight(_moved(element.start, plane, place), _moved(element.end, plane, place))

@@ -90,7 +90,7 @@ def evaluate(expression: Expression, environment: Environment) -> float:
 
 
 def whole(value: float, error: int = Code.SYNTAX) -> int:
-    """An integer that was computed, rounded; ProgramError with that number for one that is none or too large."""
+    """A computed number as an integer. Raises ProgramError `error` if it is not whole, or too large."""
     nearest = round(value) if math.isfinite(value) else 0
     if abs(value - nearest) > 1e-6 or abs(nearest) > 9_999_999_999:
         raise ProgramError(error, f"{value:g} is no number of its kind")

@@ -22,7 +22,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class CycleMove:
     """One step of a cycle. Everything in program coordinates, absolute, mm.
 
     target: by axis number; axes that are not named stay. centre: of an arc, (first, second) axis of the plane. feed:
