@@ -204,7 +204,7 @@ def _chosen(study: Study, confirm: int, crew: Crew, stopped: Sequence[int], show
         if held.good:
             return tuned(problem, tried, held)
         show.fell(tried, held.why)
-        if held.last is not None and held.last.number not in hard:
+        if held.last.number not in hard:
             hard.append(held.last.number)
     return None
 
