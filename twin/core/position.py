@@ -166,34 +166,28 @@ class Position:
 
     @property
     def encoder(self) -> tuple[int, ...]:
-        """See Drives.encoder."""
         measured = self._direction * (self._plant.rotor + self._slip) + self._encoder_zero
         return tuple(int(n) for n in measured.round())
 
     @property
     def lag(self) -> tuple[float, ...]:
-        """See Drives.lag."""
         slip = np.where(self._closed, 0.0, self._slip)  # a drive that was switched on anew knows of no slip
         return tuple((self._direction * (self._plant.lag - slip)).tolist())
 
     @property
     def in_position(self) -> tuple[bool, ...]:
-        """See Drives.in_position."""
         return tuple(self._plant.in_position.tolist())
 
     @property
     def overloaded(self) -> tuple[bool, ...]:
-        """See Drives.overloaded."""
         return tuple(self._plant.overloaded.tolist())
 
     @property
     def speed(self) -> tuple[float, ...]:
-        """See Drives.speed."""
         return tuple((self._direction * self._plant.rotor_speed).tolist())
 
     @property
     def past_zero_pulse(self) -> tuple[int, ...]:
-        """See Drives.past_zero_pulse."""
         turn = self._plant.turn_steps
         start = np.zeros(len(turn))
         start[: len(self._start_mm)] = (self._start_mm / self.step_mm)[: len(turn)]
@@ -202,12 +196,10 @@ class Position:
 
     @property
     def on(self) -> tuple[bool, ...]:
-        """See Drives.on."""
         return tuple(self._plant.powered.tolist())
 
     @property
     def fault(self) -> tuple[bool, ...]:
-        """See Drives.fault."""
         return tuple(self._plant.fault.tolist())
 
     def _senses(self) -> tuple[NDArray[np.int64], bool]:

@@ -64,24 +64,20 @@ class Told:
         self._begin(Life(None, flash, ()), whole=rebuilt)
 
     def use_drives(self, drives: Drives) -> None:
-        """See UsesDrives.use_drives, if the controller does."""
         self._drives.asked = drives
         if offers(self.controller, UsesDrives):
             self.controller.use_drives(cast(Drives, self._drives))
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
-        """See Controller.power_on."""
         self._note(("power_on", t_ns, dict(levels)))
         self.controller.power_on(t_ns, levels)
 
     def receive(self, t_ns: int, data: bytes) -> None:
-        """See Controller.receive."""
         self._note(("receive", t_ns, data))
         self._bytes += len(data)
         self.controller.receive(t_ns, data)
 
     def set_input(self, t_ns: int, terminal: str, level: bool) -> None:
-        """See Controller.set_input."""
         self._note(("set_input", t_ns, (terminal, level)))
         self.controller.set_input(t_ns, terminal, level)
 
@@ -94,7 +90,6 @@ class Told:
         return True
 
     def advance(self, t_ns: int) -> None:
-        """See Controller.advance."""
         if len(self._calls) >= self._try_at or self._bytes > MOST_BYTES:
             self._shorten_or_drop()
         self._calls.append(("advance", t_ns, None))

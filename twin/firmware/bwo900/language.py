@@ -124,7 +124,6 @@ class Bwo900Language:
         return encoded(text) + END_OF_LINE
 
     def text(self, reply: bytes) -> str:
-        """See Language.text."""
         return readable(reply)
 
     def accepted(self, sent: bytes, reply: bytes) -> bool:
@@ -132,14 +131,12 @@ class Bwo900Language:
         return True
 
     def messages(self, data: bytes, sent: bool) -> Iterator[Message]:
-        """See Language.messages."""
         for piece in (self._sent if sent else self._received).cut(data):
             text = piece.rstrip(b"\r\n\x04").decode("latin-1")
             words = "end of the file" if piece.endswith(END_OF_FILE) else explain(text)
             yield Message(piece, text, words, sent=sent)
 
     def rest(self, sent: bool) -> bytes:
-        """See Language.rest."""
         return (self._sent if sent else self._received).rest
 
     def reference(self) -> Sequence[bytes]:
@@ -199,7 +196,6 @@ class Bwo900Language:
         return [*steps, (f"start {first.name}", [_file(["D", *_started(number)])])]
 
     def lines(self, text: str, names: Collection[str]) -> Mapping[str, int]:
-        """See RunsPrograms."""
         found: dict[str, int] = {}
         wanted = {name.partition(" N")[2] for name in names}
         name = ""
@@ -214,7 +210,6 @@ class Bwo900Language:
         return {name: line for name, line in found.items() if name in names}
 
     def place(self, said: str) -> tuple[str, int]:
-        """See RunsPrograms."""
         found = re.match(r"M\d+ ([PZ]\d+ N\d+)(?: column (\d+))?", said)
         return ("", 0) if found is None else (found[1], int(found[2] or 1))
 
