@@ -21,11 +21,7 @@ from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters, byte
 
 ROTATION_SET: Final[Mapping[int, str]] = {P.ROTATION_U0: "u0", P.ROTATION_V0: "v0", P.ROTATION_ANGLE: "angle_deg"}
-ROTATION_ADDED: Final[Mapping[int, str]] = {
-    P.ROTATION_DU: "du",
-    P.ROTATION_DV: "dv",
-    P.ROTATION_DANGLE: "dangle_deg",
-}
+ROTATION_ADDED: Final[Mapping[int, str]] = {P.ROTATION_DU: "du", P.ROTATION_DV: "dv", P.ROTATION_DANGLE: "dangle_deg"}
 
 PLANES: Final[Mapping[int, tuple[int, Plane]]] = {
     G.PLANE_XY: (Q.PLANE_XY, XY),

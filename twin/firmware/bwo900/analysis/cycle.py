@@ -28,10 +28,7 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, P
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-CYCLE_PARAMETERS: Final = (
-    *range(P.CYCLES_FIRST, P.CYCLES_LAST + 1),
-    *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1),
-)
+CYCLE_PARAMETERS: Final = (*range(P.CYCLES_FIRST, P.CYCLES_LAST + 1), *range(P.PATTERNS_FIRST, P.PATTERNS_LAST + 1))
 """P that a cycle is told, as they are when it begins."""
 MOTION: Final[Mapping[Kind, int]] = {
     Kind.RAPID: 0,

@@ -82,10 +82,7 @@ class Contour:
 
     def _pair(self, first: PathBlock, second: PathBlock) -> tuple[PathBlock, PathBlock]:
         a, b = through(first.elements[-1], second.elements[0], first.plane)
-        return (
-            replace(first, elements=(*first.elements[:-1], a)),
-            replace(second, elements=(b, *second.elements[1:])),
-        )
+        return (replace(first, elements=(*first.elements[:-1], a)), replace(second, elements=(b, *second.elements[1:])))
 
 
 def _flat(block: PathBlock) -> bool:

@@ -139,9 +139,7 @@ class Arc:
         turn = radius * self.sweep_rad
         slope = tuple(b - a for a, b in zip(self.start, self.end, strict=True))
         slope = self.plane.into(
-            slope,
-            grows * math.cos(angle) - turn * math.sin(angle),
-            grows * math.sin(angle) + turn * math.cos(angle),
+            slope, grows * math.cos(angle) - turn * math.sin(angle), grows * math.sin(angle) + turn * math.cos(angle)
         )
         length = math.hypot(*slope) or 1.0
         return tuple(s / length for s in slope)
