@@ -21,10 +21,8 @@ class Observers(Generic[Seen]):
 
     def __init__(self) -> None:
         self._all: list[_Observer[Seen]] = []
-        self._changes = 0
-        """Changes of the wiring at their last look."""
-        self._inputs: Mapping[str, str] = {}
-        """Inputs then."""
+        self._changes = 0  # changes of the wiring at their last look
+        self._inputs: Mapping[str, str] = {}  # inputs then
 
     def __len__(self) -> int:
         return len(self._all)

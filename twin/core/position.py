@@ -52,10 +52,8 @@ class Position:
         self._slip = np.zeros(len(controller.counts))
         self._forgotten = np.zeros(len(controller.counts))
         self._encoder_zero = np.zeros(len(controller.counts))
-        self.before_change: Callable[[], None] | None = None
-        """Called before zeros or directions change."""
-        self._turned = tuple(controller.direction)
-        """Directions that the zeros belong to."""
+        self.before_change: Callable[[], None] | None = None  # called before zeros or directions change
+        self._turned = tuple(controller.direction)  # directions that the zeros belong to
         self._zero_mm = self._zeros()
         self._sense, self._mirrored = self._senses()
 

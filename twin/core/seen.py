@@ -24,8 +24,7 @@ _MOVING_SLICE_NS = 10 * MILLISECOND_NS
 class Seen:
     """The part of a `Twin` that is read."""
 
-    time_ns: int
-    """Virtual time since power-on."""
+    time_ns: int  # virtual time since power-on
     _controller: Controller
     _plant: Plant
     _position: Position

@@ -22,12 +22,9 @@ from typing import Any, cast
 
 from isel_twin.controller import Controller, Drives, HasKeys, KeyValue, UsesDrives, offers
 
-OFTEN = 1024
-"""Calls between two attempts to pickle an idle controller; each takes 50 us."""
-MOST = 1 << 17
-"""Most calls kept: some 15 MB, and a second to repeat them."""
-MOST_BYTES = 4 << 20
-"""Most bytes received in them: a program may be fed without an end."""
+OFTEN = 1024  # calls between two attempts to pickle an idle controller; each takes 50 us
+MOST = 1 << 17  # most calls kept: some 15 MB, and a second to repeat them
+MOST_BYTES = 4 << 20  # most bytes received in them: a program may be fed without an end
 
 _ANSWERS = frozenset(name for name, of in vars(Drives).items() if isinstance(of, property))
 
@@ -40,8 +37,7 @@ class StateError(ValueError):
 class Life:
     """A controller's state: how it began, and the calls since."""
 
-    pickled: bytes | None
-    """The controller it began as; None: one that its factory builds, with `flash`."""
+    pickled: bytes | None  # the controller it began as; None: one that its factory builds, with `flash`
     flash: bytes | None
     calls: tuple[tuple[str, Any, Any], ...]
     """(method, time in ns, further arguments), and in between (property of its drives, None, answer)."""
@@ -128,10 +124,8 @@ class Told:
     def _begin(self, life: Life, *, whole: bool) -> None:
         self._life = life
         self._calls: list[tuple[str, Any, Any]] = list(life.calls)
-        self._bytes = 0
-        """Received in calls since `life`."""
-        self._whole = whole
-        """No call since the beginning has been dropped."""
+        self._bytes = 0  # received in calls since `life`
+        self._whole = whole  # no call since the beginning has been dropped
         self._try_at = len(self._calls) + OFTEN
 
     def _note(self, call: tuple[str, Any, Any]) -> None:

@@ -29,8 +29,7 @@ from isel_twin.firmware.bwo900.realtime.overrides import is_override
 
 MODES: Final[Mapping[str, int]] = {"hand": 1, "auto": 2, "single": 4, "positioning": 8}
 MOVES: Final[Mapping[str, int]] = {"off": 0, "+": 1, "-": 2}
-AXES: Final = ("z", "y", "x")
-"""In the order of a reference run of all axes."""
+AXES: Final = ("z", "y", "x")  # in the order of a reference run of all axes
 OUTPUT: Final = "output"
 HIGHEST_FUNCTION: Final = 999
 CONTINUOUS, BY_STEPS = 1.0, 2.0

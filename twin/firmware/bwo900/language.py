@@ -38,14 +38,10 @@ END_OF_LINE: Final = b"\r\n"
 END_OF_FILE: Final = b"\x04"
 AXES: Final = ("X", "Y", "Z")
 PER_MM: Final = 1000.0
-RAPID_HZ: Final = 100_000.0
-"""Counts/s at P12004 as delivered, 6000 mm/min."""
-MOVE: Final = 9_999
-"""The program that `move` starts."""
-WORDS: Final = (4_990, 4_991, 4_992, 4_993)
-"""Parameters that hold its feed in mm/min, and X, Y, Z in mm."""
-NUMBER: Final = 1
-"""Program number of a file that names none."""
+RAPID_HZ: Final = 100_000.0  # counts/s at P12004 as delivered, 6000 mm/min
+MOVE: Final = 9_999  # the program that `move` starts
+WORDS: Final = (4_990, 4_991, 4_992, 4_993)  # parameters that hold its feed in mm/min, and X, Y, Z in mm
+NUMBER: Final = 1  # program number of a file that names none
 
 G_WORDS: Final[Mapping[int, str]] = {
     G.RAPID: "rapid", G.LINE: "line", G.CIRCLE_CLOCKWISE: "circle clockwise",
@@ -80,10 +76,8 @@ KEYS: Final[Mapping[int, str]] = {
     P.PROGRAM: "program", P.START_BLOCK: "start block", P.SKIP: "skip blocks with /", P.OVERRIDE: "feed override, %",
     P.ACKNOWLEDGE: "acknowledge messages",
 }  # fmt: skip
-KEPT: Final = 4 << 20
-"""Most bytes of a program that is stored whole; a longer one is fed, if it is linear."""
-PIECE: Final = 1 << 16
-"""Characters encoded at a time."""
+KEPT: Final = 4 << 20  # most bytes of a program that is stored whole; a longer one is fed, if it is linear
+PIECE: Final = 1 << 16  # characters encoded at a time
 MARKS: Final = frozenset("PZD#%\x04")
 """First characters of lines that may be no blocks."""
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+\Z")
@@ -92,12 +86,9 @@ _ENDS = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*")
 _BLOCK = re.compile(r"\s*/?\s*N\s*(\d+)")
 _LEADS_BACK = re.compile(r"M\s*0*2[3459](?!\d)|[<>=]")
 """What makes a program not linear: M23, M24, M25, M29, jumps by comparison."""
-SURE: Final = 100
-"""Lines looked at to recognise a program."""
-SHOWN: Final = 40
-"""Characters of a line quoted in an error."""
-_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")
-"""Hardly anything but a block or a remark."""
+SURE: Final = 100  # lines looked at to recognise a program
+SHOWN: Final = 40  # characters of a line quoted in an error
+_KNOWN = re.compile(r"\s*(?:/?\s*N\s*\d+\s*(?:[A-Za-z_!({/]|$)|;)")  # hardly anything but a block or a remark
 _JOB = re.compile(r"\s*[<#!]")
 """Beginnings of a job file: bytes, a remark."""
 _PARAMETERS: Final = ("D", "D+")
@@ -241,12 +232,9 @@ class _Program:
 
     text: str
     name: str
-    spans: tuple[tuple[int, int], ...]
-    """[begin, end) of its blocks in the text."""
-    count: int
-    """Blocks; chained lines are one."""
-    before: bytes = b""
-    """Sent ahead of it."""
+    spans: tuple[tuple[int, int], ...]  # [begin, end) of its blocks in the text
+    count: int  # blocks; chained lines are one
+    before: bytes = b""  # sent ahead of it
 
     @property
     def blocks(self) -> str:

@@ -24,8 +24,7 @@ from isel_twin.firmware.bwo900.messages import Code, Message, ProgramError, mess
 from isel_twin.firmware.bwo900.numbers import G, P, Q
 from isel_twin.firmware.bwo900.parameters import Parameters
 
-NEAR_MM: Final = 1e-9
-"""Shorter paths are left out."""
+NEAR_MM: Final = 1e-9  # shorter paths are left out
 
 
 class Targets:

@@ -39,8 +39,7 @@ class Contour:
     """Takes blocks and gives them on with their corners done."""
 
     def __init__(self) -> None:
-        self._first: PathBlock | None = None
-        """The block whose corner waits for the next path."""
+        self._first: PathBlock | None = None  # the block whose corner waits for the next path
         self._between: list[PathBlock] = []
 
     def push(self, block: PathBlock) -> list[PathBlock]:

@@ -72,24 +72,16 @@ class Frame:
 
     axes: int = 3
     plane: Plane = XY
-    correction: Point = (0.0, 0.0, 0.0)
-    """G44."""
+    correction: Point = (0.0, 0.0, 0.0)  # G44
     rotation: Rotation | None = None
-    shift_first: bool = False
-    """P8859 2 and 3: G92 is added before the rotation."""
-    mirror_first: bool = False
-    """G61."""
-    mirror_second: bool = False
-    """G62."""
-    shift: Point = (0.0, 0.0, 0.0)
-    """G92."""
+    shift_first: bool = False  # P8859 2 and 3: G92 is added before the rotation
+    mirror_first: bool = False  # G61
+    mirror_second: bool = False  # G62
+    shift: Point = (0.0, 0.0, 0.0)  # G92
     zero: Point = (0.0, 0.0, 0.0)
-    length: float = 0.0
-    """Of the tool, along the third axis of the plane."""
-    senses: Point | None = None
-    """P8892: -1 for axes that are turned round; None: none is."""
-    order: tuple[int, ...] = (0, 1, 2)
-    """The machine's axis of each axis of the program (P8880)."""
+    length: float = 0.0  # of the tool, along the third axis of the plane
+    senses: Point | None = None  # P8892: -1 for axes that are turned round; None: none is
+    order: tuple[int, ...] = (0, 1, 2)  # the machine's axis of each axis of the program (P8880)
 
     @property
     def mirrored(self) -> bool:

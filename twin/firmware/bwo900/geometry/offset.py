@@ -35,13 +35,11 @@ from isel_twin.firmware.bwo900.geometry.elements import Arc, Element, Plane, Poi
 from isel_twin.firmware.bwo900.geometry.plane import UV, flat_length, heading, meetings, offset, share_of, turn
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
-MOST_EMPTY: Final = 12
-"""Blocks without a path in a row (M1157)."""
+MOST_EMPTY: Final = 12  # blocks without a path in a row (M1157)
 STRAIGHT_RAD: Final = 1e-6
 NEAR_MM: Final = 1e-7
 NEAR: Final = 1e-9  # share of an element
-SHARPEST: Final = 120.0
-"""Degrees, for P8845 = 0: above this change of direction an arc."""
+SHARPEST: Final = 120.0  # degrees, for P8845 = 0: above this change of direction an arc
 
 
 def corner_arc(deviation_deg: float, threshold: float | None) -> bool:
@@ -54,8 +52,7 @@ class _Open:
     """A block whose elements are being corrected."""
 
     block: PathBlock
-    left: int
-    """Elements still to be corrected."""
+    left: int  # elements still to be corrected
     done: list[Element] = field(default_factory=list)
 
     def add(self, *elements: Element) -> None:
@@ -71,20 +68,17 @@ class _Last:
     element: Element
     moved: Element
     begin: Point
-    share: float
-    """Of the moved element, where it begins."""
+    share: float  # of the moved element, where it begins
     open: _Open
     correction: Correction
-    approach: bool = False
-    """The line that switches the correction on: its end is not known yet."""
+    approach: bool = False  # the line that switches the correction on: its end is not known yet
 
     @property
     def plane(self) -> Plane:
         return self.open.block.plane
 
 
-_Place = tuple[Point, float]
-"""A point of a moved element, and its share of the element."""
+_Place = tuple[Point, float]  # a point of a moved element, and its share of the element
 
 
 class Offset:
