@@ -20,10 +20,8 @@ from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
 
 MAGIC: Final = b"BWO2"
-FIRST: Final = 8
-"""Bytes before the programs."""
-SIZE: Final = 4
-"""Bytes of a checksum, and of the size of the head."""
+FIRST: Final = 8  # bytes before the programs
+SIZE: Final = 4  # bytes of a checksum, and of the size of the head
 
 
 class Memory:
@@ -36,8 +34,7 @@ class Memory:
     def _forget(self) -> None:
         self._packed: dict[StoredProgram, bytes] = {}
         """Programs of the last image, compressed; a program never changes, its place is taken by another one."""
-        self._checksum = zlib.crc32(b"")
-        """Of all of them in their order."""
+        self._checksum = zlib.crc32(b"")  # of all of them in their order
 
     def image(self) -> bytes:
         """The image of what there is now."""

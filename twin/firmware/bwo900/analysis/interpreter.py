@@ -4,18 +4,13 @@
            ---> Waiting       for a block to be executed (M01), a parameter (waituntil), an M function with a jump
            ---> None          the program has ended
 
-    stack.py       which block is next: programs inside each other, loops, jumps, calls
-    values.py      what its expressions are worth: parameters, symbols
-    reader.py      what it says: G, M, S, T            --> said.py
-    targets.py     where it leads: axes, circles       --> elements, by coordinates.py
-    cycle.py       the moves of a cycle
-    supervision.py blocks that are kept (sc:1)         output.py  the PathBlocks that come of it
+    stack --> block --> values (expressions), reader (G, M, S, T --> said), targets (axes, circles), cycle --> output
 
 Within a block: parameters, jumps by comparison, M functions with a jump, then G functions, tool, path; last the call of
 a subprogram. A block of the program makes one PathBlock, a cycle one for each of its moves.
 
-All state is in attributes, so that a control is copied with it. Whoever executes the blocks calls `executed`
-when M01 has come by, and `acknowledged` for an M function with a jump.
+All state is in attributes, so that a control can be copied. Whoever executes the blocks calls `executed` after M01,
+and `acknowledged` for an M function with a jump.
 """
 
 from __future__ import annotations
@@ -49,21 +44,17 @@ from isel_twin.firmware.bwo900.programs.expressions import whole
 from isel_twin.firmware.bwo900.programs.stored import Store
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-MOST_KEPT: Final = 100_000
-"""Moves of a cycle that supervision keeps (M8006)."""
+MOST_KEPT: Final = 100_000  # moves of a cycle that supervision keeps (M8006)
 
 
 class Interpreter:
-    """One channel's interpreter."""
-
     def __init__(self, parameters: Parameters, store: Store, *, cycles: Mapping[int, object] = CYCLES) -> None:
         """cycles: functions of cycles by their G number, `Call -> Iterator[CycleMove]`."""
         self._parameters, self._store, self._cycles = parameters, store, dict(cycles)
         self._tools = Tools(parameters)
         self.on_write: Callable[[int, float | None], None] | None = None
         """Told of parameters P that programs write."""
-        self.stack = Stack(store)
-        """The open programs; others only look: its place, its loops."""
+        self.stack = Stack(store)  # others only read it
         self._values = Values(parameters, self._written)
         self._coordinates = Coordinates(parameters, self._tools.length_mm)
         self._reader = Reader(parameters, store, self.stack, self._values, self._coordinates, self._tools, self._cycles)
@@ -83,19 +74,16 @@ class Interpreter:
         self._supervision.clear()
         self._cycle_now: Cycle | None = None
         self._waiting: Waiting | None = None
-        self._due = Renewal.NOTHING
-        """Once the block that is waited for has been executed."""
-        self._renewal: Renewal | None = None
-        """It has been executed: with the next block; None: it has not."""
+        self._due = Renewal.NOTHING  # what counts anew once the block that is waited for has been executed
+        self._renewal: Renewal | None = None  # the same after that, with the next block
         self._jump_to: Goal | None = None
         self._otherwise: Goal | None = None
         """Where the block leads to if its M function with a jump is not acknowledged."""
-        self._watched = False
-        """A block with M26 has not been executed yet: nothing with a path is analysed."""
+        self._watched = False  # a block with M26 is not executed yet: no path is analysed
         self._skips = False
 
     def begin(self, name: str, position: Point, block: int | None = None, skips: bool = False) -> None:
-        """Begin a program, at a block if one is given. position: of the axes, machine coordinates, mm. skips: `/` does.
+        """Begin a program, at a block if given. position: machine coordinates, mm. skips: blocks with `/` are left out.
 
         Raises ProgramError: M1252 there is no such program, M1255 no such block.
         """
@@ -115,17 +103,15 @@ class Interpreter:
 
     @property
     def active(self) -> bool:
-        """A program is being analysed."""
         return bool(self.stack)
 
     @property
     def waiting(self) -> Waiting | None:
-        """What analysis waits for."""
         return self._waiting
 
     @property
     def notes(self) -> list[Message]:
-        """Messages that do not break off; whoever executes the blocks takes them from here."""
+        """Messages that do not break off; whoever executes the blocks takes them."""
         return self._targets.notes
 
     @property
@@ -135,12 +121,12 @@ class Interpreter:
 
     @property
     def in_force(self) -> InForce:
-        """What holds for the next block; without a program, what one begins with."""
+        """What holds for the next block."""
         return self._output.in_force(None) if self.stack else AT_REST
 
     @property
     def program_position(self) -> Point:
-        """The target that has been analysed last, in the program's coordinates."""
+        """The last target, in the program's coordinates."""
         return self._coordinates.program_position
 
     # What the execution tells
@@ -150,7 +136,7 @@ class Interpreter:
         self._ready.extendleft(reversed(blocks))
 
     def end(self) -> None:
-        """The program has ended or is broken off: its symbols, corrections and tool are gone."""
+        """The program has ended or is broken off."""
         self.stack.clear()
         self.stack.opened = frozenset()
         self._waiting = None
@@ -203,11 +189,8 @@ class Interpreter:
     # Analysis
 
     def next(self) -> PathBlock | Waiting | None:
-        """Analyse until there is a block for the path, or nothing; one block of the program at most.
-
-        Raises ProgramError with the column; `stack.place` tells which block. A block without a path gives an empty
-        PathBlock, so that its analysis takes time, too.
-        """
+        """Analyse one block of the program at most. A block without a path gives an empty PathBlock, so that its
+        analysis takes time, too. Raises ProgramError with the column; `stack.place` tells which block."""
         if self._ready:
             return self._ready.popleft()
         if self._renewal is not None:
@@ -244,7 +227,7 @@ class Interpreter:
         return self._ready.popleft() if self._ready else self._output.empty(block)
 
     def _renew(self, renewal: Renewal) -> None:
-        """A block that was waited for has been executed, and tool data may have changed meanwhile."""
+        """The block that was waited for has been executed."""
         self._renewal = None
         if renewal is Renewal.TOOL:
             self._tools.change()
@@ -253,7 +236,7 @@ class Interpreter:
         self._coordinates.renew()
 
     def _returned(self, level: Level) -> PathBlock:
-        """A subprogram has come to its end, or the main program has without M30."""
+        """A subprogram has ended, or the main program without M30."""
         self.stack.pop()
         if level.cycle:
             clear(self._parameters)
@@ -293,7 +276,7 @@ class Interpreter:
             self._conclude(goal, said, level)
 
     def _written(self, number: int, value: float | None) -> None:
-        """What a parameter P does besides being kept."""
+        """Effects of writing a parameter P."""
         self._coordinates.written(number, value)
         self._tools.command(number, value)
         if number == P.DELETE and not value:
@@ -302,7 +285,7 @@ class Interpreter:
             self.on_write(number, value)
 
     def command(self, number: int, value: float | None, *, in_hand: bool) -> None:
-        """The line has written a parameter P that may copy records of tools, or exchange and turn axes."""
+        """The line has written a parameter P: it may copy tool records, or exchange or turn axes."""
         self._tools.command(number, value, in_hand=in_hand)
         if P.EXCHANGE <= number <= P.MIRRORED:
             self._coordinates.renew()
@@ -316,7 +299,7 @@ class Interpreter:
                 self._coordinates.renew()
 
     def _words(self, said: Said) -> None:
-        """Path, feed, and what goes with them: a PathBlock, or those of a cycle."""
+        """Path and feed: a PathBlock, or those of a cycle."""
         self._reader.select_tool(said)
         taken = self._reader.drilling_words(said)
         self._targets.read_feed(said, taken)
@@ -330,7 +313,7 @@ class Interpreter:
         self._after(said)
 
     def _emit(self, said: Said, elements: tuple[Element, ...], **changes: object) -> None:
-        """A PathBlock of what the block has said, and what analysis waits for behind it."""
+        """A PathBlock of what the block has said, and what analysis waits for after it."""
         made = self._output.append(said, elements, **changes)
         self._watched = self._watched or made.watched
         measured = made.stop is Stop.MEASURING_STOP
@@ -344,7 +327,7 @@ class Interpreter:
             self._waiting, self._jump_to = Waiting.ACKNOWLEDGEMENT, said.jump
 
     def _conclude(self, goal: Goal | None, said: Said, level: Level) -> None:
-        """What a block does last: it leads elsewhere. goal: of a jump; level: that of the block."""
+        """Jumps, calls and loops, which come last. goal: of a jump; level: that of the block."""
         if said.jump is not None:
             self._otherwise = goal
         elif goal is not None:
@@ -374,7 +357,7 @@ class Interpreter:
             self.stack.clear()
 
     def _after(self, said: Said) -> None:
-        """What becomes true at the end of the block; the tool that the PLC changes, when it says so."""
+        """Tool change and length at the end of the block; if the PLC changes the tool, when it says so."""
         changed = said.changes and said.call is None
         if changed and self._waiting is Waiting.EXECUTION:
             self._due = Renewal.TOOL
@@ -386,7 +369,6 @@ class Interpreter:
     # Cycles
 
     def _begin_cycle(self, said: Said, targets: Mapping[int, float]) -> None:
-        """The moves of a cycle, each a PathBlock of its own."""
         first, pattern, machining = chosen(said.cycles, self._reader.drilling)
         after, stop = list(said.post), said.stop
         said.post, said.stop, said.watches = [], Stop.NONE, False
@@ -419,7 +401,7 @@ class Interpreter:
         self._after(said)
 
     def _next_of_cycle(self, cycle: Cycle) -> PathBlock:
-        """The block of a cycle's next move; with its end, what else its block does."""
+        """The block of a cycle's next move; at its end its jumps and calls, too."""
         try:
             self._go_on_with(cycle)
             if self._cycle_now is None:
@@ -434,7 +416,7 @@ class Interpreter:
 
     @property
     def supervises_watched(self) -> bool:
-        """A block with M26 is being executed, and the next one belongs to its supervision: it has no path."""
+        """A block with M26 is being executed, and the next one has no path: it belongs to its supervision."""
         if not self._watched or self._waiting is not Waiting.EXECUTION or not self.stack or self.stack.top.over:
             return False
         try:
@@ -445,6 +427,6 @@ class Interpreter:
         return not moves and (self._supervision.on or bool(block.calls))
 
     def _stays(self) -> bool:
-        """Keep what a block of supervision has come to, unless it ends or waits for something."""
+        """Keep the blocks of supervision, unless something is waited for."""
         waits = None if self._watched else self._waiting
         return waits in (None, Waiting.BEGINNING) and bool(self.stack) and self._supervision.keep()

@@ -1,4 +1,4 @@
-"""The blocks for the path that analysis has made, and what holds for each of them."""
+"""The blocks for the path that analysis has made."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 
 class Output:
-    """Makes blocks of what the other parts of the interpreter have come to."""
-
     def __init__(
         self, parameters: Parameters, stack: Stack, coordinates: Coordinates, targets: Targets, tools: Tools
     ) -> None:
@@ -32,15 +30,15 @@ class Output:
         """A program begins."""
         self.ready.clear()
         self._told: tuple[object, InForce] = (None, AT_REST)
-        """Cache: what holds, and its InForce, which blocks share until something changes."""
+        """Cache: blocks share an InForce until something changes."""
 
     def empty(self, block: ProgramBlock) -> PathBlock:
-        """A block without anything for the path."""
+        """A block of the program without a path."""
         name = self._stack.top.program.name if self._stack else ""
         return self.nothing(name, number=block.number or 0, column=block.column)
 
     def nothing(self, name: str, **others: object) -> PathBlock:
-        """A block of a program without a path."""
+        """A block without a path."""
         here = self._coordinates
         fields: dict[str, object] = {"number": 0, "start": here.position, "plane": here.frame.plane, **others}
         fields |= {"target": here.program_position, "in_force": self.in_force(None)}
@@ -58,11 +56,11 @@ class Output:
         return made
 
     def restop(self, stop: Stop) -> None:
-        """The last block stops otherwise."""
+        """Change the stop of the last block."""
         self.ready[-1] = replace(self.ready[-1], stop=stop)
 
     def in_force(self, cycle: int | None) -> InForce:
-        """What holds for a block; cycle: number of the one that it is a move of."""
+        """cycle: number of the one that the block is a move of."""
         here, stack = self._coordinates, self._stack
         user, called_by = stack.cycle or ("", None)
         number = int(user[1:]) if user else cycle

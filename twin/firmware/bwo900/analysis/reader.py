@@ -1,10 +1,10 @@
-"""G functions, M functions, tools and speeds of a block: what it says besides its path (manual 4, 5, 7.1).
+"""Reads G and M functions, tools and speeds of a block (manual 4, 5, 7.1).
 
     G        of a group: in force until another one; blockwise; a cycle; a program Z of that number
     M        program organisation (0, 1, 2, 16, 23 to 30), cycles, the rest to the PLC, before or after the path
     T t tr tl tq S      tool and spindles
 
-Two of a group in one block, numbers that are in no table, and what is not in the twin are errors with their column.
+Two of a group in one block, unknown numbers, and what is not in the twin are errors with their column.
 """
 
 from __future__ import annotations
@@ -34,12 +34,11 @@ LONGEST_DWELL_S: Final = 999_999.999
 DRILLING: Final = frozenset((G.DRILLING, G.DRILLING_WITH_DWELL, G.DEEP_HOLE, G.TAPPING, G.BORING))
 STAYING, ADDRESSED = 0x01, 0x02
 """Bits of P8806, byte 3: drilling cycles stay until G80; their parameters are words."""
-WITH_Z5, WITHOUT_TABLE = 0x01, 0x02
-"""Bits of P8807, byte 1: T needs Z5; T takes nothing from the table."""
+WITH_Z5, WITHOUT_TABLE = 0x01, 0x02  # bits of P8807, byte 1: T needs Z5; T takes nothing from the table
 
 
 class Reader:
-    """Reads blocks, and remembers what stays: spindle and drilling cycle."""
+    """Reads blocks; keeps spindle and drilling cycle."""
 
     def __init__(
         self,
@@ -59,16 +58,13 @@ class Reader:
 
     def clear(self) -> None:
         """A program begins."""
-        self.speed_rpm: float | None = None
-        """S of the first spindle."""
-        self.turning = 0
-        """+1 M03, -1 M04, 0 M05."""
+        self.speed_rpm: float | None = None  # S of the first spindle
+        self.turning = 0  # +1 M03, -1 M04, 0 M05
         self._tool: int | None = None
-        self.drilling: int | None = None
-        """The drilling cycle that stays."""
+        self.drilling: int | None = None  # the drilling cycle that stays
 
     def read(self, said: Said) -> None:
-        """G functions, tools and speeds, M functions; what a zero point does to G92."""
+        """G functions, tools and speeds, M functions. A zero point ends G92."""
         if (cycle := self._cycle_of_user(said.block)) is not None:
             said.block = handed(said.block, self._parameters, self._values, self._coordinates.names)
             said.call = cycle
@@ -96,16 +92,11 @@ class Reader:
 
     def _cycle_of_user(self, block: ProgramBlock) -> Called | None:
         """The cycle Z that the block calls."""
-        numbers = (g.number for g in block.g)
-        known = (n for n in numbers if not (n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles))
-        return next(
-            (
-                (f"Z{n}", None, None)
-                for n in known
-                if n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store
-            ),
-            None,
-        )
+        for n in (g.number for g in block.g):
+            own = n in GROUPS or n in BLOCKWISE or n in BEYOND or n in self._cycles
+            if not own and n not in (G.DRILLING_OFF, G.DRILLING_WITH_DWELL) and f"Z{n}" in self._store:
+                return f"Z{n}", None, None
+        return None
 
     def _g(self, number: int, said: Said, column: int) -> None:
         group = GROUPS.get(number)
@@ -127,20 +118,14 @@ class Reader:
             raise ProgramError(Code.NO_PROGRAM, f"G{number} is no path condition, and there is no Z{number}", column)
 
     def _of_group(self, number: int, group: int, said: Said, column: int) -> None:
-        """One that is in force from now on."""
         if group in said.groups and said.groups[group] != number and group != MIRROR:
             raise ProgramError(Code.EXCLUDED, f"G{said.groups[group]} and G{number}", column)
         said.groups[group] = number
-        if (
-            number in ZERO_POINTS
-            and number >= G.ZERO_7
-            and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q"))
-        ):
+        additional = number in ZERO_POINTS and number >= G.ZERO_7
+        if additional and number // 100 > int(self._parameters.get(Q.ZERO_MORE, 0.0, "q")):
             raise ProgramError(Code.EXCLUDED, f"G{number}: q174 allows no such zero point", column)
-        if group == SHIFT:
-            said.shifts = True
-        if group == ZERO:
-            said.zero_cleared = True
+        said.shifts = said.shifts or group == SHIFT
+        said.zero_cleared = said.zero_cleared or group == ZERO
         self._coordinates.g(number)
 
     @property
@@ -148,7 +133,7 @@ class Reader:
         return byte(self._parameters.get(P.START_FLAGS_1), 3)
 
     def drilling_words(self, said: Said) -> frozenset[str]:
-        """Words that are parameters of the block's drilling cycle; their names."""
+        """Names of words that are parameters of the block's drilling cycle."""
         if not DRILLING.intersection(said.cycles) or not self._drill_flags & ADDRESSED:
             return frozenset()
         third = self._coordinates.frame.plane.third
@@ -194,9 +179,8 @@ class Reader:
         if said.tool is None:
             return
         flags = byte(self._parameters.get(P.START_FLAGS_2), 1)
-        self._parameters.write(
-            P.TOOL_INFO, float(M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0)
-        )
+        info = M.TOOL_DATA if said.activates else M.TOOL_CHANGE if said.changes else 0
+        self._parameters.write(P.TOOL_INFO, float(info))
         word = said.block.word("T")
         column = word.column if word else 0
         if said.tool != self._tool and not flags & WITHOUT_TABLE:
@@ -275,7 +259,7 @@ class Reader:
         return name, values[1] if len(values) == 2 else None, last
 
     def _machine_function(self, m: MWord, values: tuple[int | None, ...], said: Said) -> None:
-        """One for the PLC, or a cycle, or with a jump."""
+        """One for the PLC, a cycle, or one with a jump."""
         if m.number == M.TOOL_CHANGE and "Z6" in self._store:
             said.call, said.changes = ("Z6", None, None), True
             return
@@ -306,7 +290,7 @@ class Reader:
 
 @contextmanager
 def _at(column: int) -> Iterator[None]:
-    """What is wrong is wrong with the word there."""
+    """Errors are of the word in this column."""
     try:
         yield
     except ProgramError as error:

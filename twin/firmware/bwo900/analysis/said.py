@@ -22,7 +22,7 @@ from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
 Called: TypeAlias = tuple[str, int | None, int | None]
-"""A program, and its first and last block if they are named."""
+"""Program, first and last block if named."""
 
 
 @dataclass
@@ -31,54 +31,36 @@ class Said:
 
     block: ProgramBlock
     program: str
-    main: bool
-    """True for a block of a program, False for one of a cycle."""
+    main: bool  # True for a block of a program, False for one of a cycle
     parameters: Later = field(default_factory=list)
-    synchronises: bool = False
-    """Analysis waits until it has been executed."""
-    blockwise: set[int] = field(default_factory=set)
-    """G functions that hold for it alone."""
-    groups: dict[int, int] = field(default_factory=dict)
-    """The G function of each group that it has."""
+    synchronises: bool = False  # analysis waits until it has been executed
+    blockwise: set[int] = field(default_factory=set)  # G functions that hold for it alone
+    groups: dict[int, int] = field(default_factory=dict)  # the G function of each group that it has
     cycles: list[int] = field(default_factory=list)
     pre: list[MFunction] = field(default_factory=list)
     post: list[MFunction] = field(default_factory=list)
     speeds: dict[int, float] = field(default_factory=dict)
     dwell_s: float | None = None
-    feed: float | None = None
-    """Of a cycle's move, in place of F."""
+    feed: float | None = None  # of a cycle's move, in place of F
     end_feed: float | None = None
     tool: int | None = None
     stop: Stop = Stop.NONE
-    goal: Goal | None = None
-    """M23."""
-    jump: Goal | None = None
-    """Of an M function with a jump."""
-    call: Called | None = None
-    """A subprogram, its first and last block."""
-    hidden: bool = False
-    """T calls Z5."""
-    passes: int | None = None
-    """M24."""
-    loops_back: bool = False
-    """M25."""
-    returns: bool = False
-    """M02."""
-    activates: bool = False
-    """M16: the tool data count from here on."""
-    changes: bool = False
-    """M06."""
-    length: bool = False
-    """`tl`: another tool length."""
-    watches: bool = False
-    """M26."""
-    shifts: bool = False
-    """G92."""
-    zero_cleared: bool = False
-    """A zero point: G92 is gone."""
+    goal: Goal | None = None  # M23
+    jump: Goal | None = None  # of an M function with a jump
+    call: Called | None = None  # a subprogram, its first and last block
+    hidden: bool = False  # T calls Z5
+    passes: int | None = None  # M24
+    loops_back: bool = False  # M25
+    returns: bool = False  # M02
+    activates: bool = False  # M16: the tool data count from here on
+    changes: bool = False  # M06
+    length: bool = False  # `tl`: another tool length
+    watches: bool = False  # M26
+    shifts: bool = False  # G92
+    zero_cleared: bool = False  # a zero point: G92 is gone
 
     def goes_elsewhere(self) -> None:
-        """A jump by comparison is taken: functions that control the program are not carried out beside it."""
+        """A comparison jumps: functions of the block that control the program are left out."""
         self.goal = self.passes = None
         self.loops_back = self.returns = False
         if self.stop in (Stop.END, Stop.REPEAT):
@@ -94,7 +76,7 @@ def path_block(
     parameters: Parameters,
     in_force: InForce,
 ) -> PathBlock:
-    """What a block is to the path. feed_mm_min: F in force. in_force: what else is."""
+    """The PathBlock of what a block has said. feed_mm_min: F in force."""
     rapid, alone = coordinates.modal.motion == G.RAPID, said.blockwise
     feed = said.feed if said.feed is not None else feed_mm_min
     chamfer_mm, rounding_mm = _transition(parameters) if alone and G.CORNER in alone else (None, None)
@@ -138,7 +120,7 @@ def _transition(p: Parameters) -> tuple[float | None, float | None]:
 
 
 def _end(said: Said, coordinates: Coordinates, rapid: bool, parameters: Parameters) -> BlockEnd:
-    """How the path ends: as functions and dwell ask for, G08 or G09, G28 or G29, P8858 for rapid ones."""
+    """How the path ends; in order: functions and dwell, G08 or G09, G28 or G29, P8858 for rapid paths."""
     alone, functions = said.blockwise, said.pre or said.post
     halting = functions and any(function.halt for function in (*said.pre, *said.post))
     if halting or said.dwell_s is not None or (alone and G.EXACT_STOP_HERE in alone):

@@ -1,9 +1,9 @@
-"""Supervision: blocks that are analysed and wait for `sc:100` (manual 3.6, `sc:n`).
+"""Supervision: analysed blocks that wait for `sc:100` (manual 3.6, `sc:n`).
 
-sc:0      blocks go on, those that were kept first
+sc:0      the kept blocks go on, then those that follow
 sc:1      blocks are kept
 sc:2      the same, once the path of the last block has begun
-sc:100    those that were kept go on now; supervision stays as it is
+sc:100    the kept blocks go on; supervision stays as it is
 """
 
 from __future__ import annotations
@@ -26,14 +26,12 @@ class Keeping(Enum):
 
 
 OFF, ON = Keeping.OFF, Keeping.ON
-"""Bound once: every block asks for them, and a member of an enumeration takes 0.2 us to look up."""
+"""Bound once: an enumeration's member takes 0.2 us to look up, for every block."""
 
 
 class Supervision:
-    """The blocks that are kept."""
-
     def __init__(self, ready: deque[PathBlock]) -> None:
-        """ready: blocks for the path; those that are let go come before them."""
+        """ready: blocks for the path; kept ones go before them."""
         self._ready = ready
         self.clear()
 
@@ -64,7 +62,7 @@ class Supervision:
         return waits
 
     def keep(self) -> bool:
-        """Keep what a block has come to; False, and nothing is done, if it has functions, writes or stops something."""
+        """Keep what a block has made; False, and nothing is done, if it has functions, writes or a stop."""
         if any(b.pre or b.post or b.stop is not Stop.NONE or b.parameters for b in self._ready):
             return False
         self._kept += [made for made in self._ready if made.elements or made.dwell_s is not None or made.speeds]

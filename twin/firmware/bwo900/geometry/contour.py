@@ -39,8 +39,7 @@ class Contour:
     """Takes blocks and gives them on with their corners done."""
 
     def __init__(self) -> None:
-        self._first: PathBlock | None = None
-        """The block whose corner waits for the next path."""
+        self._first: PathBlock | None = None  # the block whose corner waits for the next path
         self._between: list[PathBlock] = []
 
     def push(self, block: PathBlock) -> list[PathBlock]:
@@ -82,10 +81,7 @@ class Contour:
 
     def _pair(self, first: PathBlock, second: PathBlock) -> tuple[PathBlock, PathBlock]:
         a, b = through(first.elements[-1], second.elements[0], first.plane)
-        return (
-            replace(first, elements=(*first.elements[:-1], a)),
-            replace(second, elements=(b, *second.elements[1:])),
-        )
+        return (replace(first, elements=(*first.elements[:-1], a)), replace(second, elements=(b, *second.elements[1:])))
 
 
 def _flat(block: PathBlock) -> bool:

@@ -107,5 +107,4 @@ class Modal:
         return self if name is None else replace(self, **{name: number})  # type: ignore[arg-type]
 
 
-START: Final = Modal()
-"""At the start of a program, before P8650 and what follows."""
+START: Final = Modal()  # at the start of a program, before P8650 and what follows

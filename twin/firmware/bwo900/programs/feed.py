@@ -18,12 +18,9 @@ from isel_twin.firmware.bwo900.programs.lines import Lines, without_number
 from isel_twin.firmware.bwo900.programs.syntax import parse_block
 from isel_twin.firmware.bwo900.programs.words import ProgramBlock
 
-ROOM: Final = 65_536
-"""Bytes of lines that can wait; the manual names no number."""
-HIGH: Final = ROOM // 2
-"""The host waits as soon as so many do,"""
-LOW: Final = ROOM // 4
-"""and goes on when no more than these do."""
+ROOM: Final = 65_536  # bytes of lines that can wait; the manual names no number
+HIGH: Final = ROOM // 2  # the host waits as soon as so many do,
+LOW: Final = ROOM // 4  # and goes on when no more than these do
 KEPT: Final = 2048
 """Lines that are known after they have been analysed: more than are ever analysed ahead of the block under way."""
 
@@ -36,23 +33,15 @@ class Feed:
     def __init__(self, name: str) -> None:
         """name: of the program that is started, whatever the file says."""
         self.name = name
-        self.complete = False
-        """Its last line has come."""
-        self.level = 0
-        """Bytes that have come and not been analysed (P8561)."""
-        self.waits = False
-        """The host has been asked to wait."""
-        self.begun = False
-        """Its file has begun to come."""
-        self.given_up = False
-        """Nobody will ask for more."""
+        self.complete = False  # its last line has come
+        self.level = 0  # bytes that have come and not been analysed (P8561)
+        self.waits = False  # the host has been asked to wait
+        self.begun = False  # its file has begun to come
+        self.given_up = False  # nobody will ask for more
         self._lines = Lines(numbered=True)
-        self._known: deque[tuple[str, int]] = deque()
-        """Text and number of the blocks that are still kept."""
-        self._texts: dict[int, str] = {}
-        """The same by number."""
-        self._dropped = 0
-        """Blocks that are forgotten."""
+        self._known: deque[tuple[str, int]] = deque()  # text and number of the blocks that are still kept
+        self._texts: dict[int, str] = {}  # the same by number
+        self._dropped = 0  # blocks that are forgotten
         self._analysed = 0
 
     def add(self, number: int, line: str) -> None:

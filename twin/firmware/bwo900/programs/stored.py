@@ -68,14 +68,10 @@ class StoredProgram:
     linear: ClassVar = False
     complete: ClassVar = True
     name: str
-    text: bytes
-    """Of all blocks, each ended by LF, Latin-1."""
-    begins: array[int]
-    """Where each begins in it, and where the last one ends."""
-    numbers: array[int]
-    """Number of each, -1 without one; those that there are rise."""
-    highest: array[int]
-    """The highest number up to each."""
+    text: bytes  # of all blocks, each ended by LF, Latin-1
+    begins: array[int]  # where each begins in it, and where the last one ends
+    numbers: array[int]  # number of each, -1 without one; those that there are rise
+    highest: array[int]  # the highest number up to each
 
     @classmethod
     def of(cls, name: str, blocks: Iterable[str]) -> StoredProgram:

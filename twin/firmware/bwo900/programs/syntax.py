@@ -28,8 +28,7 @@ from isel_twin.firmware.bwo900.programs.expressions import (
 )
 from isel_twin.firmware.bwo900.programs.words import Assign, GWord, Jump, MWord, ProgramBlock, Text, Wait, Word
 
-LONGEST: Final = 200
-"""Characters of a block."""
+LONGEST: Final = 200  # characters of a block
 MOST: Final[Mapping[str, int]] = {
     "G": 8,
     "M": 8,
@@ -44,15 +43,12 @@ MOST: Final[Mapping[str, int]] = {
     "T": 1,
 }
 """How often each may stand in a block; other words once a name."""
-MOST_WAITED: Final = 8
-"""Parameters that `waituntil` may depend on (M1222)."""
-LARGEST: Final = 9_999_999_999
-"""Of a block, program, tool and G number: ten digits."""
+MOST_WAITED: Final = 8  # parameters that `waituntil` may depend on (M1222)
+LARGEST: Final = 9_999_999_999  # of a block, program, tool and G number: ten digits
 
 _SPACE = re.compile(r"[\s;]*")
 _HEAD = re.compile(r"\s*(/)?\s*(?:N\s*(\d+))?")
-_PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")
-"""Most words: a letter and a number."""
+_PLAIN = re.compile(r"([A-FH-LOQ-Z])([-+]?\d+(?:\.\d*)?)(?=[\sA-Z;]|$)")  # most words: a letter and a number
 _INDEXED = re.compile(r"([A-Z])([1-8])\s*:(?![:=])")
 _G = re.compile(r"G\s*(\d+)")
 _M = re.compile(r"M\s*(\d+)")

@@ -88,8 +88,7 @@ class ProgramBlock:
     assignments: tuple[Assign, ...] = ()
     jumps: tuple[Jump, ...] = ()
     wait: Wait | None = None
-    calls: tuple[Expression, ...] = ()
-    """`sc:n`"""
+    calls: tuple[Expression, ...] = ()  # `sc:n`
     message: Text | None = None
 
     @property

@@ -37,8 +37,7 @@ class CycleMove:
     dwell_s: float | None = None
     m: tuple[int, ...] = ()
     exact_stop: bool = False
-    cycle: int | None = None
-    """Pattern cycles: the machining cycle that is called at the target; None: none."""
+    cycle: int | None = None  # pattern cycles: the machining cycle that is called at the target; None: none
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,10 +23,8 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import G, M, P
 
-SAFETY_MM: Final = 1.0
-"""P38 where it is not programmed."""
-MOST: Final = 10_000
-"""Strokes of a hole; more is a slip in a parameter (M8036)."""
+SAFETY_MM: Final = 1.0  # P38 where it is not programmed
+MOST: Final = 10_000  # strokes of a hole; more is a slip in a parameter (M8036)
 
 
 def drilling(call: Call) -> Iterator[CycleMove]:

@@ -49,12 +49,9 @@ from isel_twin.firmware.bwo900.analysis.cycles.milling_job import (
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import P
 
-RETRACT_MM: Final = 2.0
-"""Above the floor, between rows and layers (manual)."""
-HALF_CIRCLE_MM: Final = 2.5
-"""Largest radius of the half circle away from the wall (manual)."""
-FINISHING: Final = 0.5
-"""Of the feed, when finishing (manual)."""
+RETRACT_MM: Final = 2.0  # above the floor, between rows and layers (manual)
+HALF_CIRCLE_MM: Final = 2.5  # largest radius of the half circle away from the wall (manual)
+FINISHING: Final = 0.5  # of the feed, when finishing (manual)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from isel_twin.firmware.bwo900.analysis.cycles.call import Call, CycleMove, Kind
 from isel_twin.firmware.bwo900.messages import Code, ProgramError, invalid
 from isel_twin.firmware.bwo900.numbers import P
 
-MOST: Final = 10_000
-"""Infeeds in one direction; more is a slip in a parameter."""
+MOST: Final = 10_000  # infeeds in one direction; more is a slip in a parameter
 NEAR_MM: Final = 1e-9
 
 UV: TypeAlias = tuple[float, float]
@@ -39,18 +38,14 @@ class Job:
 
     call: Call
     middle: UV
-    height: float
-    """Where it begins and ends: the safety distance above the workpiece."""
+    height: float  # where it begins and ends: the safety distance above the workpiece
     floors: tuple[float, ...]
-    radius: float
-    """Of the tool."""
-    infeed: float
-    """Across, more than 0."""
+    radius: float  # of the tool
+    infeed: float  # across, more than 0
     allowance: float
     feed: float
     plunge: float
-    quarters: int = 0
-    """Turns of 90 degrees from along and across to the plane's axes."""
+    quarters: int = 0  # turns of 90 degrees from along and across to the plane's axes
 
     def place(self, way: UV) -> dict[int, float]:
         """A place along and across, as axes of the plane."""
